@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use recording::check::{Findings, count};
+use recording::check::{Findings, pluralise};
 use recording::faults::{Fault, Faults};
 use recording::files::FileError;
 use recording::manifest::Manifest;
@@ -29,8 +29,8 @@ pub fn manifest(path: &Path) -> Result<Findings, FileError> {
         let base = path.parent().unwrap_or(Path::new(""));
         findings.faults.extend(unusable_robots(&manifest, base, &name));
         findings.faults.extend(missing_recordings(&manifest, base, &name));
-        let recordings = count(manifest.recordings.len(), "recording");
-        let robots = count(manifest.robots.len(), "robot");
+        let recordings = pluralise(manifest.recordings.len(), "recording");
+        let robots = pluralise(manifest.robots.len(), "robot");
         findings.summary = format!("{recordings} of {robots}");
     })?;
     Ok(findings)
@@ -40,9 +40,9 @@ pub fn manifest(path: &Path) -> Result<Findings, FileError> {
 #[must_use]
 pub fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> Vec<Faults> {
     let mut all = Vec::new();
-    let mut missing = Faults::of(name);
+    let mut missing = Faults::new(name);
     for robot in &manifest.robots {
-        let model = RobotModel::read(&crate::model_of(base, robot)).map(drop);
+        let model = RobotModel::read(&crate::robot_model_path(base, robot)).map(drop);
         let mapping = robot.mapping.as_ref().map(|mapping| Mapping::read(&base.join(mapping)));
         let mapping = mapping.map_or(Ok(()), |read| read.map(drop));
         for (key, expected, read) in [
@@ -65,7 +65,7 @@ pub fn unusable_robots(manifest: &Manifest, base: &Path, name: &str) -> Vec<Faul
 
 /// Recordings that do not exist.
 fn missing_recordings(manifest: &Manifest, base: &Path, name: &str) -> Option<Faults> {
-    let mut missing = Faults::of(name);
+    let mut missing = Faults::new(name);
     for file in manifest.recordings.iter().flat_map(|recording| &recording.files) {
         if !base.join(file).is_file() {
             let message = format!("\"{file}\" does not exist or is not a regular file");

@@ -1,7 +1,7 @@
 //! The key of a result: SHA-256 (FIPS 180-4) over everything that the result is computed from.
 //!
 //! Each part is preceded by its length, so that different sequences of parts give different bytes. Files are hashed while being read: memory does not grow with their size.
-//! Never: a time, an absolute path, a machine name.
+//! The key contains no time, absolute path or machine name.
 
 use std::fmt;
 use std::fs::File;
@@ -55,7 +55,7 @@ impl Key {
 pub struct KeyBuilder(Sha256);
 
 impl KeyBuilder {
-    /// A key of results of this form.
+    /// A builder for results of this format.
     #[must_use]
     pub fn of(form: &str) -> Self {
         Self(Sha256::new()).part("form", form.as_bytes())
@@ -73,7 +73,7 @@ impl KeyBuilder {
 
     /// The same with an optional named part; missing differs from empty.
     #[must_use]
-    pub fn maybe(self, name: &str, bytes: Option<&[u8]>) -> Self {
+    pub fn optional_part(self, name: &str, bytes: Option<&[u8]>) -> Self {
         match bytes {
             Some(bytes) => self.part(name, bytes),
             None => self.part("without", name.as_bytes()),
@@ -112,7 +112,7 @@ mod tests {
         let key = |a: &[u8], b: &[u8]| KeyBuilder::of("x").part("a", a).part("b", b).finish();
         assert_ne!(key(b"12", b"3"), key(b"1", b"23"));
         assert_ne!(key(b"", b"1"), key(b"1", b""));
-        let maybe = |serial| KeyBuilder::of("x").maybe("serial", serial).finish();
+        let maybe = |serial| KeyBuilder::of("x").optional_part("serial", serial).finish();
         assert_ne!(maybe(None), maybe(Some(b"".as_slice())));
     }
 

@@ -7,35 +7,35 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use recording::files::FileError;
-use recording::manifest::{Entry, Manifest, Robot};
+use recording::manifest::{Manifest, RecordingEntry, Robot};
 use recording::mapping::mapping_path;
 use recording::model::presets;
 use recording::program;
-use recording::series::about_path;
+use recording::series::metadata_path;
 
 use crate::key::{Key, KeyBuilder};
 use crate::shard::Shard;
 use crate::store::{Digest, Existing, Store};
-use crate::table::{self, Recorded, Row};
+use crate::table::{self, ResultHeader, Row};
 
 /// A recording to be diagnosed, with resolved paths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Item<'a> {
-    /// Its robot.
+    /// Its robot in the manifest.
     pub robot: &'a Robot,
     /// Its entry in the manifest.
-    pub entry: &'a Entry,
+    pub entry: &'a RecordingEntry,
     /// Its files.
     pub files: Vec<PathBuf>,
     /// The robot's model: a file, or the name of a preset.
     pub model: PathBuf,
-    /// The robot's mapping, where it has one.
+    /// The robot's mapping, if it has one.
     pub mapping: Option<PathBuf>,
 }
 
 /// Why a recording was not diagnosed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Failed {
+pub enum DiagnosisError {
     /// Its content cannot be used.
     Refused(String),
     /// System error.
@@ -44,7 +44,7 @@ pub enum Failed {
 
 /// A recording that was not diagnosed.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Undiagnosed {
+pub struct UndiagnosedRecording {
     /// Its files as the manifest names them, joined by `, `.
     pub files: String,
     /// Why.
@@ -59,9 +59,9 @@ pub struct Summary {
     /// Existing results kept.
     pub kept: usize,
     /// Of these: recordings that were refused.
-    pub refused: Vec<Undiagnosed>,
+    pub refused: Vec<UndiagnosedRecording>,
     /// Recordings without a result.
-    pub unread: Vec<Undiagnosed>,
+    pub unread: Vec<UndiagnosedRecording>,
     /// Digest of all results in the folder, of all shards.
     pub digest: Digest,
 }
@@ -125,7 +125,7 @@ impl Job<'_> {
 /// See [`RunError`].
 pub fn run(
     job: Job<'_>,
-    mut diagnose: impl FnMut(&Item<'_>) -> Result<Vec<Row>, Failed>,
+    mut diagnose: impl FnMut(&Item<'_>) -> Result<Vec<Row>, DiagnosisError>,
     mut done: impl FnMut(),
 ) -> Result<Summary, RunError> {
     let folder = |source| RunError::Folder { path: job.out.to_owned(), source };
@@ -138,16 +138,16 @@ pub fn run(
             continue;
         }
         let item = Item::of(job.base, robot, entry);
-        match one(job, &item, &mut store, &mut diagnose)? {
-            Done::Written(why) => {
+        match diagnose_one(job, &item, &mut store, &mut diagnose)? {
+            Outcome::Written(why) => {
                 written += 1;
                 refused.extend(why.map(|why| item.undiagnosed(why)));
             }
-            Done::Kept(why) => {
+            Outcome::Kept(why) => {
                 kept += 1;
                 refused.extend(why.map(|why| item.undiagnosed(why)));
             }
-            Done::Unread(why) => unread.push(item.undiagnosed(why)),
+            Outcome::Unread(why) => unread.push(item.undiagnosed(why)),
         }
         done();
     }
@@ -156,34 +156,34 @@ pub fn run(
 }
 
 /// Outcome of one recording, with the reason of a refusal.
-enum Done {
+enum Outcome {
     Written(Option<String>),
     Kept(Option<String>),
     Unread(String),
 }
 
-fn one(
+fn diagnose_one(
     job: Job<'_>,
     item: &Item<'_>,
     store: &mut Store,
-    diagnose: &mut impl FnMut(&Item<'_>) -> Result<Vec<Row>, Failed>,
-) -> Result<Done, RunError> {
+    diagnose: &mut impl FnMut(&Item<'_>) -> Result<Vec<Row>, DiagnosisError>,
+) -> Result<Outcome, RunError> {
     let key = match item.key(job.manifest) {
         Ok(key) => key,
-        Err(why) => return Ok(Done::Unread(why)),
+        Err(why) => return Ok(Outcome::Unread(why)),
     };
     if job.existing == Existing::Keep && store.has(key) {
-        return Ok(Done::Kept(table::refusal(&store.place(key))));
+        return Ok(Outcome::Kept(table::refusal(&store.place(key))));
     }
     if job.existing == Existing::Refuse && store.is_taken(key) {
         return Err(RunError::Exists { path: store.place(key), files: item.names() });
     }
     let (rows, why) = match diagnose(item) {
         Ok(rows) => (rows, None),
-        Err(Failed::Refused(why)) => (vec![Row::refused(why.clone())], Some(why)),
-        Err(Failed::Unread(why)) => return Ok(Done::Unread(why)),
+        Err(DiagnosisError::Refused(why)) => (vec![Row::refused(why.clone())], Some(why)),
+        Err(DiagnosisError::Unread(why)) => return Ok(Outcome::Unread(why)),
     };
-    let recorded = Recorded {
+    let recorded = ResultHeader {
         key,
         version: program::version().to_owned(),
         robot: item.robot.name.clone(),
@@ -193,24 +193,24 @@ fn one(
         seed: job.manifest.seed,
     };
     store.write(key, &table::to_parquet(&recorded, &rows)?)?;
-    Ok(Done::Written(why))
+    Ok(Outcome::Written(why))
 }
 
 /// The model of a robot: a file relative to the manifest's folder, otherwise a preset.
 #[must_use]
-pub fn model_of(base: &Path, robot: &Robot) -> PathBuf {
+pub fn robot_model_path(base: &Path, robot: &Robot) -> PathBuf {
     let file = base.join(&robot.model);
-    let is_preset = !file.is_file() && presets::at(&robot.model).is_some();
+    let is_preset = !file.is_file() && presets::by_path(&robot.model).is_some();
     if is_preset { robot.model.clone() } else { file }
 }
 
 impl<'a> Item<'a> {
-    fn of(base: &Path, robot: &'a Robot, entry: &'a Entry) -> Self {
+    fn of(base: &Path, robot: &'a Robot, entry: &'a RecordingEntry) -> Self {
         Self {
             robot,
             entry,
             files: entry.files.iter().map(|file| base.join(file)).collect(),
-            model: model_of(base, robot),
+            model: robot_model_path(base, robot),
             mapping: robot.mapping.as_ref().map(|mapping| base.join(mapping)),
         }
     }
@@ -234,8 +234,8 @@ impl<'a> Item<'a> {
         })
     }
 
-    fn undiagnosed(&self, why: String) -> Undiagnosed {
-        Undiagnosed { files: self.names(), why }
+    fn undiagnosed(&self, why: String) -> UndiagnosedRecording {
+        UndiagnosedRecording { files: self.names(), why }
     }
 
     /// The key of its result: over its entry in the manifest, the content of all files that are read for it, the settings, and the program version.
@@ -252,12 +252,12 @@ impl<'a> Item<'a> {
         let mut key = KeyBuilder::of(table::SCHEMA)
             .part("version", program::version().as_bytes())
             .part("seed", &manifest.seed.to_le_bytes())
-            .maybe("band", band.as_ref().map(|bytes| &bytes[..]))
+            .optional_part("band", band.as_ref().map(|bytes| &bytes[..]))
             .part("robot", self.robot.name.as_bytes())
             .part("model's name", self.robot.model.as_os_str().as_encoded_bytes())
-            .maybe("serial", self.robot.serial.as_ref().map(String::as_bytes))
-            .maybe("recorded at", time.as_ref().map(|bytes| &bytes[..]));
-        key = if presets::at(&self.model).is_some() && !self.model.is_file() {
+            .optional_part("serial", self.robot.serial.as_ref().map(String::as_bytes))
+            .optional_part("recorded at", time.as_ref().map(|bytes| &bytes[..]));
+        key = if presets::by_path(&self.model).is_some() && !self.model.is_file() {
             key.part("preset", self.model.as_os_str().as_encoded_bytes())
         } else {
             key.file("model", &self.model).map_err(unread(&self.model))?
@@ -270,11 +270,11 @@ impl<'a> Item<'a> {
             key = key.part("name", name.as_bytes());
             key = key.file("recording", path).map_err(unread(path))?;
             let beside = self.mapping.is_none().then(|| mapping_path(path));
-            for companion in [Some(about_path(path)), beside].into_iter().flatten() {
+            for companion in [Some(metadata_path(path)), beside].into_iter().flatten() {
                 key = if companion.is_file() {
                     key.file("beside", &companion).map_err(unread(&companion))?
                 } else {
-                    key.maybe("beside", None)
+                    key.optional_part("beside", None)
                 };
             }
         }

@@ -27,17 +27,17 @@ impl Shard {
 /// A text that is not a shard.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("expected I/N with I from 1 to N, such as 1/8")]
-pub struct NotAShard;
+pub struct ParseShardError;
 
 impl FromStr for Shard {
-    type Err = NotAShard;
+    type Err = ParseShardError;
 
-    fn from_str(text: &str) -> Result<Self, NotAShard> {
-        let (index, count) = text.split_once('/').ok_or(NotAShard)?;
-        let whole = |part: &str| part.parse::<NonZeroUsize>().map_err(|_| NotAShard);
+    fn from_str(text: &str) -> Result<Self, ParseShardError> {
+        let (index, count) = text.split_once('/').ok_or(ParseShardError)?;
+        let whole = |part: &str| part.parse::<NonZeroUsize>().map_err(|_| ParseShardError);
         let (index, count) = (whole(index)?, whole(count)?);
         if index > count {
-            return Err(NotAShard);
+            return Err(ParseShardError);
         }
         Ok(Self { index: index.get() - 1, count })
     }
@@ -63,7 +63,7 @@ mod tests {
     #[test]
     fn what_names_no_shard_is_refused() {
         for text in ["", "1", "0/8", "9/8", "1/0", "-1/2", "1/2/3", "a/b"] {
-            assert_eq!(text.parse::<Shard>(), Err(NotAShard), "{text}");
+            assert_eq!(text.parse::<Shard>(), Err(ParseShardError), "{text}");
         }
     }
 }

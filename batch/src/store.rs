@@ -13,7 +13,7 @@ use recording::files::{FileError, write_atomic};
 use crate::key::Key;
 use crate::table;
 
-/// Ending of a result.
+/// File extension of a result.
 const ENDING: &str = ".parquet";
 
 /// Handling of an existing result.

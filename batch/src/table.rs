@@ -25,7 +25,7 @@ pub const SCHEMA: &str = "trued.batch-result/1";
 
 /// Data common to all rows of one result.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Recorded {
+pub struct ResultHeader {
     /// Key of the result.
     pub key: Key,
     /// Version of the program that computed it.
@@ -38,7 +38,7 @@ pub struct Recorded {
     pub recorded_at_us: Option<i64>,
     /// The files as the manifest names them, joined by `, `.
     pub files: String,
-    /// Seed of all chance.
+    /// Seed of the random number generators.
     pub seed: u64,
 }
 
@@ -63,10 +63,10 @@ impl Subject {
     }
 }
 
-/// A row; columns that do not apply are none.
+/// A row; fields that do not apply are `None`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// What the row tells of.
+    /// Kind of the row.
     pub subject: Subject,
     /// `position`, `torque` or `force`.
     pub domain: Option<String>,
@@ -87,9 +87,9 @@ pub struct Row {
     /// Mean temperature of the finding's joint, °C.
     pub joint_c: Option<f64>,
     /// The parameter of a finding.
-    pub fact: Option<FindingParameter>,
+    pub finding: Option<FindingParameter>,
     /// The row as a sentence.
-    pub says: String,
+    pub sentence: String,
 }
 
 /// A parameter of a finding.
@@ -134,29 +134,29 @@ impl Row {
             error_after: None,
             ambient_c: None,
             joint_c: None,
-            fact: None,
-            says,
+            finding: None,
+            sentence: says,
         }
     }
 }
 
 /// A row with the common data of the result.
-struct Line<'a>(&'a Recorded, &'a Row);
+struct RowContext<'a>(&'a ResultHeader, &'a Row);
 
-impl<'a> Line<'a> {
+impl<'a> RowContext<'a> {
     fn fact<T>(&self, of: impl FnOnce(&'a FindingParameter) -> Option<T>) -> Option<T> {
-        self.1.fact.as_ref().and_then(of)
+        self.1.finding.as_ref().and_then(of)
     }
 }
 
 /// Extracts the value of a column from a row.
 enum Values {
-    Text(for<'a> fn(&Line<'a>) -> Option<String>),
-    Number(fn(&Line<'_>) -> Option<f64>),
-    Whole(fn(&Line<'_>) -> Option<i64>),
-    Flag(fn(&Line<'_>) -> Option<bool>),
+    Text(for<'a> fn(&RowContext<'a>) -> Option<String>),
+    Number(fn(&RowContext<'_>) -> Option<f64>),
+    Whole(fn(&RowContext<'_>) -> Option<i64>),
+    Flag(fn(&RowContext<'_>) -> Option<bool>),
     /// µs since 1970 in UTC.
-    Time(fn(&Line<'_>) -> Option<i64>),
+    Time(fn(&RowContext<'_>) -> Option<i64>),
 }
 
 use Values::{Flag, Number, Text, Time, Whole};
@@ -190,7 +190,7 @@ const COLUMNS: &[(&str, Values)] = &[
     ("high", Number(|line| line.fact(|fact| fact.interval.map(|[_, high]| high)))),
     ("size_rms", Number(|line| line.fact(|fact| fact.size_rms))),
     ("size_max", Number(|line| line.fact(|fact| fact.size_max))),
-    ("says", Text(|line| Some(line.1.says.clone()))),
+    ("says", Text(|line| Some(line.1.sentence.clone()))),
     ("seed", Whole(|line| i64::try_from(line.0.seed).ok())),
     ("version", Text(|line| Some(line.0.version.clone()))),
 ];
@@ -216,7 +216,7 @@ pub fn column_names() -> impl Iterator<Item = &'static str> {
 ///
 /// # Errors
 /// Error of the library; does not occur for rows of this type.
-pub fn to_parquet(recorded: &Recorded, rows: &[Row]) -> Result<Vec<u8>, ParquetError> {
+pub fn to_parquet(recorded: &ResultHeader, rows: &[Row]) -> Result<Vec<u8>, ParquetError> {
     let columns: String = COLUMNS
         .iter()
         .map(|(name, values)| {
@@ -241,7 +241,7 @@ pub fn to_parquet(recorded: &Recorded, rows: &[Row]) -> Result<Vec<u8>, ParquetE
         .build();
     let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::new(how))?;
     let mut group = writer.next_row_group()?;
-    let lines: Vec<Line<'_>> = rows.iter().map(|row| Line(recorded, row)).collect();
+    let lines: Vec<RowContext<'_>> = rows.iter().map(|row| RowContext(recorded, row)).collect();
     for (_, values) in COLUMNS {
         match values {
             Text(of) => column::<ByteArrayType>(&mut group, &lines, |line| {
@@ -258,8 +258,8 @@ pub fn to_parquet(recorded: &Recorded, rows: &[Row]) -> Result<Vec<u8>, ParquetE
 
 fn column<T: DataType>(
     group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
-    lines: &[Line<'_>],
-    of: impl Fn(&Line<'_>) -> Option<T::T>,
+    lines: &[RowContext<'_>],
+    of: impl Fn(&RowContext<'_>) -> Option<T::T>,
 ) -> Result<(), ParquetError> {
     let cells: Vec<Option<T::T>> = lines.iter().map(of).collect();
     let levels: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
@@ -296,10 +296,10 @@ pub fn refusal(path: &Path) -> Option<String> {
     })
 }
 
-/// Reads a value from a Parquet file; none if that fails.
+/// Reads a value from a Parquet file; `None` if that fails.
 fn read<T>(path: &Path, of: impl FnOnce(&SerializedFileReader<File>) -> Option<T>) -> Option<T> {
     let file = File::open(path).ok()?;
-    // The library asserts here and there on bytes that no writer writes.
+    // The library panics on some invalid input.
     let read = catch_unwind(AssertUnwindSafe(|| of(&SerializedFileReader::new(file).ok()?)));
     read.ok().flatten()
 }

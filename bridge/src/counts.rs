@@ -87,24 +87,24 @@ counters! {
 /// All counters.
 #[derive(Debug, Default)]
 pub struct Counts {
-    of: [AtomicU64; Count::ALL.len()],
+    values: [AtomicU64; Count::ALL.len()],
 }
 
 impl Counts {
     /// Counts one.
-    pub fn one(&self, what: Count) {
+    pub fn increment(&self, what: Count) {
         self.add(what, 1);
     }
 
     /// Counts several.
     pub fn add(&self, what: Count, several: u64) {
         // The enum has as many variants as the array has elements.
-        self.of[what as usize].fetch_add(several, Relaxed);
+        self.values[what as usize].fetch_add(several, Relaxed);
     }
 
     /// Counts an answer by the source of its correction.
-    pub fn answer(&self, made: &Correction) {
-        self.one(match made.source {
+    pub fn count_answer(&self, made: &Correction) {
+        self.increment(match made.source {
             _ if made.is_refused => Count::Refused,
             Source::Corrected => Count::Corrected,
             Source::LastCorrection => Count::Late,
@@ -116,7 +116,7 @@ impl Counts {
     /// The present count.
     #[must_use]
     pub fn get(&self, what: Count) -> u64 {
-        self.of[what as usize].load(Relaxed)
+        self.values[what as usize].load(Relaxed)
     }
 
     /// `words: number`, one line for each count above zero.
@@ -127,7 +127,7 @@ impl Counts {
     }
 
     /// Warnings whose count has risen since `before`, which is updated.
-    pub fn risen(&self, before: &mut [u64; Count::ALL.len()]) -> Vec<String> {
+    pub fn new_warnings(&self, before: &mut [u64; Count::ALL.len()]) -> Vec<String> {
         let mut risen = Vec::new();
         for (what, before) in Count::ALL.iter().zip(before) {
             let now = self.get(*what);
@@ -147,10 +147,10 @@ mod tests {
     #[test]
     fn only_what_happened_is_reported_and_only_rising_faults_are_warned_of() {
         let (counts, mut before) = (Counts::default(), [0; Count::ALL.len()]);
-        counts.one(Count::Robot);
+        counts.increment(Count::Robot);
         counts.add(Count::Foreign, 3);
         assert_eq!(counts.summary(), "datagrams of the robot: 1\nforeign datagrams: 3\n");
-        assert_eq!(counts.risen(&mut before), ["foreign datagrams: 3 more, 3 in all"]);
-        assert!(counts.risen(&mut before).is_empty());
+        assert_eq!(counts.new_warnings(&mut before), ["foreign datagrams: 3 more, 3 in all"]);
+        assert!(counts.new_warnings(&mut before).is_empty());
     }
 }

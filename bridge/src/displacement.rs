@@ -8,10 +8,10 @@ use physics::{Arm, Chain, Frame, JOINTS_MAX, Joints};
 /// Motions shorter than this give no direction, m.
 const MOVE_MIN_M: f64 = 1e-6;
 /// Sine of the angle below which two directions count as parallel.
-const PARALLEL: f64 = 1e-3;
+const PARALLEL_SINE: f64 = 1e-3;
 
 /// Tool pose at `q`, and with `correction` added, rad.
-pub(crate) fn displaced(arm: &Arm, q: &[f64], correction: &[f64; JOINTS_MAX]) -> (Frame, Frame) {
+pub(crate) fn tool_poses(arm: &Arm, q: &[f64], correction: &[f64; JOINTS_MAX]) -> (Frame, Frame) {
     let mut at: Joints = [0.0; JOINTS_MAX];
     at.iter_mut().zip(q).for_each(|(to, q)| *to = *q);
     let before = Chain::nominal(arm, &at).base_from_tool;
@@ -28,7 +28,7 @@ pub(crate) struct PathFrame {
 
 impl PathFrame {
     /// Advances the path to `tool`. At rest, or along the tool's z, the frame is kept.
-    pub(crate) fn follow(&mut self, tool: &Frame) {
+    pub(crate) fn advance(&mut self, tool: &Frame) {
         let Some(before) = self.before else {
             self.before = Some(tool.origin);
             return;
@@ -40,7 +40,7 @@ impl PathFrame {
         self.before = Some(tool.origin);
         let along = moved.normalize();
         let across = tool.rotation.z_axis.cross(along);
-        if across.length() > PARALLEL {
+        if across.length() > PARALLEL_SINE {
             let y = across.normalize();
             self.across = Some((y, along.cross(y)));
         }
@@ -67,14 +67,14 @@ mod tests {
     #[test]
     fn components_across_a_path_exclude_the_one_along_it() {
         let mut path = PathFrame::default();
-        path.follow(&at(0.0, 0.0));
+        path.advance(&at(0.0, 0.0));
         assert_eq!(path.across(DVec3::ONE), (0.0, 0.0), "no direction yet");
-        path.follow(&at(0.01, 0.0));
+        path.advance(&at(0.01, 0.0));
         let (y, z) = path.across(DVec3::new(0.5, 0.2, 0.1));
         assert!((y + 0.2).abs() < 1e-15 && (z + 0.1).abs() < 1e-15, "{y} {z}");
-        path.follow(&at(0.01, 0.0));
+        path.advance(&at(0.01, 0.0));
         assert_eq!(path.across(DVec3::new(0.5, 0.2, 0.1)), (y, z), "standing still it stays");
-        path.follow(&at(0.01, 0.01));
+        path.advance(&at(0.01, 0.01));
         let (y, _) = path.across(DVec3::new(0.5, 0.2, 0.1));
         assert!((y - 0.5).abs() < 1e-15, "round the corner: {y}");
     }

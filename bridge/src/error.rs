@@ -13,7 +13,7 @@ pub enum BridgeError {
     /// The files do not fit together.
     #[error("{what}; {fix}")]
     Misfit {
-        /// What does not fit.
+        /// What is incompatible.
         what: String,
         /// What to do.
         fix: String,

@@ -41,6 +41,6 @@ pub trait Link {
     fn start_from(&mut self, correction: &[f64; JOINTS_MAX]);
     /// Sends the measured state of the robot.
     fn send_state(&mut self, state: &RobotState);
-    /// Nothing is to be sent for a while: checks the connection to the daemon.
-    fn look(&mut self);
+    /// Checks the connection to the daemon while nothing is sent.
+    fn check_connection(&mut self);
 }

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use trued_client::ConnectionEvent;
 
 use crate::counts::{Count, Counts};
-use crate::joining::Event;
+use crate::daemon_link::LinkEvent;
 
 /// Interval between reports of faults.
 const REPORT_EVERY: Duration = Duration::from_secs(1);
@@ -16,19 +16,19 @@ const REPORT_EVERY: Duration = Duration::from_secs(1);
 /// Starts reporting; ends when every sender of events is gone.
 pub(crate) fn start(
     counts: Arc<Counts>,
-    events: Receiver<Event>,
+    events: Receiver<LinkEvent>,
 ) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name("trued-tell".to_owned()).spawn(move || run(&counts, &events))
 }
 
-fn run(counts: &Counts, events: &Receiver<Event>) {
+fn run(counts: &Counts, events: &Receiver<LinkEvent>) {
     let mut before = [0; Count::ALL.len()];
     let mut due = Instant::now() + REPORT_EVERY;
     loop {
         match events.recv_timeout(due.saturating_duration_since(Instant::now())) {
             Ok(event) => report(&event),
             Err(RecvTimeoutError::Timeout) => {
-                counts.risen(&mut before).iter().for_each(|line| tracing::warn!("{line}"));
+                counts.new_warnings(&mut before).iter().for_each(|line| tracing::warn!("{line}"));
                 due = Instant::now() + REPORT_EVERY;
             }
             Err(RecvTimeoutError::Disconnected) => return,
@@ -36,14 +36,14 @@ fn run(counts: &Counts, events: &Receiver<Event>) {
     }
 }
 
-fn report(event: &Event) {
+fn report(event: &LinkEvent) {
     match event {
-        Event::Joined => tracing::info!("connected to the daemon"),
-        Event::Away(why) => tracing::warn!("no correction: {why}"),
-        Event::Connection(ConnectionEvent::Connected { pid, .. }) => {
+        LinkEvent::Joined => tracing::info!("connected to the daemon"),
+        LinkEvent::Unavailable(why) => tracing::warn!("no correction: {why}"),
+        LinkEvent::Connection(ConnectionEvent::Connected { pid, .. }) => {
             tracing::info!("connected to the daemon, process {pid}");
         }
-        Event::Connection(ConnectionEvent::Lost { why, .. }) => {
+        LinkEvent::Connection(ConnectionEvent::Lost { why, .. }) => {
             tracing::warn!("the correction ramps to zero: {why}");
         }
     }

@@ -1,9 +1,9 @@
 //! Evaluation of sequence numbers: next, repeated, old, or restarted sender.
 //!
 //! A number slightly ahead is the next one, with some lost in between. One far ahead, or lower, can belong to an old datagram,
-//! reordered or replayed, or to another run: it is accepted once several in a row (five by default) count up from there without any of the old count
-//! in between. Higher ones then follow many lost datagrams; lower ones mean a restarted sender. All datagrams of a sender that does
-//! not count (always the same number, or none) are accepted. No allocation, no clock.
+//! reordered or replayed, or to another run: it is accepted once several datagrams in a row (five by default) count up from there without any of the old sequence
+//! in between. Higher numbers then mean many lost datagrams; lower ones mean a restarted sender. All datagrams of a sender without sequence
+//! numbers (always the same number, or none) are accepted. No allocation, no clock.
 
 use recording::files::content_hash;
 
@@ -11,7 +11,7 @@ use crate::settings::SequenceRules;
 
 /// Position of a datagram in its sender's sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Standing {
+pub enum SequencePosition {
     /// The next, after a number of lost ones.
     Next {
         /// Number of lost datagrams.
@@ -29,13 +29,13 @@ pub enum Standing {
 #[derive(Debug, Clone, Copy)]
 pub struct Sequence {
     rules: SequenceRules,
-    last: Option<Last>,
-    /// The newest number of another count, and how many datagrams it has had.
-    other: Option<(u32, u32)>,
+    last: Option<LastDatagram>,
+    /// A second sequence: its newest number, and how many datagrams it has had.
+    other_count: Option<(u32, u32)>,
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Last {
+struct LastDatagram {
     number: Option<u32>,
     hash: u64,
 }
@@ -44,41 +44,41 @@ impl Sequence {
     /// For a sender that counts its datagrams, starting again in each of its runs.
     #[must_use]
     pub const fn counting(rules: SequenceRules) -> Self {
-        Self { rules, last: None, other: None }
+        Self { rules, last: None, other_count: None }
     }
 
-    /// For a sender whose number is a clock that continues from run to run: any number ahead
-    /// follows, however many were lost.
+    /// For a sender whose number is a clock that continues from run to run: any number ahead is
+    /// accepted, however many were lost.
     #[must_use]
     pub const fn clock(rules: SequenceRules) -> Self {
         Self::counting(SequenceRules { lost_max: u32::MAX / 2, ..rules })
     }
 
     /// Classifies a datagram, and stores it unless it is old.
-    pub fn judge(&mut self, number: Option<u32>, datagram: &[u8]) -> Standing {
+    pub fn classify(&mut self, number: Option<u32>, datagram: &[u8]) -> SequencePosition {
         let hash = content_hash(datagram);
         let standing = match self.last {
-            None => Standing::First,
-            Some(last) if (last.number, last.hash) == (number, hash) => Standing::Repeated,
+            None => SequencePosition::First,
+            Some(last) if (last.number, last.hash) == (number, hash) => SequencePosition::Repeated,
             Some(last) => match (last.number, number) {
-                (Some(before), Some(number)) => self.by_number(before, number),
-                _ => Standing::Next { lost: 0 },
+                (Some(before), Some(number)) => self.classify_number(before, number),
+                _ => SequencePosition::Next { lost: 0 },
             },
         };
-        if standing != Standing::Old {
-            (self.last, self.other) = (Some(Last { number, hash }), None);
+        if standing != SequencePosition::Old {
+            (self.last, self.other_count) = (Some(LastDatagram { number, hash }), None);
         }
         standing
     }
 
-    fn by_number(&mut self, before: u32, number: u32) -> Standing {
+    fn classify_number(&mut self, before: u32, number: u32) -> SequencePosition {
         let ahead = number.wrapping_sub(before);
         if ahead == 0 {
-            return Standing::Next { lost: 0 };
+            return SequencePosition::Next { lost: 0 };
         } else if ahead <= self.rules.lost_max {
-            return Standing::Next { lost: ahead - 1 };
+            return SequencePosition::Next { lost: ahead - 1 };
         }
-        let counted = match self.other {
+        let counted = match self.other_count {
             Some((newest, counted))
                 if (1..=self.rules.ahead_max).contains(&number.wrapping_sub(newest)) =>
             {
@@ -86,11 +86,11 @@ impl Sequence {
             }
             _ => 1,
         };
-        self.other = Some((number, counted));
+        self.other_count = Some((number, counted));
         match counted {
-            _ if counted < self.rules.believed_after => Standing::Old,
-            _ if ahead <= u32::MAX / 2 => Standing::Next { lost: ahead - 1 },
-            _ => Standing::First,
+            _ if counted < self.rules.accepted_after => SequencePosition::Old,
+            _ if ahead <= u32::MAX / 2 => SequencePosition::Next { lost: ahead - 1 },
+            _ => SequencePosition::First,
         }
     }
 }
@@ -99,13 +99,13 @@ impl Sequence {
 mod tests {
     use super::*;
 
-    fn judged(numbers: &[(Option<u32>, u8)]) -> Vec<Standing> {
+    fn judged(numbers: &[(Option<u32>, u8)]) -> Vec<SequencePosition> {
         let mut sequence = Sequence::counting(SequenceRules::default());
-        numbers.iter().map(|(number, byte)| sequence.judge(*number, &[*byte])).collect()
+        numbers.iter().map(|(number, byte)| sequence.classify(*number, &[*byte])).collect()
     }
 
-    const fn next(lost: u32) -> Standing {
-        Standing::Next { lost }
+    const fn next(lost: u32) -> SequencePosition {
+        SequencePosition::Next { lost }
     }
 
     #[test]
@@ -118,8 +118,14 @@ mod tests {
             (Some(10), 4),
             (Some(511), 5),
         ]);
-        let expected =
-            [Standing::First, next(0), Standing::Repeated, next(2), Standing::Old, next(499)];
+        let expected = [
+            SequencePosition::First,
+            next(0),
+            SequencePosition::Repeated,
+            next(2),
+            SequencePosition::Old,
+            next(499),
+        ];
         assert_eq!(said, expected);
     }
 
@@ -127,11 +133,11 @@ mod tests {
     fn replayed_datagrams_are_old_however_far_back_and_however_often() {
         let mut sequence = Sequence::counting(SequenceRules::default());
         for number in 1000..1100 {
-            sequence.judge(Some(number), &[0]);
+            sequence.classify(Some(number), &[0]);
             // Numbers far ahead belong to another run.
             for off in [-1, -20, -40, -900, 5000, 1 << 20] {
                 let old = number.wrapping_add_signed(off);
-                assert_eq!(sequence.judge(Some(old), &[1]), Standing::Old);
+                assert_eq!(sequence.classify(Some(old), &[1]), SequencePosition::Old);
             }
         }
     }
@@ -139,7 +145,7 @@ mod tests {
     #[test]
     fn a_sender_that_restarts_is_taken_once_five_datagrams_count_up() {
         let said = judged(&[900, 0, 4, 8, 12, 16, 20].map(|number| (Some(number), number as u8)));
-        let (first, old) = (Standing::First, Standing::Old);
+        let (first, old) = (SequencePosition::First, SequencePosition::Old);
         assert_eq!(said, [first, old, old, old, old, first, next(3)]);
         // One of the previous count in between: that sender is still active.
         let said = judged(&[900, 0, 1, 2, 3, 901, 4].map(|number| (Some(number), number as u8)));
@@ -150,7 +156,7 @@ mod tests {
     fn a_sender_of_which_very_many_were_lost_is_the_same_once_five_datagrams_count_up() {
         let numbers = [7, 5007, 5008, 5009, 5010, 5011];
         let said = judged(&numbers.map(|number| (Some(number), number as u8)));
-        assert_eq!(said[4..], [Standing::Old, next(5003)]);
+        assert_eq!(said[4..], [SequencePosition::Old, next(5003)]);
     }
 
     #[test]

@@ -2,22 +2,22 @@
 
 use std::time::Duration;
 
-use recording::bridge::Common;
+use recording::bridge::CommonConfig;
 
 /// Rules for the end of a controller's run, and for the datagrams that belong to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunRules {
-    /// Silence of the controller after which its run has ended, unless its count went on meanwhile. 0.4 to 10 s, default 1 s. Origin: RSI tolerates
+    /// Silence of the controller after which its run has ended, unless its sequence numbers continued meanwhile. 0.4 to 10 s, default 1 s. Origin: RSI tolerates
     /// `Timeout` = 100 late packets of 4 ms by default; a controller that is set to wait longer needs a larger value (`[timing] run_ends_after_ms`).
     pub ends_after: Duration,
-    /// With this many lost datagrams or more, the controller may have started another run near the old count; the position of the robot decides. 10 to 1000,
+    /// With this many lost datagrams or more, the controller may have started another run with a number near the old one; the position of the robot decides. 10 to 1000,
     /// default 50. Origin: 0.2 s of EGM's 4 ms, less than a program needs to start `EGMRunJoint` again.
     pub doubtful_lost: u32,
     /// The robot has stopped after this many consecutive messages that do not guide it; fewer may be replayed ones. 1 to 50, default 3.
     /// Origin: a burst that a network repeats or reorders is of one or two datagrams.
     pub stopped_after: u32,
     /// Another mechanical unit is served after this many consecutive datagrams once the present one is silent. 1 to 50, default 3. Origin: as `stopped_after`.
-    pub unit_taken_after: u32,
+    pub unit_switch_after: u32,
     /// Rules for the numbers of datagrams.
     pub sequence: SequenceRules,
 }
@@ -28,7 +28,7 @@ impl Default for RunRules {
             ends_after: Duration::from_secs(1),
             doubtful_lost: 50,
             stopped_after: 3,
-            unit_taken_after: 3,
+            unit_switch_after: 3,
             sequence: SequenceRules::default(),
         }
     }
@@ -37,7 +37,7 @@ impl Default for RunRules {
 impl RunRules {
     /// The rules of a bridge with this configuration.
     #[must_use]
-    pub fn of(common: &Common) -> Self {
+    pub fn from_config(common: &CommonConfig) -> Self {
         Self { ends_after: Duration::from_secs_f64(common.run_ends_after_s), ..Self::default() }
     }
 
@@ -63,7 +63,7 @@ pub struct SequenceRules {
     pub lost_max: u32,
     /// A number outside the expected range is accepted after this many consecutive datagrams that count up from it; fewer may be replayed ones. 2 to 50, default 5.
     /// Origin: a run's `stopped_after` plus two, because a wrong decision starts a new run.
-    pub believed_after: u32,
+    pub accepted_after: u32,
     /// Largest step between two of these. 1 to 10 000, default 100. Origin: RSI counts ms, 12 per
     /// cycle; up to seven in a row may be lost.
     pub ahead_max: u32,
@@ -71,7 +71,7 @@ pub struct SequenceRules {
 
 impl Default for SequenceRules {
     fn default() -> Self {
-        Self { lost_max: 1000, believed_after: 5, ahead_max: 100 }
+        Self { lost_max: 1000, accepted_after: 5, ahead_max: 100 }
     }
 }
 
@@ -79,13 +79,13 @@ impl Default for SequenceRules {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct JoinRules {
     /// How long one attempt may take. 0.1 to 10 s, default 1 s. Origin: forty times what the first answer after a daemon's start took at worst (docs/figures.md).
-    pub within: Duration,
+    pub attempt_timeout: Duration,
     /// Pause between two attempts. 10 ms to 10 s, default 0.2 s. Origin: a restart is noticed without visible delay, at negligible load.
-    pub again_after: Duration,
+    pub retry_after: Duration,
 }
 
 impl Default for JoinRules {
     fn default() -> Self {
-        Self { within: Duration::from_secs(1), again_after: Duration::from_millis(200) }
+        Self { attempt_timeout: Duration::from_secs(1), retry_after: Duration::from_millis(200) }
     }
 }

@@ -11,7 +11,7 @@ use crate::error::BridgeError;
 
 /// The largest datagram that is read: EGM's and RSI's are below 4 kB.
 pub(crate) const DATAGRAM_MAX: usize = 16_384;
-/// Limit on datagrams taken from one side before the other is checked.
+/// Largest number of datagrams taken from one socket before the other is checked.
 pub(crate) const DRAIN_MAX: usize = 64;
 
 /// A bound non-blocking socket.

@@ -8,14 +8,14 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use physics::JointKind;
-use recording::bridge::Common;
+use recording::bridge::CommonConfig;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 
+use crate::corrections::Corrections;
 use crate::counts::Counts;
+use crate::daemon_link::{DaemonLink, LinkEvent};
 use crate::error::BridgeError;
-use crate::feed::Feed;
-use crate::joining::{Event, Joining};
 use crate::reporter;
 
 /// Time between a controller's cycles, s.
@@ -30,15 +30,15 @@ pub struct Options {
     pub counts: Arc<Counts>,
     /// Incremented in every iteration of the loop, with or without datagrams: 250 times a second or
     /// more.
-    pub turns: Arc<AtomicU64>,
+    pub iterations: Arc<AtomicU64>,
 }
 
 /// Common resources of a bridge's loop.
 pub(crate) struct Resources {
     pub(crate) cell: CellConfig,
     pub(crate) arm: physics::Arm,
-    pub(crate) feed: Feed,
-    pub(crate) events: Sender<Event>,
+    pub(crate) feed: Corrections,
+    pub(crate) events: Sender<LinkEvent>,
     pub(crate) reporter: JoinHandle<()>,
 }
 
@@ -46,13 +46,13 @@ impl Resources {
     /// Reads the cell and its model, checks them for a bridge that commands every `period_s`, and
     /// starts joining.
     pub(crate) fn prepare(
-        common: &Common,
+        common: &CommonConfig,
         period_s: f64,
         options: &Options,
     ) -> Result<Self, BridgeError> {
         let cell = CellConfig::read(&common.cell)?;
         let arm = RobotModel::read(&cell.model)?.physics.arm;
-        fits(&common.cell, &cell, &arm, period_s)?;
+        check_compatibility(&common.cell, &cell, &arm, period_s)?;
         if common.absolute_accuracy {
             tracing::warn!(
                 "absolute_accuracy = \"on\": the controller compensates its robot itself, so trued must not correct it as well. \
@@ -64,14 +64,14 @@ impl Resources {
         let reporter = reporter::start(Arc::clone(&options.counts), heard)?;
         let within = Duration::from_secs_f64(common.answer_within_s);
         let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
-        let lost_feed = cell.lost_feed();
-        let link = Joining::start(&cell.cell, within, fresh, lost_feed, events.clone())?;
-        let feed = Feed::over(link);
+        let lost_feed = cell.fallback_feed_override();
+        let link = DaemonLink::start(&cell.cell, within, fresh, lost_feed, events.clone())?;
+        let feed = Corrections::with_link(link);
         Ok(Self { cell, arm, feed, events, reporter })
     }
 }
 
-fn fits(
+fn check_compatibility(
     path: &Path,
     cell: &CellConfig,
     arm: &physics::Arm,

@@ -3,7 +3,7 @@
 
 mod proto;
 
-use bridge::egm::Broken;
+use bridge::egm::DecodeError;
 use bridge::egm::messages::{Header, PathCorrMessage, Posture, RobotMessage, SensorMessage};
 use proptest::prelude::*;
 use prost::Message;
@@ -97,8 +97,11 @@ fn same_posture(ours: &Posture, theirs: Option<&partial::Posture>) -> bool {
 /// Compares the decisions of `prost` and of our reader on the same bytes. Two differences are
 /// intended: groups, and more joints than any robot has.
 fn judge_alike(bytes: &[u8]) -> Result<(), TestCaseError> {
-    let excused = |broken: &Broken| {
-        matches!(broken, Broken::TooManyJoints | Broken::WrongType { wire_type: 3 | 4, .. })
+    let excused = |broken: &DecodeError| {
+        matches!(
+            broken,
+            DecodeError::TooManyJoints | DecodeError::WrongType { wire_type: 3 | 4, .. }
+        )
     };
     match (RobotMessage::read(bytes), partial::Robot::decode(bytes)) {
         (Ok(ours), Ok(theirs)) => {
@@ -163,7 +166,7 @@ proptest! {
         let read = SensorMessage::read(&bytes).unwrap();
         prop_assert!(same_header(&read.header, sensor.header.as_ref()));
         let count = read.planned.joints.values().len();
-        read.planned.joints.put(&mut bytes, &joints[..count]);
+        read.planned.joints.write(&mut bytes, &joints[..count]);
         let mut wanted = sensor;
         if let Some(own) = wanted.planned.as_mut().and_then(|planned| planned.joints.as_mut()) {
             own.joints.copy_from_slice(&joints[..count]);
@@ -229,6 +232,6 @@ fn packed_joints_are_joints_too() {
     let mut message = [&[0x12, planned.len() as u8], &planned[..]].concat();
     let read = SensorMessage::read(&message).unwrap();
     assert_eq!(read.planned.joints.values(), joints);
-    read.planned.joints.put(&mut message, &[7.0, 8.0, 9.0]);
+    read.planned.joints.write(&mut message, &[7.0, 8.0, 9.0]);
     assert_eq!(SensorMessage::read(&message).unwrap().planned.joints.values(), [7.0, 8.0, 9.0]);
 }

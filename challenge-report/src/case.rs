@@ -3,13 +3,13 @@
 //! The cases of the position domain do not depend on the other domains. No answer is handled here.
 
 use challenge::case::Tier;
-use challenge::score::Errors;
+use challenge::score::PredictionErrors;
 use challenge::truth::Truth;
-use challenge::{draw, force, torque, write};
+use challenge::{case_files, force, generate, torque};
 
 use crate::prediction;
 
-/// What is measured and diagnosed.
+/// Measured and diagnosed quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Domain {
     /// The position of the tool.
@@ -35,58 +35,60 @@ impl Domain {
 /// A case.
 #[derive(Debug)]
 pub struct Case {
-    /// What is measured.
+    /// Measured quantity.
     pub domain: Domain,
-    drawn: Drawn,
+    drawn: DomainCase,
 }
 
 #[derive(Debug)]
-enum Drawn {
-    Position(draw::Drawn),
-    Torque(torque::draw::Drawn),
-    Force(force::draw::Drawn),
+enum DomainCase {
+    Position(generate::GeneratedCase),
+    Torque(torque::generate::GeneratedCase),
+    Force(force::generate::GeneratedCase),
 }
 
 impl Case {
-    /// Case `index` of a seed; `tier`: the kinds that it may hide, and its place among the cases of that tier.
+    /// Generates case `index` of a seed; `tier`: its tier, and its index among the cases of that tier.
     #[must_use]
-    pub fn draw(domain: Domain, seed: u64, index: usize, tier: (Tier, usize)) -> Self {
-        let drawn = match domain {
-            Domain::Position => Drawn::Position(draw::case(seed, index, tier)),
-            Domain::Torque => Drawn::Torque(torque::draw::case(seed, index, tier)),
-            Domain::Force => Drawn::Force(force::draw::case(seed, index, tier)),
+    pub fn generate(domain: Domain, seed: u64, index: usize, tier: (Tier, usize)) -> Self {
+        let generated = match domain {
+            Domain::Position => DomainCase::Position(generate::generate_case(seed, index, tier)),
+            Domain::Torque => {
+                DomainCase::Torque(torque::generate::generate_case(seed, index, tier))
+            }
+            Domain::Force => DomainCase::Force(force::generate::generate_case(seed, index, tier)),
         };
-        Self { domain, drawn }
+        Self { domain, drawn: generated }
     }
 
-    /// What a solver gets: names and texts of model, recording and its description.
+    /// Files given to the solver: names and texts of the model, the recording and its metadata.
     #[must_use]
-    pub fn files(&self) -> [write::File; 3] {
+    pub fn files(&self) -> [case_files::File; 3] {
         match &self.drawn {
-            Drawn::Position(drawn) => write::files(&drawn.case),
-            Drawn::Torque(drawn) => torque::write::files(&drawn.case),
-            Drawn::Force(drawn) => force::write::files(&drawn.case),
+            DomainCase::Position(drawn) => case_files::files(&drawn.case),
+            DomainCase::Torque(drawn) => torque::case_files::files(&drawn.case),
+            DomainCase::Force(drawn) => force::case_files::files(&drawn.case),
         }
     }
 
-    /// What was hidden.
+    /// Sealed truth of the case.
     #[must_use]
     pub fn truth(&self, name: &str) -> Truth {
         match &self.drawn {
-            Drawn::Position(drawn) => Truth::of(name, drawn),
-            Drawn::Torque(drawn) => Truth::of(name, drawn),
-            Drawn::Force(drawn) => Truth::of(name, drawn),
+            DomainCase::Position(drawn) => Truth::of(name, drawn),
+            DomainCase::Torque(drawn) => Truth::of(name, drawn),
+            DomainCase::Force(drawn) => Truth::of(name, drawn),
         }
     }
 
-    /// Errors of a written model on a motion that nobody saw; `None` for a case that hides nothing, or where a gain is meaningless. A model that is missing or
-    /// does not load counts as the given one.
+    /// Prediction errors of a written model on the unseen motion; `None` without hidden effects, or if the error is not defined (chatter). A model that is
+    /// missing or cannot be loaded counts as the given model.
     #[must_use]
-    pub fn errors(&self, model: Option<&str>) -> Option<Errors> {
+    pub fn errors(&self, model: Option<&str>) -> Option<PredictionErrors> {
         match &self.drawn {
-            Drawn::Position(drawn) => prediction::of_positions(&drawn.case, model),
-            Drawn::Torque(drawn) => prediction::of_torques(&drawn.case, model),
-            Drawn::Force(drawn) => prediction::of_forces(&drawn.case, model),
+            DomainCase::Position(drawn) => prediction::of_positions(&drawn.case, model),
+            DomainCase::Torque(drawn) => prediction::of_torques(&drawn.case, model),
+            DomainCase::Force(drawn) => prediction::of_forces(&drawn.case, model),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Effects added to real torque recordings: cases, files of a case, and which added effects were found (`trued.injection/1`).
 //!
 //! The diagnosis of the original recording gives the model; with it the original and every modified recording are diagnosed again, and the first finding that
-//! the original did not have is compared with the added effect. Findings of the original recording count neither as right nor as wrong. An effect that the
-//! recording cannot separate from the parameters that are always fitted does not count towards a limit.
+//! the original did not have is compared with the added effect. Findings of the original recording count neither as right nor as wrong. An effect that is
+//! confounded with the parameters that are always fitted is not scored against a limit.
 //!
 //! ```
 //! use challenge::answer::Answer;
@@ -28,12 +28,12 @@
 
 use challenge::answer::{Answer, Finding};
 use challenge::arm::{JOINTS, Joints};
-use challenge::chance::Chance;
-use challenge::law::Law;
-use challenge::torque::inject::{Injected, Real, Row};
+use challenge::comparison::DISTINGUISHABLE_GAIN;
+use challenge::effect::EffectKind;
+use challenge::rng::Rng;
+use challenge::torque::inject::{InjectedEffect, PreparedRecording, RecordedRow};
 use challenge::torque::kinds::Kind;
 use challenge::torque::rig::Rig;
-use challenge::weigh::APART;
 use physics::{Arm, JointKind};
 use recording::files::FileError;
 use recording::model::RobotModel;
@@ -42,15 +42,15 @@ use serde::Serialize;
 
 use crate::text::share as percent;
 
-/// Strengths of the added effects: error over noise.
+/// Target values of z of the added effects.
 const STRENGTHS: [f64; 3] = [10.0, 20.0, 40.0];
 /// Attempts per kind before it is reported that it cannot be added.
 const DRAWS: usize = 6;
 
-/// Why effects cannot be added to a recording.
+/// Reason why effects cannot be added to a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum NoInjection {
-    /// The robot is of another kind.
+    /// The kinematic structure is not supported.
     #[error("effects are added to arms of up to seven revolute joints, or to one slide")]
     Robot,
     /// The recording is too short.
@@ -101,9 +101,9 @@ pub struct InjectionReport {
 pub struct RealRecording {
     /// Its name in results and folders.
     pub name: String,
-    /// The text of its model: the given one, later the one that its own diagnosis wrote.
+    /// Text of its model: the given one, later the one written by its own diagnosis.
     pub model: String,
-    real: Real,
+    prepared: PreparedRecording,
     positions: Vec<Joints>,
     has_slides: bool,
     /// Findings of its own diagnosis with that model.
@@ -115,7 +115,7 @@ pub struct InjectedCase<'a> {
     /// The recording that it is added to.
     pub recording: &'a RealRecording,
     z: f64,
-    injected: Injected,
+    injected: InjectedEffect,
 }
 
 impl RealRecording {
@@ -129,24 +129,26 @@ impl RealRecording {
         recordings: &[Recording],
     ) -> Result<Self, NoInjection> {
         let (rig, has_slides) = rig(&model.physics.arm)?;
-        let rows: Vec<Row> = recordings.iter().flat_map(|one| rows(one, rig.count())).collect();
-        let real = Real::of(rig, &rows).ok_or_else(|| NoInjection::TooShort(name.clone()))?;
+        let rows: Vec<RecordedRow> =
+            recordings.iter().flat_map(|one| rows(one, rig.count())).collect();
+        let real =
+            PreparedRecording::of(rig, &rows).ok_or_else(|| NoInjection::TooShort(name.clone()))?;
         let positions = real.sources().iter().map(|row| rows[*row].2).collect();
         let (model, findings) = (model.file.to_toml(), Vec::new());
-        Ok(Self { name, model, real, positions, has_slides, findings })
+        Ok(Self { name, model, prepared: real, positions, has_slides, findings })
     }
 
-    /// The text of the recording as it is, as a table.
+    /// The unmodified recording as CSV.
     #[must_use]
     pub fn table(&self) -> String {
-        self.table_of(self.real.rows().1)
+        self.table_of(self.prepared.rows().1)
     }
 
     /// Replaces the model by the one that its diagnosis wrote, without uncertainties: for its own recording the fitted parameters are exact, and additions are
     /// relative to them.
     ///
     /// # Errors
-    /// The text is no model.
+    /// The text is not a valid model.
     pub fn set_model(&mut self, written: &str) -> Result<(), NoInjection> {
         let mut file = RobotModel::parse(&self.name, written).map_err(FileError::from)?.file;
         for parameter in file.effects.iter_mut().flat_map(|effect| &mut effect.parameters) {
@@ -156,36 +158,36 @@ impl RealRecording {
         Ok(())
     }
 
-    /// Sets what the diagnosis of the recording with its model answered.
+    /// Sets the answer of the diagnosis of the unmodified recording with its model.
     pub fn set_answer(&mut self, answer: Option<&Answer>) {
         self.findings = answer.map_or_else(Vec::new, claims);
     }
 
     fn table_of(&self, torques: &[Joints]) -> String {
-        let n = self.real.count();
+        let n = self.prepared.count();
         let (position, torque) = if self.has_slides { ("m", "N") } else { ("rad", "Nm") };
         let mut names = vec!["t_s".to_owned(), "segment".to_owned()];
         names.extend((1..=n).map(|i| format!("qa{i}_{position}")));
         names.extend((1..=n).map(|i| format!("tau{i}_{torque}")));
         let mut text = names.join(",") + "\n";
-        for (row, (run, t_s)) in self.real.rows().0.iter().enumerate() {
-            let numbers = self.positions[row].iter().take(n).chain(torques[row].iter().take(n));
-            let numbers: Vec<String> = numbers.map(|x| format!("{x:.9}")).collect();
-            text += &format!("{t_s:.7},{run},{}\n", numbers.join(","));
+        for (row, (run, t_s)) in self.prepared.rows().0.iter().enumerate() {
+            let parameters = self.positions[row].iter().take(n).chain(torques[row].iter().take(n));
+            let parameters: Vec<String> = parameters.map(|x| format!("{x:.9}")).collect();
+            text += &format!("{t_s:.7},{run},{}\n", parameters.join(","));
         }
         text
     }
 }
 
-/// Each kind of effect, on a random joint, at each strength, added to each recording; and what could not be added.
+/// Each kind of effect, on a random joint, at each strength, added to each recording; and the combinations that could not be added.
 #[must_use]
 pub fn cases(recordings: &[RealRecording], seed: u64) -> (Vec<InjectedCase<'_>>, Vec<String>) {
     let (mut cases, mut cannot) = (Vec::new(), Vec::new());
     for (place, recording) in recordings.iter().enumerate() {
-        for (turn, kind) in Kind::LIBRARY.into_iter().enumerate() {
+        for (turn, kind) in Kind::DICTIONARY.into_iter().enumerate() {
             for (step, z) in STRENGTHS.into_iter().enumerate() {
-                let number = ((place * Kind::LIBRARY.len() + turn) * 3 + step) as u64;
-                match inject(recording, kind, z, &mut Chance::new(seed, number)) {
+                let number = ((place * Kind::DICTIONARY.len() + turn) * 3 + step) as u64;
+                match inject(recording, kind, z, &mut Rng::new(seed, number)) {
                     Some(injected) => cases.push(InjectedCase { recording, z, injected }),
                     None => cannot.push(format!("{kind:?} at {z} to {}", recording.name)),
                 }
@@ -195,12 +197,12 @@ pub fn cases(recordings: &[RealRecording], seed: u64) -> (Vec<InjectedCase<'_>>,
     (cases, cannot)
 }
 
-/// An added effect. Effects that count towards a limit are preferred; others are used only if nothing else can be added.
-fn inject(recording: &RealRecording, kind: Kind, z: f64, chance: &mut Chance) -> Option<Injected> {
-    let mut best: Option<Injected> = None;
+/// An added effect. Scored effects are preferred; others are used only if nothing else can be added.
+fn inject(recording: &RealRecording, kind: Kind, z: f64, rng: &mut Rng) -> Option<InjectedEffect> {
+    let mut best: Option<InjectedEffect> = None;
     for _ in 0..DRAWS {
-        let Some(one) = recording.real.inject(kind, z, chance) else { continue };
-        let counts = one.judged.least_gain >= APART;
+        let Some(one) = recording.prepared.inject(kind, z, rng) else { continue };
+        let counts = one.detectability.least_gain >= DISTINGUISHABLE_GAIN;
         if counts || best.is_none() {
             best = Some(one);
         }
@@ -212,7 +214,7 @@ fn inject(recording: &RealRecording, kind: Kind, z: f64, chance: &mut Chance) ->
 }
 
 impl InjectedCase<'_> {
-    /// The text of the recording with the added effect, as a table.
+    /// The recording with the added effect as CSV.
     #[must_use]
     pub fn table(&self) -> String {
         self.recording.table_of(&self.injected.torques)
@@ -223,27 +225,27 @@ impl InjectedCase<'_> {
     pub fn line(&self, answer: Option<&Answer>) -> InjectedLine {
         let Self { recording, injected, .. } = self;
         let findings = answer.map_or_else(Vec::new, claims);
-        let is_old = |one: &Finding| recording.findings.iter().any(|old| old.named == one.named);
+        let is_old = |one: &Finding| recording.findings.iter().any(|old| old.effect == one.effect);
         let first = findings.iter().find(|one| !is_old(one));
         let effect = injected.effect.kind.name().unwrap_or_default();
-        let joint = injected.effect.joint_said();
+        let joint = injected.effect.joint_number();
         let is_right = |finding: &&Finding| {
-            let named = &finding.named;
-            let same = injected.judged.same.iter();
-            (named.effect == effect && named.joint == joint)
-                || same.into_iter().any(|(e, j)| named.effect == *e && named.joint == *j)
+            let named = &finding.effect;
+            let same = injected.detectability.same.iter();
+            (named.name == effect && named.joint == joint)
+                || same.into_iter().any(|(e, j)| named.name == *e && named.joint == *j)
         };
         InjectedLine {
             recording: recording.name.clone(),
             effect,
             joint,
-            parameters: injected.effect.numbers.clone(),
-            z: injected.judged.z,
-            least_gain: injected.judged.least_gain,
-            counts: injected.judged.least_gain >= APART,
-            first_new: first.map(|one| match one.named.joint {
-                Some(joint) => format!("{} {joint}", one.named.effect),
-                None => one.named.effect.clone(),
+            parameters: injected.effect.parameters.clone(),
+            z: injected.detectability.z,
+            least_gain: injected.detectability.least_gain,
+            counts: injected.detectability.least_gain >= DISTINGUISHABLE_GAIN,
+            first_new: first.map(|one| match one.effect.joint {
+                Some(joint) => format!("{} {joint}", one.effect.name),
+                None => one.effect.name.clone(),
             }),
             right: first.as_ref().is_some_and(is_right),
         }
@@ -286,10 +288,10 @@ impl Share {
 
 /// Findings that are claims.
 fn claims(answer: &Answer) -> Vec<Finding> {
-    if answer.verdict.claims() { answer.findings.clone() } else { Vec::new() }
+    if answer.verdict.makes_claims() { answer.findings.clone() } else { Vec::new() }
 }
 
-/// The model's kinematic chain in the types of the challenge, and whether a joint slides.
+/// The model's kinematic chain in the types of the challenge, and whether the joint is prismatic.
 fn rig(arm: &Arm) -> Result<(Rig, bool), NoInjection> {
     let joints = arm.joints();
     let has_slides = joints.iter().any(|joint| joint.kind == JointKind::Prismatic);
@@ -298,18 +300,18 @@ fn rig(arm: &Arm) -> Result<(Rig, bool), NoInjection> {
     }
     let axes: Vec<_> = joints.iter().map(|j| (j.axis.to_array(), j.point.to_array())).collect();
     let tcp = arm.tool.tcp.to_array();
-    Ok((Rig::of_axes(&axes, has_slides, tcp, arm.gravity.to_array()), has_slides))
+    Ok((Rig::from_axes(&axes, has_slides, tcp, arm.gravity.to_array()), has_slides))
 }
 
 /// Rows that contain positions and torques of every joint.
-fn rows(recording: &Recording, joints: usize) -> Vec<Row> {
+fn rows(recording: &Recording, joints: usize) -> Vec<RecordedRow> {
     let positions: Vec<Option<&[f64]>> = (0..joints)
         .map(|i| recording.column(Channel::Motor(i)).or(recording.column(Channel::Command(i))))
         .collect();
     let torque = |i: usize| {
         let torque = recording.column(Channel::Torque(i)).map(<[f64]>::to_vec);
         torque.or_else(|| {
-            let constant = recording.about.torque_per_ampere.get(i)?;
+            let constant = recording.metadata.torque_per_ampere.get(i)?;
             let current = recording.column(Channel::Current(i))?;
             Some(current.iter().map(|ampere| constant * ampere).collect())
         })

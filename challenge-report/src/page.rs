@@ -1,14 +1,14 @@
 //! The page of `trued challenge`: all figures, success over effect-to-noise ratio, and confusions.
 
-use challenge::score::Figures;
+use challenge::score::ChallengeStatistics;
 use report::{
     Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Role, Series, Svg, Table, Tone,
 };
 
-use crate::Scored;
+use crate::ScoredChallenge;
 use crate::text::{range, rows, share};
 
-impl Scored {
+impl ScoredChallenge {
     /// The score as a page.
     #[must_use]
     pub fn page(&self) -> Page {
@@ -20,8 +20,9 @@ impl Scored {
             .section("By effect")
             .figure("Correct first answers, single effects.", &by_effect(figures));
         page = page.table(&confused(figures));
-        let counted = self.outcomes.iter().filter(|outcome| outcome.counts());
-        let shares: Vec<f64> = counted.filter_map(|outcome| outcome.errors?.share()).collect();
+        let counted = self.outcomes.iter().filter(|outcome| outcome.is_scored());
+        let shares: Vec<f64> =
+            counted.filter_map(|outcome| outcome.errors?.relative_gain()).collect();
         if !shares.is_empty() {
             let held = shares.iter().map(|share| share.clamp(-1.0, 1.2));
             let plot = Histogram::new("Gain", Axis::new("Share of the oracle's gain", "1"))
@@ -39,7 +40,7 @@ impl Scored {
     }
 }
 
-fn first_screen(figures: &Figures) -> Page {
+fn first_screen(figures: &ChallengeStatistics) -> Page {
     Page::new("Blind challenge")
         .kicker("trued challenge")
         .verdict(
@@ -73,14 +74,14 @@ fn first_screen(figures: &Figures) -> Page {
         )
 }
 
-fn all(figures: &Figures) -> Table {
+fn all(figures: &ChallengeStatistics) -> Table {
     let table = Table::new("All figures", ["What", "Figure", "Of cases"]);
     rows(figures).into_iter().fold(table, |table, (what, figure, cases)| {
         table.row([Cell::Text(what), Cell::Text(figure), Cell::Number(cases as f64)])
     })
 }
 
-fn by_z(figures: &Figures) -> Svg {
+fn by_z(figures: &ChallengeStatistics) -> Svg {
     let middle = |from: f64, to: Option<f64>| (from * to.unwrap_or(2.0 * from)).sqrt();
     let points = |right: fn(&challenge::score::Bin) -> Option<f64>| {
         let bins = figures.by_z.iter();
@@ -101,7 +102,7 @@ fn by_z(figures: &Figures) -> Svg {
     .render()
 }
 
-fn ranges(figures: &Figures) -> Table {
+fn ranges(figures: &ChallengeStatistics) -> Table {
     let table = Table::new("By range", ["Range", "Cases", "First right", "Among three"]);
     let named = [("ρ", &figures.by_effect_to_noise), ("z", &figures.by_z)];
     named.into_iter().flat_map(|(what, bins)| bins.iter().map(move |bin| (what, bin))).fold(
@@ -117,7 +118,7 @@ fn ranges(figures: &Figures) -> Table {
     )
 }
 
-fn by_effect(figures: &Figures) -> Svg {
+fn by_effect(figures: &ChallengeStatistics) -> Svg {
     let bars = Bars::new("By effect", Axis::new("First answer right", "%")).groups(["right"]);
     let rows = figures.by_effect.iter().filter(|entry| entry.cases > 0);
     rows.fold(bars, |bars, entry| {
@@ -127,7 +128,7 @@ fn by_effect(figures: &Figures) -> Svg {
     .render()
 }
 
-fn confused(figures: &Figures) -> Table {
+fn confused(figures: &ChallengeStatistics) -> Table {
     let table = Table::new("What was said instead", ["Effect", "Cases", "Right", "Instead"]);
     figures.by_effect.iter().filter(|entry| entry.right < entry.cases).fold(
         table,
@@ -143,7 +144,7 @@ fn confused(figures: &Figures) -> Table {
     )
 }
 
-fn calibration(figures: &Figures) -> Table {
+fn calibration(figures: &ChallengeStatistics) -> Table {
     let table = Table::new("Confidence against truth", ["Said", "Claims", "Mean said", "Right"]);
     figures.calibration.iter().filter(|bin| bin.claims > 0).fold(table, |table, bin| {
         table.row([

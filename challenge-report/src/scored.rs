@@ -1,23 +1,25 @@
 //! The score of a challenge.
 
 use challenge::answer::Answer;
-use challenge::score::{Errors, Figures, Line, Outcome, figures};
-use challenge::seal;
+use challenge::commitment;
+use challenge::score::{
+    CaseSummary, ChallengeStatistics, Outcome, PredictionErrors, compute_statistics,
+};
 
 use crate::{Domain, SealedTruth, case_name};
 
-/// What a solver gave for a case.
+/// Output of a solver for a case.
 #[derive(Debug, Default)]
 pub struct SolverAnswer {
-    /// Text of `diagnosis.json`; none where it gave none.
+    /// Text of `diagnosis.json`, if any.
     pub diagnosis: Option<String>,
-    /// Text of the written model; none where it wrote none.
+    /// Text of the written model, if any.
     pub model: Option<String>,
-    /// How long it took, s; none where it did not end by itself.
+    /// Computing time, s; `None` if the solver was stopped.
     pub seconds: Option<f64>,
 }
 
-/// SHA-256 of all answers, hexadecimal: what was reported and what was written, case by case.
+/// SHA-256 of all answers, hexadecimal: reports and written models, case by case.
 ///
 /// ```
 /// use challenge_report::{SolverAnswer, answers_sha256};
@@ -34,19 +36,19 @@ pub fn answers_sha256(answers: &[SolverAnswer]) -> String {
             text.push('\n');
         }
     }
-    seal::sha256(&text)
+    commitment::sha256(&text)
 }
 
 /// A scored challenge: `trued.challenge/1` are its [`figures`](Self::figures).
 #[derive(Debug)]
-pub struct Scored {
+pub struct ScoredChallenge {
     /// All figures.
-    pub figures: Figures,
+    pub figures: ChallengeStatistics,
     /// Truth and answer, case by case.
     pub outcomes: Vec<Outcome>,
 }
 
-impl Scored {
+impl ScoredChallenge {
     /// The score of the answers to the cases of a seed; `errors` of the written models ([`Case::errors`](crate::Case::errors)).
     #[must_use]
     pub fn of(
@@ -54,7 +56,7 @@ impl Scored {
         domain: Domain,
         truth: SealedTruth,
         answers: &[SolverAnswer],
-        errors: Vec<Option<Errors>>,
+        errors: Vec<Option<PredictionErrors>>,
     ) -> Self {
         let answers_sha256 = answers_sha256(answers);
         let SealedTruth { truths, sha256, .. } = truth;
@@ -68,21 +70,21 @@ impl Scored {
                 seconds: answer.seconds,
             })
             .collect();
-        let figures = figures(seed, &sha256, &answers_sha256, &outcomes);
+        let figures = compute_statistics(seed, &sha256, &answers_sha256, &outcomes);
         Self { figures, outcomes }
     }
 
     /// Truth and answer of each case as JSON.
     ///
     /// # Errors
-    /// They cannot be written as JSON: a fault of this program.
+    /// Serialisation failed (internal error).
     pub fn outcomes_json(&self) -> Result<String, serde_json::Error> {
-        let lines: Vec<Line> = self.outcomes.iter().map(Outcome::line).collect();
+        let lines: Vec<CaseSummary> = self.outcomes.iter().map(Outcome::summary).collect();
         Ok(serde_json::to_string_pretty(&lines)? + "\n")
     }
 }
 
-/// The answer as far as it is valid.
+/// The parsed answer, if valid.
 fn parsed(answer: &SolverAnswer, domain: Domain) -> Option<Answer> {
     let text = answer.diagnosis.as_deref()?;
     Answer::parse(text, domain.name()).ok()

@@ -1,11 +1,11 @@
 //! The score as text: each figure with its number of cases.
 
-use challenge::score::{Bin, Figures};
+use challenge::score::{Bin, ChallengeStatistics};
 use report::TextTable;
 
-use crate::Scored;
+use crate::ScoredChallenge;
 
-impl Scored {
+impl ScoredChallenge {
     /// The score as text, its table at most `width_max` characters wide.
     #[must_use]
     pub fn text(&self, width_max: Option<usize>) -> String {
@@ -25,7 +25,7 @@ impl Scored {
 }
 
 /// Each figure's name, its value, and the number of cases (claims, parameters) it is based on.
-pub(crate) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
+pub(crate) fn rows(f: &ChallengeStatistics) -> Vec<(String, String, usize)> {
     let mut rows = vec![("first answer right".to_owned(), share(f.first_right), f.counting)];
     for bin in &f.first_right_at_z {
         rows.push((

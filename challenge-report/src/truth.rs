@@ -1,13 +1,13 @@
-//! The truth of all cases, sealed before anyone answers.
+//! The truth of all cases, sealed before the solver answers.
 
-use challenge::seal::{self, Broken};
+use challenge::commitment::{self, HashMismatch};
 use challenge::truth::{self, Truth};
 use recording::program;
 use serde::Serialize;
 
 use crate::{Case, case_name};
 
-/// The seal as it is published: `trued.commitment/1`.
+/// The published commitment: `trued.commitment/1`.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Commitment<'a> {
@@ -15,7 +15,7 @@ pub struct Commitment<'a> {
     sealed_sha256: &'a str,
 }
 
-/// What was hidden in each case, with its hash.
+/// Truth of all cases, with its hash.
 #[derive(Debug)]
 pub struct SealedTruth {
     /// By case.
@@ -31,24 +31,24 @@ impl SealedTruth {
     pub fn of(cases: &[Case]) -> Self {
         let named = cases.iter().enumerate();
         let truths: Vec<Truth> = named.map(|(index, case)| case.truth(&case_name(index))).collect();
-        let text = truth::text(&truths);
-        Self { sha256: seal::sha256(&text), text, truths }
+        let text = truth::to_json(&truths);
+        Self { sha256: commitment::sha256(&text), text, truths }
     }
 
-    /// The seal as JSON, to be published before the answers.
+    /// The commitment as JSON, to be published before the answers.
     ///
     /// # Errors
-    /// It cannot be written as JSON: a fault of this program.
+    /// Serialisation failed (internal error).
     pub fn commitment(&self) -> Result<String, serde_json::Error> {
         let commitment = Commitment { cases: self.truths.len(), sealed_sha256: &self.sha256 };
         Ok(program::json("trued.commitment/1", &commitment)? + "\n")
     }
 
-    /// The text, if it still fits its seal.
+    /// The text, if it matches its hash.
     ///
     /// # Errors
-    /// It does not.
-    pub fn open(&self) -> Result<&str, Broken> {
-        seal::open(&self.text, &self.sha256)
+    /// The text does not match the hash.
+    pub fn open(&self) -> Result<&str, HashMismatch> {
+        commitment::verify(&self.text, &self.sha256)
     }
 }

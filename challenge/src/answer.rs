@@ -23,27 +23,27 @@ pub enum Verdict {
 impl Verdict {
     /// Whether its findings are claims.
     #[must_use]
-    pub fn claims(self) -> bool {
+    pub fn makes_claims(self) -> bool {
         matches!(self, Self::MissingPhysics | Self::UnknownStructure)
     }
 }
 
 /// A reported effect.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Named {
+pub struct ReportedEffect {
     /// Name in the model format.
-    pub effect: String,
+    pub name: String,
     /// 1-based.
     pub joint: Option<usize>,
 }
 
 /// One parameter with its interval.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Number {
+pub struct ReportedParameter {
     /// Key in the model format.
     pub key: String,
     /// Index in the key's list.
-    pub place: usize,
+    pub index: usize,
     /// In the key's unit.
     pub value: f64,
     /// Lower and upper limit of the 95 % confidence interval.
@@ -54,15 +54,15 @@ pub struct Number {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// The reported effect.
-    pub named: Named,
+    pub effect: ReportedEffect,
     /// `new` or `revised`.
     pub change: String,
     /// Posterior probability of the effect.
     pub confidence: Option<f64>,
     /// Its parameters.
-    pub numbers: Vec<Number>,
+    pub parameters: Vec<ReportedParameter>,
     /// Alternative effects.
-    pub alternatives: Vec<Named>,
+    pub alternatives: Vec<ReportedEffect>,
 }
 
 /// An answer.
@@ -78,7 +78,7 @@ pub struct Answer {
 
 /// Why a text is not an answer.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum NoAnswer {
+pub enum AnswerError {
     /// Not JSON.
     #[error("is no JSON: {0}")]
     NotJson(String),
@@ -98,65 +98,70 @@ impl Answer {
     ///
     /// # Errors
     /// The reason why the text is not an answer.
-    pub fn parse(text: &str, domain: &'static str) -> Result<Self, NoAnswer> {
+    pub fn parse(text: &str, domain: &'static str) -> Result<Self, AnswerError> {
         let whole: Value =
-            serde_json::from_str(text).map_err(|error| NoAnswer::NotJson(error.to_string()))?;
+            serde_json::from_str(text).map_err(|error| AnswerError::NotJson(error.to_string()))?;
         if whole["schema"].as_str() != Some("trued.diagnosis/1") {
-            return Err(NoAnswer::Schema);
+            return Err(AnswerError::Schema);
         }
         let asked = match whole["domains"].as_array() {
             Some(domains) => domains.iter().find(|d| d["domain"].as_str() == Some(domain)),
             None => Some(&whole).filter(|d| d["domain"].as_str().is_none_or(|name| name == domain)),
         };
-        let body = asked.ok_or(NoAnswer::NoDomain(domain))?;
+        let body = asked.ok_or(AnswerError::NoDomain(domain))?;
         let word = body["verdict"].as_str().unwrap_or_default();
         let verdict = match word {
             "consistent" => Verdict::Consistent,
             "missing_physics" => Verdict::MissingPhysics,
             "unknown_structure" => Verdict::UnknownStructure,
             "undetermined" => Verdict::Undetermined,
-            _ => return Err(NoAnswer::Verdict(word.to_owned())),
+            _ => return Err(AnswerError::Verdict(word.to_owned())),
         };
         let words = body["unexplained"]["depends_on"].as_array();
         let words = words.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
         let claims = ["findings", "minor"].iter().filter_map(|key| body[*key].as_array());
-        let findings = claims.flatten().filter_map(finding);
+        let findings = claims.flatten().filter_map(parse_finding);
         Ok(Self { verdict, findings: findings.collect(), depends_on: words.collect() })
     }
 
     /// All reported effects in order: findings first, then their alternatives.
-    pub fn names(&self) -> impl Iterator<Item = &Named> {
-        let own = self.findings.iter().map(|finding| &finding.named);
+    pub fn reported_effects(&self) -> impl Iterator<Item = &ReportedEffect> {
+        let own = self.findings.iter().map(|finding| &finding.effect);
         own.chain(self.findings.iter().flat_map(|finding| &finding.alternatives))
     }
 }
 
-fn named(value: &Value) -> Option<Named> {
+fn parse_effect(value: &Value) -> Option<ReportedEffect> {
     let joint = value["joint"].as_u64().and_then(|joint| usize::try_from(joint).ok());
-    Some(Named { effect: value["effect"].as_str()?.to_owned(), joint })
+    Some(ReportedEffect { name: value["effect"].as_str()?.to_owned(), joint })
 }
 
-fn finding(value: &Value) -> Option<Finding> {
+fn parse_finding(value: &Value) -> Option<Finding> {
     let parameters = value["parameters"].as_object();
     let alternatives = value["alternatives"].as_array();
     Some(Finding {
-        named: named(value)?,
+        effect: parse_effect(value)?,
         change: value["change"].as_str().unwrap_or("new").to_owned(),
         confidence: value["confidence"].as_f64(),
-        numbers: parameters
+        parameters: parameters
             .into_iter()
             .flatten()
-            .flat_map(|(key, value)| numbers(key, value))
+            .flat_map(|(key, value)| parse_parameters(key, value))
             .collect(),
-        alternatives: alternatives.into_iter().flatten().filter_map(named).collect(),
+        alternatives: alternatives.into_iter().flatten().filter_map(parse_effect).collect(),
     })
 }
 
 /// Parses a value, or a list of values with a list of intervals.
-fn numbers(key: &str, value: &Value) -> Vec<Number> {
+fn parse_parameters(key: &str, value: &Value) -> Vec<ReportedParameter> {
     let pair = |value: &Value| Some((value[0].as_f64()?, value[1].as_f64()?));
     let number = |place: usize, value: &Value, ci95: &Value| {
-        Some(Number { key: key.to_owned(), place, value: value.as_f64()?, ci95: pair(ci95) })
+        Some(ReportedParameter {
+            key: key.to_owned(),
+            index: place,
+            value: value.as_f64()?,
+            ci95: pair(ci95),
+        })
     };
     match value["value"].as_array() {
         Some(list) => {
@@ -183,9 +188,9 @@ mod tests {
         let answer = Answer::parse(ANSWER, "position").expect("an answer");
         assert_eq!(answer.verdict, Verdict::MissingPhysics);
         let finding = &answer.findings[0];
-        assert_eq!((finding.named.effect.as_str(), finding.named.joint), ("axis_tilt", Some(3)));
-        assert_eq!(finding.numbers[1].ci95, Some((0.1, 0.3)));
-        assert_eq!(answer.names().count(), 2);
+        assert_eq!((finding.effect.name.as_str(), finding.effect.joint), ("axis_tilt", Some(3)));
+        assert_eq!(finding.parameters[1].ci95, Some((0.1, 0.3)));
+        assert_eq!(answer.reported_effects().count(), 2);
         assert_eq!(answer.depends_on, ["q2", "v3"]);
     }
 
@@ -198,7 +203,7 @@ mod tests {
         assert_eq!(Answer::parse(&both, "torque").map(|a| a.verdict), Ok(Verdict::Consistent));
         let torque =
             r#"{"schema": "trued.diagnosis/1", "domain": "torque", "verdict": "consistent"}"#;
-        assert_eq!(Answer::parse(torque, "position"), Err(NoAnswer::NoDomain("position")));
+        assert_eq!(Answer::parse(torque, "position"), Err(AnswerError::NoDomain("position")));
     }
 
     proptest! {

@@ -5,10 +5,10 @@
 //!
 //! The model file is derived from these transforms. All joints are revolute.
 
-use crate::chance::Chance;
-use crate::space::{
-    ONE, T4, V3, column, mul, norm, origin, point, rotate, rotate_back, shift, times, turn, turn_x,
-    turn_z,
+use crate::rng::Rng;
+use crate::transform::{
+    IDENTITY, Transform, Vector3, column, mul, norm, origin, rotate, rotate_inverse, rotation,
+    rotation_x, rotation_z, scaled, transform_point, translation,
 };
 
 /// Largest number of joints.
@@ -24,7 +24,7 @@ pub struct Mass {
     /// Mass, kg.
     pub kg: f64,
     /// Position in the frame of that joint, after its motion, m.
-    pub at: V3,
+    pub position: Vector3,
     /// Whether it belongs to the tool.
     pub tool: bool,
 }
@@ -35,24 +35,24 @@ pub struct Arm {
     /// Name for users.
     pub name: String,
     /// `L₀` to `Lₙ`.
-    pub links: Vec<T4>,
+    pub links: Vec<Transform>,
     /// Point masses; empty if unknown.
     pub masses: Vec<Mass>,
     /// Gravity in the base, m/s².
-    pub gravity: V3,
+    pub gravity: Vector3,
     /// Centre of each joint's useful range, rad.
     pub home: Joints,
     /// Half of that range, rad.
-    pub reach: Joints,
+    pub half_range: Joints,
 }
 
 /// A row of a table: d, a (m), α, offset (rad), mass moved by the joint (kg), home and half range (rad).
-type Row = (f64, f64, f64, f64, f64, f64, f64);
+type DhRow = (f64, f64, f64, f64, f64, f64, f64);
 
 const R: f64 = std::f64::consts::FRAC_PI_2;
 
 /// Dimensions as published (UR10e, IRB 120) or of similar proportions; masses are rounded.
-const FAMILIES: [(&str, &[Row]); 6] = [
+const TABLES: [(&str, &[DhRow]); 6] = [
     (
         "UR10e",
         &[
@@ -119,17 +119,25 @@ const FAMILIES: [(&str, &[Row]); 6] = [
 ];
 
 impl Arm {
-    /// The arm of a table of `FAMILIES`, with lengths scaled by `stretch`, and a tool.
+    /// The arm of a table of `TABLES`, with lengths scaled by `stretch`, and a tool.
     #[must_use]
-    pub fn family(number: usize, stretch: f64, tool: &T4, tool_kg: f64, with_masses: bool) -> Self {
-        let (name, rows) = FAMILIES[number % FAMILIES.len()];
+    pub fn from_table(
+        number: usize,
+        stretch: f64,
+        tool: &Transform,
+        tool_kg: f64,
+        with_masses: bool,
+    ) -> Self {
+        let (name, rows) = TABLES[number % TABLES.len()];
         let n = rows.len();
-        let mut links = vec![turn_z(rows[0].3)];
+        let mut links = vec![rotation_z(rows[0].3)];
         for (i, row) in rows.iter().enumerate() {
             let next = rows.get(i + 1).map_or(0.0, |next| next.3);
-            let along =
-                mul(&shift([0.0, 0.0, row.0 * stretch]), &shift([row.1 * stretch, 0.0, 0.0]));
-            links.push(mul(&mul(&along, &turn_x(row.2)), &turn_z(next)));
+            let along = mul(
+                &translation([0.0, 0.0, row.0 * stretch]),
+                &translation([row.1 * stretch, 0.0, 0.0]),
+            );
+            links.push(mul(&mul(&along, &rotation_x(row.2)), &rotation_z(next)));
         }
         let flange = links[n];
         links[n] = mul(&flange, tool);
@@ -139,10 +147,10 @@ impl Arm {
             masses: Vec::new(),
             gravity: [0.0, 0.0, -9.806_65],
             home: [0.0; JOINTS],
-            reach: [0.0; JOINTS],
+            half_range: [0.0; JOINTS],
         };
         for (i, row) in rows.iter().enumerate() {
-            (arm.home[i], arm.reach[i]) = (row.5, row.6);
+            (arm.home[i], arm.half_range[i]) = (row.5, row.6);
             let to_next = if i + 1 == n { origin(&flange) } else { origin(&arm.links[i + 1]) };
             let aside = 0.06 * row.4 / (row.4 + 10.0);
             let at = [
@@ -150,10 +158,10 @@ impl Arm {
                 0.45 * to_next[1] - 0.5 * aside,
                 0.45 * to_next[2] + aside,
             ];
-            arm.masses.push(Mass { joint: i, kg: row.4, at, tool: false });
+            arm.masses.push(Mass { joint: i, kg: row.4, position: at, tool: false });
         }
-        let at = point(&flange, times(origin(tool), 0.5));
-        arm.masses.push(Mass { joint: n - 1, kg: tool_kg, at, tool: true });
+        let at = transform_point(&flange, scaled(origin(tool), 0.5));
+        arm.masses.push(Mass { joint: n - 1, kg: tool_kg, position: at, tool: true });
         if !with_masses {
             arm.masses.clear();
         }
@@ -161,33 +169,34 @@ impl Arm {
     }
 
     /// A random arm.
-    pub fn draw(chance: &mut Chance, with_masses: bool) -> Self {
+    pub fn random(rng: &mut Rng, with_masses: bool) -> Self {
         // Six-axis arms are most frequent.
-        let number = [0, 0, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4, 5][chance.pick(13)];
-        let stretch = chance.between(0.9, 1.15);
-        let mut around = || chance.between(-1.0, 1.0);
-        let bent = turn([0.5 * around(), 0.5 * around(), around()]);
-        let tool = mul(&shift([0.05 * around(), 0.05 * around(), 0.12 + 0.06 * around()]), &bent);
-        let kg = chance.between(1.0, 6.0);
-        Self::family(number, stretch, &tool, kg, with_masses)
+        let number = [0, 0, 1, 1, 1, 2, 2, 2, 2, 3, 3, 4, 5][rng.uniform_index(13)];
+        let stretch = rng.uniform_between(0.9, 1.15);
+        let mut around = || rng.uniform_between(-1.0, 1.0);
+        let bent = rotation([0.5 * around(), 0.5 * around(), around()]);
+        let tool =
+            mul(&translation([0.05 * around(), 0.05 * around(), 0.12 + 0.06 * around()]), &bent);
+        let kg = rng.uniform_between(1.0, 6.0);
+        Self::from_table(number, stretch, &tool, kg, with_masses)
     }
 
     /// Number of joints.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub fn joint_count(&self) -> usize {
         self.links.len() - 1
     }
 
     /// Frame of each joint before its motion, followed by that of the tool.
     #[must_use]
-    pub fn frames(&self, q: &Joints) -> Vec<T4> {
+    pub fn frames(&self, q: &Joints) -> Vec<Transform> {
         let mut frames = Vec::with_capacity(self.links.len());
-        let mut carried = ONE;
+        let mut carried = IDENTITY;
         for (i, link) in self.links.iter().enumerate() {
             carried = mul(&carried, link);
             frames.push(carried);
-            if i < self.count() {
-                carried = mul(&carried, &turn_z(q[i]));
+            if i < self.joint_count() {
+                carried = mul(&carried, &rotation_z(q[i]));
             }
         }
         frames
@@ -195,25 +204,25 @@ impl Arm {
 
     /// Pose of the tool at `q`.
     #[must_use]
-    pub fn tool(&self, q: &Joints) -> T4 {
-        self.frames(q).pop().unwrap_or(ONE)
+    pub fn tool_pose(&self, q: &Joints) -> Transform {
+        self.frames(q).pop().unwrap_or(IDENTITY)
     }
 
     /// Vector from joint `i`'s pivot to the next, in its frame after its motion, m.
     #[must_use]
-    pub fn to_next(&self, i: usize) -> V3 {
+    pub fn to_next(&self, i: usize) -> Vector3 {
         origin(&self.links[i + 1])
     }
 
     /// Whether a link is long enough for thermal growth.
     #[must_use]
-    pub fn grows(&self, i: usize) -> bool {
+    pub fn has_thermal_growth(&self, i: usize) -> bool {
         norm(self.to_next(i)) > 0.02
     }
 
     /// The two normals of joint `i`'s axis as defined by the model format, base axes at the zero configuration, transformed to the joint's frame.
     #[must_use]
-    pub fn normals(&self, i: usize) -> [V3; 2] {
+    pub fn normals(&self, i: usize) -> [Vector3; 2] {
         let zero = self.frames(&[0.0; JOINTS])[i];
         let e = column(&zero, 2);
         let mut axis = 0;
@@ -222,22 +231,22 @@ impl Arm {
                 axis = k;
             }
         }
-        let mut first = times(e, -e[axis]);
+        let mut first = scaled(e, -e[axis]);
         first[axis] += 1.0;
-        let first = times(first, 1.0 / norm(first));
-        let second = crate::space::cross(e, first);
-        [rotate_back(&zero, first), rotate_back(&zero, second)]
+        let first = scaled(first, 1.0 / norm(first));
+        let second = crate::transform::cross(e, first);
+        [rotate_inverse(&zero, first), rotate_inverse(&zero, second)]
     }
 
     /// A vector of the base axes at the zero configuration, in joint `i`'s frame.
     #[must_use]
-    pub fn into_joint(&self, i: usize, v: V3) -> V3 {
-        rotate_back(&self.frames(&[0.0; JOINTS])[i], v)
+    pub fn joint_from_base(&self, i: usize, v: Vector3) -> Vector3 {
+        rotate_inverse(&self.frames(&[0.0; JOINTS])[i], v)
     }
 
     /// A vector of joint `i`'s frame in the base axes at the zero configuration.
     #[must_use]
-    pub fn out_of_joint(&self, i: usize, v: V3) -> V3 {
+    pub fn base_from_joint(&self, i: usize, v: Vector3) -> Vector3 {
         rotate(&self.frames(&[0.0; JOINTS])[i], v)
     }
 }
@@ -245,10 +254,10 @@ impl Arm {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::sub;
+    use crate::transform::sub;
 
-    fn tip(number: usize, q: Joints) -> V3 {
-        origin(&Arm::family(number, 1.0, &ONE, 1.0, true).tool(&q))
+    fn tip(number: usize, q: Joints) -> Vector3 {
+        origin(&Arm::from_table(number, 1.0, &IDENTITY, 1.0, true).tool_pose(&q))
     }
 
     #[test]
@@ -271,9 +280,9 @@ mod tests {
 
     #[test]
     fn normals_are_the_contracts() {
-        let arm = Arm::family(1, 1.0, &ONE, 1.0, true);
+        let arm = Arm::from_table(1, 1.0, &IDENTITY, 1.0, true);
         // Joint 1 about z: x comes first. Joint 4 of the IRB 120 about x: y comes first.
-        let base = |i: usize| arm.normals(i).map(|n| arm.out_of_joint(i, n));
+        let base = |i: usize| arm.normals(i).map(|n| arm.base_from_joint(i, n));
         assert!(norm(sub(base(0)[0], [1.0, 0.0, 0.0])) < 1e-12);
         assert!(norm(sub(base(0)[1], [0.0, 1.0, 0.0])) < 1e-12);
         assert!(norm(sub(base(3)[0], [0.0, 1.0, 0.0])) < 1e-12);

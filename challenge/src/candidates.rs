@@ -2,9 +2,9 @@
 //! per grid point; effects whose inputs were not recorded are excluded.
 
 use crate::arm::JOINTS;
-use crate::case::Case;
-use crate::kinds::{Effect, Kind, Need};
-use crate::law::Law;
+use crate::case::PositionCase;
+use crate::effect::EffectKind;
+use crate::kinds::{Effect, Kind, Requirement};
 use crate::scene::Scene;
 
 /// An effect with its possible forms.
@@ -15,45 +15,48 @@ pub struct Candidate<E = Effect> {
     /// 1-based.
     pub joint: Option<usize>,
     /// Number of its parameters.
-    pub count: usize,
+    pub parameter_count: usize,
     /// Whether its only parameter must not be negative.
-    pub not_negative: bool,
+    pub non_negative: bool,
     /// Each form: effects that are added with free coefficients.
     pub forms: Vec<Vec<E>>,
 }
 
 /// All candidates.
 #[must_use]
-pub fn candidates(case: &Case, scene: &Scene) -> Vec<Candidate> {
+pub fn candidates(case: &PositionCase, scene: &Scene) -> Vec<Candidate> {
     let mut all = Vec::new();
-    for kind in Kind::LIBRARY {
-        let facts = kind.facts();
-        let Some(name) = facts.name else { continue };
-        if !may_answer(case, kind) {
+    for kind in Kind::DICTIONARY {
+        let spec = kind.spec();
+        let Some(name) = spec.name else { continue };
+        if !is_admissible(case, kind) {
             continue;
         }
-        let joints = if facts.of_joint { 0..scene.arm.count() } else { 0..1 };
+        let joints = if spec.per_joint { 0..scene.arm.joint_count() } else { 0..1 };
         for joint in joints {
-            if !fits(case, scene, kind, joint) {
+            if !is_observable(case, scene, kind, joint) {
                 continue;
             }
             let others: Vec<usize> = match kind {
-                Kind::JointCoupling => (0..scene.arm.count()).filter(|j| *j != joint).collect(),
+                Kind::JointCoupling => {
+                    (0..scene.arm.joint_count()).filter(|j| *j != joint).collect()
+                }
                 _ => vec![joint],
             };
-            let one = |other: usize, numbers: &[f64]| Effect {
+            let one = |other: usize, parameters: &[f64]| Effect {
                 kind,
                 joint,
-                other,
-                numbers: numbers.to_vec(),
+                other_joint: other,
+                parameters: parameters.to_vec(),
             };
-            let forms =
-                others.iter().flat_map(|other| forms(kind, scene, &|numbers| one(*other, numbers)));
+            let forms = others
+                .iter()
+                .flat_map(|other| forms(kind, scene, &|parameters| one(*other, parameters)));
             all.push(Candidate {
                 name,
-                joint: facts.of_joint.then_some(joint + 1),
-                count: free_numbers(kind, scene, joint),
-                not_negative: facts.not_negative,
+                joint: spec.per_joint.then_some(joint + 1),
+                parameter_count: free_parameter_count(kind, scene, joint),
+                non_negative: spec.non_negative,
                 forms: forms.collect(),
             });
         }
@@ -63,37 +66,39 @@ pub fn candidates(case: &Case, scene: &Scene) -> Vec<Candidate> {
 
 /// Number of free parameters: a shift of a joint's axis along itself is not observable, except at the last joint.
 #[must_use]
-pub fn free_numbers(kind: Kind, scene: &Scene, joint: usize) -> usize {
-    let axial = kind == Kind::AxisShift && joint + 1 < scene.arm.count();
+pub fn free_parameter_count(kind: Kind, scene: &Scene, joint: usize) -> usize {
+    let axial = kind == Kind::AxisShift && joint + 1 < scene.arm.joint_count();
     kind.count() - usize::from(axial)
 }
 
 /// Whether its inputs were recorded.
 #[must_use]
-pub fn may_answer(case: &Case, kind: Kind) -> bool {
-    let has = case.scene.has;
-    kind.facts().needs.iter().all(|need| match need {
-        Need::Path => !case.scene.settled(),
-        Need::Poses => case.scene.settled(),
-        Need::Wrench => has.wrench || kind == Kind::GravityCompliance,
-        Need::Temperature => has.ambient,
-        Need::NoTemperature => !has.ambient,
-        Need::Spindle => has.spindle,
-        Need::Masses => !case.scene.arm.masses.is_empty(),
-        Need::Compliance => case.known.iter().any(|k| k.nominal.kind == Kind::JointCompliance),
-        Need::OwnCompliance => true,
+pub fn is_admissible(case: &PositionCase, kind: Kind) -> bool {
+    let recorded_inputs = case.scene.recorded;
+    kind.spec().needs.iter().all(|need| match need {
+        Requirement::Path => !case.scene.is_settled(),
+        Requirement::Poses => case.scene.is_settled(),
+        Requirement::Wrench => recorded_inputs.wrench || kind == Kind::GravityCompliance,
+        Requirement::Temperature => recorded_inputs.ambient,
+        Requirement::NoTemperature => !recorded_inputs.ambient,
+        Requirement::Spindle => recorded_inputs.spindle,
+        Requirement::Masses => !case.scene.arm.masses.is_empty(),
+        Requirement::Compliance => {
+            case.modelled.iter().any(|k| k.nominal.kind == Kind::JointCompliance)
+        }
+        Requirement::OwnCompliance => true,
     })
 }
 
 /// Whether it is possible on this joint, given the effects of the model.
 #[must_use]
-pub fn fits(case: &Case, scene: &Scene, kind: Kind, joint: usize) -> bool {
+pub fn is_observable(case: &PositionCase, scene: &Scene, kind: Kind, joint: usize) -> bool {
     match kind {
         Kind::ThermalGrowth | Kind::ThermalGrowthLag | Kind::ThermalGrowthWarmUp => {
-            scene.arm.grows(joint)
+            scene.arm.has_thermal_growth(joint)
         }
-        Kind::GravityCompliance | Kind::LoadCompliance => !case.knows_compliance(joint),
-        Kind::StiffnessHardening | Kind::Counterbalance => case.knows_compliance(joint),
+        Kind::GravityCompliance | Kind::LoadCompliance => !case.has_modelled_compliance(joint),
+        Kind::StiffnessHardening | Kind::Counterbalance => case.has_modelled_compliance(joint),
         _ => true,
     }
 }
@@ -102,7 +107,8 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
     let unit = |count: usize, k: usize| -> Vec<f64> {
         (0..count).map(|n| if n == k { 1.0 } else { 0.0 }).collect()
     };
-    let alone = |numbers: &[&[f64]]| numbers.iter().map(|numbers| vec![one(numbers)]).collect();
+    let alone =
+        |parameters: &[&[f64]]| parameters.iter().map(|numbers| vec![one(numbers)]).collect();
     let quarter = std::f64::consts::FRAC_PI_2;
     match kind {
         Kind::AxisShift => {
@@ -110,10 +116,10 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
             let across = scene
                 .arm
                 .normals(effect.joint)
-                .map(|n| one(&scene.arm.out_of_joint(effect.joint, n)));
+                .map(|n| one(&scene.arm.base_from_joint(effect.joint, n)));
             let mut form = across.to_vec();
-            if effect.joint + 1 == scene.arm.count() {
-                form.push(one(&scene.arm.out_of_joint(effect.joint, [0.0, 0.0, 1.0])));
+            if effect.joint + 1 == scene.arm.joint_count() {
+                form.push(one(&scene.arm.base_from_joint(effect.joint, [0.0, 0.0, 1.0])));
             }
             vec![form]
         }
@@ -148,8 +154,8 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
         Kind::TimeDelay | Kind::ServoLag => alone(&[&[2e-3]]),
         Kind::Counterbalance => alone(&[&[1e4, 0.3, 0.15, 0.4, 0.3], &[1e4, 0.3, 0.15, 0.4, 1.9]]),
         Kind::Payload => {
-            let zero = scene.arm.tool(&[0.0; JOINTS]);
-            let tcp = crate::space::origin(&zero);
+            let zero = scene.arm.tool_pose(&[0.0; JOINTS]);
+            let tcp = crate::transform::origin(&zero);
             let at = |by: [f64; 3]| one(&[1.0, tcp[0] + by[0], tcp[1] + by[1], tcp[2] + by[2]]);
             vec![vec![at([0.0; 3]), at([0.1, 0.0, 0.0]), at([0.0, 0.1, 0.0]), at([0.0, 0.0, 0.1])]]
         }

@@ -1,13 +1,13 @@
 //! One blind case of the position domain: robot, its model, hidden effects, measurements.
 //!
-//! Everything follows from the case and its seed. The solver gets only the files of [`mod@crate::write`].
+//! Everything follows from the case and its seed. The solver gets only the files of [`mod@crate::case_files`].
 
-use crate::chance::Chance;
+use crate::effect::{self, BlindCase, EffectKind};
+use crate::instrument::{Instrument, Measurements, Noise};
 use crate::kinds::{Effect, Kind};
-use crate::law::{self, Law, Trial};
 use crate::laws::Run;
-use crate::scene::{Richness, Scene};
-use crate::view::{Measured, Noise, View};
+use crate::rng::Rng;
+use crate::scene::{Excitation, Scene};
 
 /// Class of a case: what the solver has to find.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -35,7 +35,7 @@ impl Tier {
 
     /// Name in results.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Null => "null",
             Self::Single => "single",
@@ -67,90 +67,90 @@ impl Tier {
 
 /// An effect of the model.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known<K: Law = Kind> {
+pub struct ModelledEffect<K: EffectKind = Kind> {
     /// As stated in the model.
-    pub nominal: law::Effect<K>,
+    pub nominal: effect::Effect<K>,
     /// The true effect, within the stated uncertainty.
-    pub real: law::Effect<K>,
+    pub true_effect: effect::Effect<K>,
     /// Standard uncertainties of the first parameters, SI; the others are exact.
     pub sigma: Vec<f64>,
 }
 
 /// A case.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Case {
+pub struct PositionCase {
     /// Its tier.
     pub tier: Tier,
     /// Motion, loads and temperatures.
     pub scene: Scene,
     /// Excitation of the motion.
-    pub richness: Richness,
+    pub excitation: Excitation,
     /// Instrument.
-    pub view: View,
+    pub instrument: Instrument,
     /// Noise of the instrument.
     pub noise: Noise,
     /// Effects in the model.
-    pub known: Vec<Known>,
+    pub modelled: Vec<ModelledEffect>,
     /// Effects missing from the model.
     pub hidden: Vec<Effect>,
     /// Seed of the noise and of the unseen motion.
     pub seed: u64,
 }
 
-impl Case {
+impl PositionCase {
     /// Measured values without noise, for a robot with these effects on `scene`.
     #[must_use]
-    pub fn exact(&self, scene: &Scene, effects: &[Effect]) -> Vec<f64> {
-        let run = Run::of(scene, effects);
-        self.view.values(scene, &run.motors(), &run.bends(effects))
+    pub fn exact_values(&self, scene: &Scene, effects: &[Effect]) -> Vec<f64> {
+        let run = Run::new(scene, effects);
+        self.instrument.values(scene, &run.motor_positions(), &run.deviations(effects))
     }
 
     /// Measured values of `scene` with noise; `part` selects the noise stream of one recording.
     #[must_use]
-    pub fn measured(&self, scene: &Scene, part: u64) -> Measured {
-        let exact = self.exact(scene, &self.real());
-        let mut chance = Chance::new(self.seed, 100 + part);
-        self.noise.read(scene, &exact, self.view.width(scene), &mut chance)
+    pub fn simulate_measurements(&self, scene: &Scene, part: u64) -> Measurements {
+        let exact = self.exact_values(scene, &self.true_effects());
+        let mut rng = Rng::new(self.seed, 100 + part);
+        self.noise.measure(scene, &exact, self.instrument.values_per_row(scene), &mut rng)
     }
 
     /// Another motion of the same robot, which the solver never sees.
     #[must_use]
-    pub fn unseen(&self) -> Scene {
-        self.scene.again(&mut Chance::new(self.seed, 50), self.richness)
+    pub fn unseen_scene(&self) -> Scene {
+        self.scene.new_motion(&mut Rng::new(self.seed, 50), self.excitation)
     }
 
     /// The point about which the measuring frame is rotated, measuring axes, m: position of the tool at the home configuration.
     #[must_use]
-    pub fn middle(&self) -> crate::space::V3 {
+    pub fn home_point(&self) -> crate::transform::Vector3 {
         let arm = &self.scene.arm;
-        let home = crate::space::origin(&arm.tool(&arm.home));
-        crate::space::point(&self.view.measuring_from_base, home)
+        let home = crate::transform::origin(&arm.tool_pose(&arm.home));
+        crate::transform::transform_point(&self.instrument.measuring_from_base, home)
     }
 
     /// Whether the model has a compliance of `joint` (0-based).
     #[must_use]
-    pub fn knows_compliance(&self, joint: usize) -> bool {
-        self.known_of(Kind::JointCompliance, joint).is_some()
+    pub fn has_modelled_compliance(&self, joint: usize) -> bool {
+        self.modelled_effect(Kind::JointCompliance, joint).is_some()
     }
 }
 
-impl Trial for Case {
+impl BlindCase for PositionCase {
     type Kind = Kind;
 
     fn tier(&self) -> Tier {
         self.tier
     }
 
-    fn known(&self) -> &[Known] {
-        &self.known
+    fn modelled(&self) -> &[ModelledEffect] {
+        &self.modelled
     }
 
     fn hidden(&self) -> &[Effect] {
         &self.hidden
     }
 
-    fn follows(&self, effect: &Effect) -> Vec<String> {
-        let (own, other) = (effect.joint + 1, effect.other + 1);
+    fn covariates(&self, effect: &Effect) -> Vec<String> {
+        let (own, other) = (effect.joint + 1, effect.other_joint + 1);
         match effect.kind {
             Kind::CableDrag => vec![format!("q{own}"), format!("v{own}")],
             Kind::VaryingDelay => vec![format!("q{other}"), format!("v{own}")],

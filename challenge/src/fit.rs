@@ -3,55 +3,55 @@
 //! Nuisance parameters are fitted on training rows only, for predictions and oracle alike. Errors of one pair are over the same rows, and do not
 //! depend on which effects an answer reports.
 
-use crate::law::{Effect, Law, Trial};
-use crate::linear::Span;
-use crate::view::Whitener;
-use crate::weigh::readings;
+use crate::comparison::prior_count;
+use crate::effect::{BlindCase, Effect, EffectKind};
+use crate::instrument::Whitener;
+use crate::least_squares::OrthonormalBasis;
 
 /// One recording: measured values, rows in use, and nuisance columns.
-pub struct Part {
+pub struct MeasuredRecording {
     /// Measured values, in a fixed order and unit.
     pub measured: Vec<f64>,
     /// Selects the rows in use.
     pub whitener: Whitener,
     /// Columns of the nuisance parameters, in the order of the values.
-    pub anyway: Vec<Vec<f64>>,
+    pub nuisance_columns: Vec<Vec<f64>>,
 }
 
-impl Part {
-    fn off(&self, predicted: &[f64]) -> Vec<f64> {
+impl MeasuredRecording {
+    fn residual(&self, predicted: &[f64]) -> Vec<f64> {
         self.measured.iter().zip(predicted).map(|(a, b)| a - b).collect()
     }
 }
 
 /// The recording given to the solver, and the unseen one.
-pub struct Pair {
+pub struct RecordingPair {
     /// Given to the solver.
-    pub training: Part,
+    pub training: MeasuredRecording,
     /// Never seen by the solver.
-    pub unseen: Part,
+    pub unseen: MeasuredRecording,
 }
 
-impl Pair {
+impl RecordingPair {
     /// Root mean square residual of the unseen recording, for predictions of both recordings.
     #[must_use]
     pub fn error(&self, training: &[f64], unseen: &[f64]) -> f64 {
-        let mut span = Span::default();
-        for column in &self.training.anyway {
-            span.take(self.training.whitener.apply(column));
+        let mut basis = OrthonormalBasis::default();
+        for column in &self.training.nuisance_columns {
+            basis.add_column(self.training.whitener.apply(column));
         }
-        let found = span.solve(&self.training.whitener.apply(&self.training.off(training)));
-        let mut rest = self.unseen.off(unseen);
-        for (column, share) in self.unseen.anyway.iter().zip(found) {
+        let found = basis.solve(&self.training.whitener.apply(&self.training.residual(training)));
+        let mut rest = self.unseen.residual(unseen);
+        for (column, share) in self.unseen.nuisance_columns.iter().zip(found) {
             rest.iter_mut().zip(column).for_each(|(x, c)| *x -= share * c);
         }
-        let kept = self.unseen.whitener.kept(&rest);
+        let kept = self.unseen.whitener.select(&rest);
         (kept.iter().map(|x| x * x).sum::<f64>() / kept.len().max(1) as f64).sqrt()
     }
 
     /// All effects with parameters fitted to the training rows in this number of Gauss-Newton steps; `exact` predicts these rows.
     #[must_use]
-    pub fn fitted<C: Trial>(
+    pub fn fit_effects<C: BlindCase>(
         &self,
         case: &C,
         steps: usize,
@@ -60,13 +60,13 @@ impl Pair {
         let mut all = case.nominal();
         all.extend(case.hidden().iter().cloned());
         for _ in 0..steps {
-            self.step(case, &mut all, &exact);
+            self.gauss_newton_step(case, &mut all, &exact);
         }
         all
     }
 
     /// One step on the uncertain parameters of the model's effects, which come first, and on all parameters of the hidden ones.
-    fn step<C: Trial>(
+    fn gauss_newton_step<C: BlindCase>(
         &self,
         case: &C,
         all: &mut [Effect<C::Kind>],
@@ -74,28 +74,29 @@ impl Pair {
     ) {
         let part = &self.training;
         let now = exact(all);
-        let mut target = part.whitener.apply(&part.off(&now));
-        for (known, effect) in case.known().iter().zip(all.iter()) {
-            let numbers = known.nominal.numbers.iter().zip(&effect.numbers).zip(&known.sigma);
-            target.extend(numbers.map(|((told, now), sigma)| (told - now) / sigma));
+        let mut target = part.whitener.apply(&part.residual(&now));
+        for (known, effect) in case.modelled().iter().zip(all.iter()) {
+            let parameters =
+                known.nominal.parameters.iter().zip(&effect.parameters).zip(&known.sigma);
+            target.extend(parameters.map(|((stated, now), sigma)| (stated - now) / sigma));
         }
-        let mut span = Span::default();
+        let mut basis = OrthonormalBasis::default();
         let whole = |values: &[f64]| {
             let mut column = part.whitener.apply(values);
             column.resize(target.len(), 0.0);
             column
         };
-        part.anyway.iter().for_each(|column| {
-            span.take(whole(column));
+        part.nuisance_columns.iter().for_each(|column| {
+            basis.add_column(whole(column));
         });
-        let mut reading = target.len() - readings(case);
+        let mut reading = target.len() - prior_count(case);
         let mut places = Vec::new();
         for which in 0..all.len() {
-            let sigma = case.known().get(which).map(|known| known.sigma.as_slice());
-            for n in 0..sigma.map_or(all[which].numbers.len(), <[f64]>::len) {
+            let sigma = case.modelled().get(which).map(|modelled| modelled.sigma.as_slice());
+            for n in 0..sigma.map_or(all[which].parameters.len(), <[f64]>::len) {
                 let h = 1e-3 * C::Kind::step(&all[which], n);
                 let mut moved = all.to_vec();
-                moved[which].numbers[n] += h;
+                moved[which].parameters[n] += h;
                 let moved = exact(&moved);
                 let slope: Vec<f64> = moved.iter().zip(&now).map(|(a, b)| (a - b) / h).collect();
                 let mut column = whole(&slope);
@@ -103,14 +104,14 @@ impl Pair {
                     column[reading] = 1.0 / sigma[n];
                     reading += 1;
                 }
-                span.take(column);
+                basis.add_column(column);
                 places.push((which, n));
             }
         }
-        let found = span.solve(&target);
-        for ((which, n), by) in places.into_iter().zip(&found[part.anyway.len()..]) {
+        let found = basis.solve(&target);
+        for ((which, n), by) in places.into_iter().zip(&found[part.nuisance_columns.len()..]) {
             let effect = &mut all[which];
-            effect.numbers[n] = C::Kind::bounded(effect, n, effect.numbers[n] + by);
+            effect.parameters[n] = C::Kind::bounded(effect, n, effect.parameters[n] + by);
         }
     }
 }

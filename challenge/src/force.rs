@@ -5,18 +5,18 @@
 //! moves while it rotates; runout displaces the edges; wear is proportional to the feed path. The forces are measured by a sensor with misalignment,
 //! cross-talk, scale error, bias, drift, noise and quantisation.
 //!
-//! Read in this order: [`kinds`], [`mod@cut`], [`scene`], [`teeth`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`].
+//! Read in this order: [`kinds`], [`mod@cut`], [`passes`], [`teeth`], [`laws`], [`case`], [`mod@detectability`], [`mod@generate`], [`mod@evaluation`], [`case_files`].
 //!
 //! The same seed gives the same bytes. No file, no process, and no code of another crate's physics.
 
-pub mod bench;
 pub mod candidates;
 pub mod case;
+pub mod case_files;
 pub mod cut;
-pub mod draw;
+pub mod detectability;
+pub mod evaluation;
+pub mod generate;
 pub mod kinds;
 pub mod laws;
-pub mod proof;
-pub mod scene;
+pub mod passes;
 pub mod teeth;
-pub mod write;

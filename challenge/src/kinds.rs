@@ -3,14 +3,14 @@
 //!
 //! Parameters are SI, in the order of the keys. Their laws: [`crate::laws`].
 
-mod facts;
+mod specs;
 
-use crate::law::{self, Law};
+use crate::effect::{self, EffectKind};
 
-/// Facts of a kind.
-pub type Facts = law::Facts<Need>;
+/// Specification of a kind of effect.
+pub type KindSpec = effect::KindSpec<Requirement>;
 /// An effect with its parameters.
-pub type Effect = law::Effect<Kind>;
+pub type Effect = effect::Effect<Kind>;
 
 /// Kinds of the candidate dictionary, one per set of parameters, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,7 +64,7 @@ pub enum Kind {
 
 /// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Need {
+pub enum Requirement {
     /// Motion along a path.
     Path,
     /// Settled poses.
@@ -87,7 +87,7 @@ pub enum Need {
 
 impl Kind {
     /// Every kind of the candidate dictionary.
-    pub const LIBRARY: [Self; 36] = [
+    pub const DICTIONARY: [Self; 36] = [
         Self::JointOffset,
         Self::JointRatio,
         Self::JointCoupling,
@@ -131,11 +131,11 @@ impl Kind {
         [Self::CableDrag, Self::VaryingDelay, Self::SpeedCube, Self::CrossJoint, Self::VaryingPlay];
 }
 
-impl Law for Kind {
-    type Need = Need;
+impl EffectKind for Kind {
+    type Requirement = Requirement;
 
-    fn facts(self) -> Facts {
-        facts::FACTS[self as usize].1
+    fn spec(self) -> KindSpec {
+        specs::SPECS[self as usize].1
     }
 }
 
@@ -145,10 +145,10 @@ mod tests {
 
     #[test]
     fn every_kind_has_its_own_facts() {
-        for kind in Kind::LIBRARY.iter().chain(&Kind::OUTSIDE) {
-            assert_eq!(facts::FACTS[*kind as usize].0, *kind);
-            assert_eq!(kind.name().is_some(), Kind::LIBRARY.contains(kind));
-            assert!((1..=kind.count()).contains(&kind.facts().leads));
+        for kind in Kind::DICTIONARY.iter().chain(&Kind::OUTSIDE) {
+            assert_eq!(specs::SPECS[*kind as usize].0, *kind);
+            assert_eq!(kind.name().is_some(), Kind::DICTIONARY.contains(kind));
+            assert!((1..=kind.count()).contains(&kind.spec().linear_count));
         }
     }
 }

@@ -6,18 +6,18 @@
 //! Zero parameters give zero deviation. No noise is added here.
 
 use crate::arm::JOINTS;
-use crate::bent::{BASE, Bend, TOOL};
+use crate::deviation::{BASE, Deviation, TOOL};
 use crate::kinds::{Effect, Kind};
-use crate::ride::{Fine, Load, loads};
+use crate::motion_and_loads::{FineMotion, Loads, loads};
 use crate::scene::Scene;
-use crate::space::{V3, add, times};
+use crate::transform::{Vector3, add, scaled};
 
 /// Number of elasto-slip elements of a hysteresis.
-const SLIPS: usize = 40;
+const SLIP_ELEMENTS: usize = 40;
 /// Relative amplitude of each sideband of a gear error.
 const SIDEBAND: f64 = 0.01;
 /// Ratio of the time constants of surface and core.
-const SURFACE: f64 = 0.03;
+const SURFACE_LAG_FRACTION: f64 = 0.03;
 
 /// A scene with the motor motion and the loads on the arm.
 #[derive(Clone, Debug)]
@@ -25,27 +25,27 @@ pub struct Run<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// Segments of a path; empty for poses.
-    pub fine: Vec<Fine>,
+    pub fine_motion: Vec<FineMotion>,
     /// One per row.
-    pub loads: Vec<Load>,
+    pub loads: Vec<Loads>,
 }
 
 impl<'a> Run<'a> {
     /// The scene with motor motion and loads under these effects.
     #[must_use]
-    pub fn of(scene: &'a Scene, effects: &[Effect]) -> Self {
-        let fine = Fine::of(scene, effects);
+    pub fn new(scene: &'a Scene, effects: &[Effect]) -> Self {
+        let fine = FineMotion::from_scene(scene, effects);
         let loads = loads(scene, &fine, effects);
-        Self { scene, fine, loads }
+        Self { scene, fine_motion: fine, loads }
     }
 
     /// Motor positions at each row, rad.
     #[must_use]
-    pub fn motors(&self) -> Vec<[f64; JOINTS]> {
+    pub fn motor_positions(&self) -> Vec<[f64; JOINTS]> {
         let mut q: Vec<_> = self.scene.rows.iter().map(|row| row.q).collect();
-        for fine in &self.fine {
-            for (row, k) in fine.at.iter().enumerate() {
-                q[fine.first + row] = fine.motors(*k);
+        for fine in &self.fine_motion {
+            for (row, k) in fine.row_index.iter().enumerate() {
+                q[fine.first_row + row] = fine.motors(*k);
             }
         }
         q
@@ -53,37 +53,42 @@ impl<'a> Run<'a> {
 
     /// Deviations by the effects, row by row; effects on motors and loads alone add none here.
     #[must_use]
-    pub fn bends(&self, effects: &[Effect]) -> Vec<Bend> {
-        let mut bends = vec![Bend::default(); self.scene.rows.len()];
-        let motors = self.motors();
-        for effect in in_a_row(effects) {
-            self.add(&effect, &motors, &mut bends);
+    pub fn deviations(&self, effects: &[Effect]) -> Vec<Deviation> {
+        let mut deviations = vec![Deviation::default(); self.scene.rows.len()];
+        let motors = self.motor_positions();
+        for effect in merge_backlash(effects) {
+            self.add(&effect, &motors, &mut deviations);
         }
-        bends
+        deviations
     }
 
-    fn add(&self, effect: &Effect, motors: &[[f64; JOINTS]], bends: &mut [Bend]) {
-        let (i, x) = (effect.joint, &effect.numbers);
+    fn add(&self, effect: &Effect, motors: &[[f64; JOINTS]], deviations: &mut [Deviation]) {
+        let (i, x) = (effect.joint, &effect.parameters);
         let mut angle = |signal: Vec<f64>| {
-            bends.iter_mut().zip(signal).for_each(|(bend, by)| *bend.of(i, 0) += by);
+            deviations
+                .iter_mut()
+                .zip(signal)
+                .for_each(|(deviation, by)| *deviation.component_mut(i, 0) += by);
         };
         let of_motor = |law: &dyn Fn(f64) -> f64| motors.iter().map(|q| law(q[i])).collect();
-        let of_load = |law: &dyn Fn(&Load) -> f64| self.loads.iter().map(law).collect();
+        let of_load = |law: &dyn Fn(&Loads) -> f64| self.loads.iter().map(law).collect();
         match effect.kind {
             Kind::JointOffset => angle(vec![x[0]; motors.len()]),
             Kind::JointRatio => angle(of_motor(&|q| x[0] * q)),
-            Kind::JointCoupling => angle(motors.iter().map(|q| x[0] * q[effect.other]).collect()),
-            Kind::TransmissionError => angle(of_motor(&|q| gear(x, q))),
+            Kind::JointCoupling => {
+                angle(motors.iter().map(|q| x[0] * q[effect.other_joint]).collect());
+            }
+            Kind::TransmissionError => angle(of_motor(&|q| transmission_error(x, q))),
             Kind::LostMotion => angle(of_load(&|load| 0.5 * x[0] * (load.torque(i) / x[1]).tanh())),
             Kind::GravityCompliance => angle(of_load(&|load| x[0] * load.gravity[i])),
             Kind::LoadCompliance => angle(of_load(&|load| x[0] * load.wrench[i])),
             Kind::JointCompliance => angle(of_load(&|load| x[0] * load.torque(i))),
             Kind::StiffnessHardening => angle(of_load(&|load| -x[0] * load.torque(i).powi(3))),
             Kind::ThermalZero | Kind::ThermalZeroLag | Kind::ThermalZeroWarmUp => {
-                angle(self.warmth(effect));
+                angle(self.thermal_response(effect));
             }
             Kind::CrossJoint => {
-                angle(motors.iter().map(|q| x[0] * (2.0 * q[effect.other]).sin()).collect());
+                angle(motors.iter().map(|q| x[0] * (2.0 * q[effect.other_joint]).sin()).collect());
             }
             Kind::Backlash
             | Kind::Hysteresis
@@ -92,58 +97,69 @@ impl<'a> Run<'a> {
             | Kind::CableDrag
             | Kind::VaryingDelay
             | Kind::SpeedCube
-            | Kind::VaryingPlay => angle(self.moving(effect)),
+            | Kind::VaryingPlay => angle(self.history_dependent(effect)),
             Kind::ThermalGrowth | Kind::ThermalGrowthLag | Kind::ThermalGrowthWarmUp => {
-                let grown = self.warmth(effect);
-                bends.iter_mut().zip(grown).for_each(|(bend, by)| *bend.of(i, 8) += by);
+                let grown = self.thermal_response(effect);
+                deviations
+                    .iter_mut()
+                    .zip(grown)
+                    .for_each(|(deviation, by)| *deviation.component_mut(i, 8) += by);
             }
             Kind::SpindleGrowth | Kind::SpindleGrowthSpeed => {
-                let grown = self.warmth(effect);
-                bends.iter_mut().zip(grown).for_each(|(bend, by)| bend.0[TOOL + 2] += by);
+                let grown = self.thermal_response(effect);
+                deviations
+                    .iter_mut()
+                    .zip(grown)
+                    .for_each(|(deviation, by)| deviation.0[TOOL + 2] += by);
             }
-            _ => self.add_geometry(effect, motors, bends),
+            _ => self.add_geometry(effect, motors, deviations),
         }
     }
 
     /// Adds effects between joints, at the base or the tool; effects on motors and loads alone are skipped.
-    fn add_geometry(&self, effect: &Effect, motors: &[[f64; JOINTS]], bends: &mut [Bend]) {
-        let (i, x, arm) = (effect.joint, &effect.numbers, &self.scene.arm);
+    fn add_geometry(
+        &self,
+        effect: &Effect,
+        motors: &[[f64; JOINTS]],
+        deviations: &mut [Deviation],
+    ) {
+        let (i, x, arm) = (effect.joint, &effect.parameters, &self.scene.arm);
         match effect.kind {
             Kind::AxisTilt | Kind::AxisWobble => {
                 let [n1, n2] = arm.normals(i);
-                for (bend, q) in bends.iter_mut().zip(motors) {
+                for (bend, q) in deviations.iter_mut().zip(motors) {
                     let [t1, t2] = if effect.kind == Kind::AxisTilt {
                         [x[0], x[1]]
                     } else {
                         [x[0] * (x[4] * q[i] + x[2]).sin(), x[1] * (x[4] * q[i] + x[3]).sin()]
                     };
-                    bend.add_turn(i, 1, add(times(n1, t1), times(n2, t2)));
+                    bend.add_rotation(i, 1, add(scaled(n1, t1), scaled(n2, t2)));
                 }
             }
             Kind::AxisShift => {
-                let local = arm.into_joint(i, three(x));
-                for bend in bends {
-                    (0..3).for_each(|k| *bend.of(i, 5 + k) += local[k]);
+                let local = arm.joint_from_base(i, three(x));
+                for deviation in deviations {
+                    (0..3).for_each(|k| *deviation.component_mut(i, 5 + k) += local[k]);
                 }
             }
             Kind::BearingCompliance => {
-                for (bend, load) in bends.iter_mut().zip(&self.loads) {
-                    bend.add_turn(i, 3, times(load.moment[i], x[0]));
+                for (bend, load) in deviations.iter_mut().zip(&self.loads) {
+                    bend.add_rotation(i, 3, scaled(load.moment[i], x[0]));
                 }
             }
             Kind::BaseCompliance => {
-                for (bend, load) in bends.iter_mut().zip(&self.loads) {
-                    (0..2).for_each(|k| bend.0[BASE + k] += x[0] * load.base[k]);
+                for (bend, load) in deviations.iter_mut().zip(&self.loads) {
+                    (0..2).for_each(|k| bend.0[BASE + k] += x[0] * load.base_moment[k]);
                 }
             }
             Kind::ToolCompliance => {
-                for (bend, load) in bends.iter_mut().zip(&self.loads) {
+                for (bend, load) in deviations.iter_mut().zip(&self.loads) {
                     (0..3).for_each(|k| bend.0[TOOL + k] += x[k] * load.force_tool[k]);
                 }
             }
             Kind::ToolOffset => {
-                for bend in bends {
-                    (0..3).for_each(|k| bend.0[TOOL + k] += x[k]);
+                for deviation in deviations {
+                    (0..3).for_each(|k| deviation.0[TOOL + k] += x[k]);
                 }
             }
             _ => {}
@@ -151,42 +167,43 @@ impl<'a> Run<'a> {
     }
 
     /// Effects that depend on the history of the motor position.
-    fn moving(&self, effect: &Effect) -> Vec<f64> {
+    fn history_dependent(&self, effect: &Effect) -> Vec<f64> {
         let scene = self.scene;
-        if scene.settled() {
+        if scene.is_settled() {
             let rows = scene.rows.iter();
             return rows
-                .map(|row| came_from(effect, row.d[effect.joint], row.q[effect.joint]))
+                .map(|row| settled_error(effect, row.approach[effect.joint], row.q[effect.joint]))
                 .collect();
         }
         let mut all = Vec::with_capacity(scene.rows.len());
-        for (fine, segment) in self.fine.iter().zip(&scene.segments) {
-            let start = segment.start[effect.joint];
+        for (fine, segment) in self.fine_motion.iter().zip(&scene.segments) {
+            let start = segment.backlash_position[effect.joint];
             all.extend(match effect.kind {
-                Kind::Backlash => {
-                    at_rows(fine, &contact(&fine.q[effect.joint], start, |_| effect.numbers[0]))
-                }
+                Kind::Backlash => at_rows(
+                    fine,
+                    &backlash_contact(&fine.q[effect.joint], start, |_| effect.parameters[0]),
+                ),
                 Kind::VaryingPlay => {
-                    let gap = |q: f64| effect.numbers[0].abs() * (0.5 + 0.5 * q.sin());
-                    at_rows(fine, &contact(&fine.q[effect.joint], start, gap))
+                    let gap = |q: f64| effect.parameters[0].abs() * (0.5 + 0.5 * q.sin());
+                    at_rows(fine, &backlash_contact(&fine.q[effect.joint], start, gap))
                 }
                 Kind::Hysteresis => {
-                    let [height, distance] = [effect.numbers[0], effect.numbers[1]];
-                    at_rows(fine, &slipping(&fine.q[effect.joint], height, distance))
+                    let [height, distance] = [effect.parameters[0], effect.parameters[1]];
+                    at_rows(fine, &elasto_slip(&fine.q[effect.joint], height, distance))
                 }
-                Kind::FlexibleMode => at_rows(fine, &ringing(fine, effect)),
-                Kind::ReversalSpike => snapping(fine, effect),
-                _ => fine.at.iter().map(|k| of_speed(effect, fine, *k)).collect(),
+                Kind::FlexibleMode => at_rows(fine, &modal_response(fine, effect)),
+                Kind::ReversalSpike => reversal_spike(fine, effect),
+                _ => fine.row_index.iter().map(|k| speed_dependent(effect, fine, *k)).collect(),
             });
         }
         all
     }
 
     /// Thermal response at each row, times its amplitude.
-    fn warmth(&self, effect: &Effect) -> Vec<f64> {
-        let x = &effect.numbers;
+    fn thermal_response(&self, effect: &Effect) -> Vec<f64> {
+        let x = &effect.parameters;
         let (scene, i) = (self.scene, effect.joint);
-        let own = scene.has.joint_temperatures
+        let own = scene.recorded.joint_temperatures
             && !matches!(effect.kind, Kind::SpindleGrowth | Kind::SpindleGrowthSpeed);
         let cause = |row: &crate::scene::Row| match effect.kind {
             Kind::SpindleGrowthSpeed => row.rpm,
@@ -216,7 +233,7 @@ impl<'a> Run<'a> {
             let steps = 16.0;
             let h = (row.t_s - before.1).max(0.0) / steps;
             for _ in 0..steps as usize {
-                surface = u + (surface - u) * (-h / (SURFACE * lag_s)).exp();
+                surface = u + (surface - u) * (-h / (SURFACE_LAG_FRACTION * lag_s)).exp();
                 core = surface + (core - surface) * (-h / lag_s).exp();
             }
             (nodes, before) = (Some((surface, core)), (row.segment, row.t_s));
@@ -226,12 +243,12 @@ impl<'a> Run<'a> {
     }
 }
 
-fn three(x: &[f64]) -> V3 {
+fn three(x: &[f64]) -> Vector3 {
     [x[0], x[1], x[2]]
 }
 
 /// Transmission error of a gear mesh with the sidebands of its carrier.
-fn gear(x: &[f64], q: f64) -> f64 {
+fn transmission_error(x: &[f64], q: f64) -> f64 {
     let line = |n: f64, share: f64, phase: f64| share * x[0] * (n * q + x[2] + phase).sin();
     line(x[1], 1.0, 0.0)
         + line(x[1] + 1.0, SIDEBAND, 0.9)
@@ -239,10 +256,10 @@ fn gear(x: &[f64], q: f64) -> f64 {
 }
 
 /// Error of a settled pose after a long move in direction `d`.
-fn came_from(effect: &Effect, d: f64, q: f64) -> f64 {
+fn settled_error(effect: &Effect, d: f64, q: f64) -> f64 {
     let gap = match effect.kind {
-        Kind::VaryingPlay => effect.numbers[0].abs() * (0.5 + 0.5 * q.sin()),
-        Kind::Backlash | Kind::Hysteresis => effect.numbers[0],
+        Kind::VaryingPlay => effect.parameters[0].abs() * (0.5 + 0.5 * q.sin()),
+        Kind::Backlash | Kind::Hysteresis => effect.parameters[0],
         _ => 0.0,
     };
     // The motor pushes the link ahead of it: the link lags by half the gap.
@@ -250,7 +267,7 @@ fn came_from(effect: &Effect, d: f64, q: f64) -> f64 {
 }
 
 /// Combines the gaps of a joint into one: they are in series, and the link moves once all are crossed.
-fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
+fn merge_backlash(effects: &[Effect]) -> Vec<Effect> {
     let mut all: Vec<Effect> = Vec::with_capacity(effects.len());
     for effect in effects {
         let is_gap = |other: &&mut Effect| {
@@ -259,7 +276,7 @@ fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
                 && other.joint == effect.joint
         };
         match all.iter_mut().find(is_gap) {
-            Some(gap) => gap.numbers[0] += effect.numbers[0],
+            Some(gap) => gap.parameters[0] += effect.parameters[0],
             None => all.push(effect.clone()),
         }
     }
@@ -267,7 +284,7 @@ fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
 }
 
 /// Link position minus motor position for a link between two faces of the motor side, held by friction unless a face pushes it.
-fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
+fn backlash_contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
     let mut link = motor[0] + 0.5 * start * gap(motor[0]);
     let follow = |m: &f64| {
         let half = 0.5 * gap(*m);
@@ -284,13 +301,14 @@ fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// Elasto-slip elements of equal strength; their yield distances are distributed so that the sum builds up exponentially.
-pub(crate) fn slipping(motor: &[f64], height: f64, distance: f64) -> Vec<f64> {
+pub(crate) fn elasto_slip(motor: &[f64], height: f64, distance: f64) -> Vec<f64> {
     // After a reversal by x, an element slips at twice its yield distance y: for a response 1 − e^(−x/s), twice the yield distances must have the
     // density x e^(−x/s).
-    let yields: Vec<f64> =
-        (0..SLIPS).map(|k| 0.5 * distance * gamma2((k as f64 + 0.5) / SLIPS as f64)).collect();
-    let share = height / SLIPS as f64;
-    let mut stretched = vec![0.0; SLIPS];
+    let yields: Vec<f64> = (0..SLIP_ELEMENTS)
+        .map(|k| 0.5 * distance * gamma2((k as f64 + 0.5) / SLIP_ELEMENTS as f64))
+        .collect();
+    let share = height / SLIP_ELEMENTS as f64;
+    let mut stretched = vec![0.0; SLIP_ELEMENTS];
     let mut before = motor[0];
     let follow = |m: &f64| {
         let moved = m - before;
@@ -320,9 +338,9 @@ fn gamma2(share: f64) -> f64 {
 }
 
 /// A spring-mass oscillator excited by the joint's acceleration, integrated by Runge-Kutta.
-fn ringing(fine: &Fine, effect: &Effect) -> Vec<f64> {
+fn modal_response(fine: &FineMotion, effect: &Effect) -> Vec<f64> {
     let (share, omega, damping) =
-        (effect.numbers[0], std::f64::consts::TAU * effect.numbers[1], effect.numbers[2]);
+        (effect.parameters[0], std::f64::consts::TAU * effect.parameters[1], effect.parameters[2]);
     let pull = |k: usize| share * fine.rates(effect.joint, k).1;
     let (mut x, mut v) = (0.0, 0.0);
     let mut all = vec![0.0];
@@ -344,11 +362,11 @@ fn ringing(fine: &Fine, effect: &Effect) -> Vec<f64> {
 }
 
 /// A servo with a transient error after each reversal; reversals are detected at the rows.
-fn snapping(fine: &Fine, effect: &Effect) -> Vec<f64> {
+fn reversal_spike(fine: &FineMotion, effect: &Effect) -> Vec<f64> {
     let q = &fine.q[effect.joint];
     let (mut sign, mut turned_s) = (0.0, None);
     let mut all = vec![0.0];
-    for pair in fine.at.windows(2) {
+    for pair in fine.row_index.windows(2) {
         let moved = q[pair[1]] - q[pair[0]];
         if moved != 0.0 && moved.signum() != sign {
             if sign != 0.0 {
@@ -356,25 +374,25 @@ fn snapping(fine: &Fine, effect: &Effect) -> Vec<f64> {
             }
             sign = moved.signum();
         }
-        let since = |turned: f64| (-(fine.t_s[pair[1]] - turned) / effect.numbers[1]).exp();
-        all.push(turned_s.map_or(0.0, |turned| -effect.numbers[0] * sign * since(turned)));
+        let since = |turned: f64| (-(fine.t_s[pair[1]] - turned) / effect.parameters[1]).exp();
+        all.push(turned_s.map_or(0.0, |turned| -effect.parameters[0] * sign * since(turned)));
     }
     all
 }
 
-fn of_speed(effect: &Effect, fine: &Fine, k: usize) -> f64 {
+fn speed_dependent(effect: &Effect, fine: &FineMotion, k: usize) -> f64 {
     let (v, _) = fine.rates(effect.joint, k);
-    let size = effect.numbers[0];
+    let size = effect.parameters[0];
     match effect.kind {
         Kind::CableDrag => size * v * fine.q[effect.joint][k].sin(),
-        Kind::VaryingDelay => -size * v * fine.q[effect.other][k].sin(),
+        Kind::VaryingDelay => -size * v * fine.q[effect.other_joint][k].sin(),
         Kind::SpeedCube => size * v * v * v,
         _ => 0.0,
     }
 }
 
-fn at_rows(fine: &Fine, signal: &[f64]) -> Vec<f64> {
-    fine.at.iter().map(|k| signal[*k]).collect()
+fn at_rows(fine: &FineMotion, signal: &[f64]) -> Vec<f64> {
+    fine.row_index.iter().map(|k| signal[*k]).collect()
 }
 
 #[cfg(test)]

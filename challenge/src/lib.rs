@@ -4,9 +4,9 @@
 //! tables, backlash as contact of two faces, hysteresis by elasto-slip elements, temperature by two thermal nodes, gear errors as series with
 //! sidebands, autocorrelated noise, quantisation, gaps and outliers.
 //!
-//! Read in this order: [`mod@law`] (common to all domains), [`kinds`] and [`laws`] (possible hidden effects), [`scene`] (inputs of the robot),
-//! [`view`] (instruments), [`mod@draw`] (random cases), [`mod@bench`] (detectability of a case's effects), [`fit`] and [`proof`] (error of an answer
-//! on an unseen motion), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
+//! Read in this order: [`mod@effect`] (common to all domains), [`kinds`] and [`laws`] (possible hidden effects), [`scene`] (inputs of the robot),
+//! [`mod@instrument`] (simulated measurements), [`mod@generate`] (random cases), [`mod@detectability`] (of a case's effects), [`fit`] and
+//! [`mod@evaluation`] (error of an answer on an unseen motion), [`case_files`], [`commitment`], [`answer`] and [`score`].
 //!
 //! Other domains: drive torques in [`torque`], cutting forces in [`force`].
 //!
@@ -14,26 +14,26 @@
 
 pub mod answer;
 pub mod arm;
-pub mod bench;
-pub mod bent;
 pub mod candidates;
 pub mod case;
-pub mod chance;
-pub mod draw;
+pub mod case_files;
+pub mod commitment;
+pub mod comparison;
+pub mod detectability;
+pub mod deviation;
+pub mod effect;
+pub mod evaluation;
 pub mod fit;
 pub mod force;
+pub mod generate;
+pub mod instrument;
 pub mod kinds;
-pub mod law;
 pub mod laws;
-pub mod linear;
-pub mod proof;
-pub mod ride;
+pub mod least_squares;
+pub mod motion_and_loads;
+pub mod rng;
 pub mod scene;
 pub mod score;
-pub mod seal;
-pub mod space;
 pub mod torque;
+pub mod transform;
 pub mod truth;
-pub mod view;
-pub mod weigh;
-pub mod write;

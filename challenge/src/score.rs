@@ -6,18 +6,18 @@
 //!
 //! A missing answer counts as wrong; no case is excluded.
 
-mod figures;
+mod statistics;
 
-pub use figures::{Bin, Calibration, Figures, figures};
+pub use statistics::{Bin, ChallengeStatistics, ConfidenceBin, compute_statistics};
 
-use crate::answer::{Answer, Finding, Named, Verdict};
+use crate::answer::{Answer, Finding, ReportedEffect, Verdict};
 use crate::case::Tier;
-use crate::truth::{Hidden, LEAST_Z, Truth};
+use crate::truth::{HiddenEffect, MIN_SCORED_Z, Truth};
 
 /// Prediction errors on the unseen motion, m or rad (torques: Nm or N; forces: N).
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Errors {
+pub struct PredictionErrors {
     /// Of the nominal model.
     pub before: f64,
     /// Of the model written by the solver.
@@ -26,10 +26,10 @@ pub struct Errors {
     pub oracle: f64,
 }
 
-impl Errors {
+impl PredictionErrors {
     /// Improvement as a fraction of the oracle's; `None` if the oracle improves by less than one percent.
     #[must_use]
-    pub fn share(&self) -> Option<f64> {
+    pub fn relative_gain(&self) -> Option<f64> {
         let most = self.before - self.oracle;
         (most > 0.01 * self.before).then(|| (self.before - self.after) / most)
     }
@@ -43,7 +43,7 @@ pub struct Outcome {
     /// The answer, if any.
     pub answer: Option<Answer>,
     /// Prediction errors of the written model, if evaluated.
-    pub errors: Option<Errors>,
+    pub errors: Option<PredictionErrors>,
     /// Computing time of the solver, s.
     pub seconds: Option<f64>,
 }
@@ -51,7 +51,7 @@ pub struct Outcome {
 /// Summary of one case: hidden effects, answer, score.
 #[derive(Clone, Debug, serde::Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Line {
+pub struct CaseSummary {
     /// Name of the case's folder.
     pub case: String,
     /// Tier of the case.
@@ -74,133 +74,143 @@ pub struct Line {
     pub seconds: Option<f64>,
 }
 
-fn words(effect: &str, joint: Option<usize>) -> String {
+fn effect_label(effect: &str, joint: Option<usize>) -> String {
     joint.map_or_else(|| effect.to_owned(), |joint| format!("{effect} {joint}"))
 }
 
-fn is(named: &Named, name: &(&'static str, Option<usize>)) -> bool {
-    named.effect == name.0 && named.joint == name.1
+fn is_same_effect(named: &ReportedEffect, name: &(&'static str, Option<usize>)) -> bool {
+    named.name == name.0 && named.joint == name.1
 }
 
 /// Whether a reported effect is this hidden effect or an equivalent one.
-fn hits(named: &Named, hidden: &Hidden) -> bool {
-    hidden.name().is_some_and(|name| is(named, &name))
-        || hidden.judged.same.iter().any(|name| is(named, name))
+fn matches_hidden(named: &ReportedEffect, hidden: &HiddenEffect) -> bool {
+    hidden.effect_name().is_some_and(|name| is_same_effect(named, &name))
+        || hidden.detectability.same.iter().any(|name| is_same_effect(named, name))
 }
 
 /// Whether a finding is right about this hidden effect.
-fn right_about(finding: &Finding, hidden: &Hidden) -> bool {
-    let rival = hidden.judged.rivals.iter().any(|name| is(&finding.named, name));
-    hits(&finding.named, hidden)
-        || rival && finding.alternatives.iter().any(|named| hits(named, hidden))
+fn is_correct_for(finding: &Finding, hidden: &HiddenEffect) -> bool {
+    let rival =
+        hidden.detectability.rivals.iter().any(|name| is_same_effect(&finding.effect, name));
+    matches_hidden(&finding.effect, hidden)
+        || rival && finding.alternatives.iter().any(|named| matches_hidden(named, hidden))
 }
 
 impl Outcome {
     /// Summary of the case.
     #[must_use]
-    pub fn line(&self) -> Line {
-        let mut hidden: Vec<&Hidden> = self.truth.hidden.iter().collect();
-        hidden.sort_by(|a, b| b.judged.z.total_cmp(&a.judged.z));
+    pub fn summary(&self) -> CaseSummary {
+        let mut hidden: Vec<&HiddenEffect> = self.truth.hidden.iter().collect();
+        hidden.sort_by(|a, b| b.detectability.z.total_cmp(&a.detectability.z));
         let said = self.answer.iter().flat_map(|answer| &answer.findings);
-        let strongest = hidden.first().map_or(0.0, |hidden| hidden.judged.z);
-        Line {
+        let strongest = hidden.first().map_or(0.0, |hidden| hidden.detectability.z);
+        CaseSummary {
             case: self.truth.case.clone(),
             tier: self.truth.tier,
-            hidden: hidden.iter().map(|h| words(h.effect.unwrap_or(&h.law), h.joint)).collect(),
-            counts: self.counts(),
-            z: if self.counts() { self.z() } else { strongest },
+            hidden: hidden
+                .iter()
+                .map(|h| effect_label(h.effect.unwrap_or(&h.law), h.joint))
+                .collect(),
+            counts: self.is_scored(),
+            z: if self.is_scored() { self.z() } else { strongest },
             verdict: self.answer.as_ref().map(|answer| answer.verdict),
-            said: said.map(|finding| words(&finding.named.effect, finding.named.joint)).collect(),
-            first_right: self.first_right(),
-            gain: self.errors.and_then(|errors| errors.share()),
+            said: said
+                .map(|finding| effect_label(&finding.effect.name, finding.effect.joint))
+                .collect(),
+            first_right: self.is_first_correct(),
+            gain: self.errors.and_then(|errors| errors.relative_gain()),
             seconds: self.seconds,
         }
     }
 
     /// Whether a finding is right about any hidden effect.
     #[must_use]
-    pub fn right(&self, finding: &Finding) -> bool {
-        self.truth.hidden.iter().any(|hidden| right_about(finding, hidden))
+    pub fn is_correct(&self, finding: &Finding) -> bool {
+        self.truth.hidden.iter().any(|hidden| is_correct_for(finding, hidden))
     }
 
     /// The findings that count as claims.
     #[must_use]
     pub fn claims(&self) -> &[Finding] {
         match &self.answer {
-            Some(answer) if answer.verdict.claims() => &answer.findings,
+            Some(answer) if answer.verdict.makes_claims() => &answer.findings,
             _ => &[],
         }
     }
 
     /// Whether the case is scored against the acceptance limits.
     #[must_use]
-    pub fn counts(&self) -> bool {
-        self.truth.hidden.iter().any(Hidden::counts)
+    pub fn is_scored(&self) -> bool {
+        self.truth.hidden.iter().any(HiddenEffect::is_scored)
     }
 
     /// Largest z of the scored hidden effects; zero if none is scored.
     #[must_use]
     pub fn z(&self) -> f64 {
-        let counting = self.truth.hidden.iter().filter(|hidden| hidden.counts());
-        counting.map(|hidden| hidden.judged.z).fold(0.0, f64::max)
+        let counting = self.truth.hidden.iter().filter(|hidden| hidden.is_scored());
+        counting.map(|hidden| hidden.detectability.z).fold(0.0, f64::max)
     }
 
     /// Largest effect-to-noise ratio ρ of the scored hidden effects.
     #[must_use]
     pub fn rho(&self) -> f64 {
-        let counting = self.truth.hidden.iter().filter(|hidden| hidden.counts());
-        counting.map(|hidden| hidden.judged.rho).fold(0.0, f64::max)
+        let counting = self.truth.hidden.iter().filter(|hidden| hidden.is_scored());
+        counting.map(|hidden| hidden.detectability.rho).fold(0.0, f64::max)
     }
 
     /// Whether the first claim is right.
     #[must_use]
-    pub fn first_right(&self) -> bool {
-        self.claims().first().is_some_and(|finding| self.right(finding))
+    pub fn is_first_correct(&self) -> bool {
+        self.claims().first().is_some_and(|finding| self.is_correct(finding))
     }
 
     /// Whether a hidden effect is among the first three reported effects (findings first, then their alternatives).
     #[must_use]
-    pub fn first_three_right(&self) -> bool {
+    pub fn is_among_first_three(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
-        let mut names = answer.names().take(3);
-        names.any(|named| self.truth.hidden.iter().any(|hidden| hits(named, hidden)))
+        let mut names = answer.reported_effects().take(3);
+        names.any(|named| self.truth.hidden.iter().any(|hidden| matches_hidden(named, hidden)))
     }
 
     /// Whether the first claim reports the right joint; `None` unless its kind is right.
     #[must_use]
-    pub fn joint_right(&self) -> Option<bool> {
+    pub fn is_joint_correct(&self) -> Option<bool> {
         let first = self.claims().first()?;
-        let of_kind = |hidden: &&Hidden| {
-            let own = hidden.effect.is_some_and(|effect| effect == first.named.effect);
-            own || hidden.judged.same.iter().any(|(effect, _)| *effect == first.named.effect)
+        let of_kind = |hidden: &&HiddenEffect| {
+            let own = hidden.effect.is_some_and(|effect| effect == first.effect.name);
+            own || hidden.detectability.same.iter().any(|(effect, _)| *effect == first.effect.name)
         };
-        let hidden: Vec<&Hidden> = self.truth.hidden.iter().filter(of_kind).collect();
-        (!hidden.is_empty()).then(|| hidden.iter().any(|hidden| right_about(first, hidden)))
+        let hidden: Vec<&HiddenEffect> = self.truth.hidden.iter().filter(of_kind).collect();
+        (!hidden.is_empty()).then(|| hidden.iter().any(|hidden| is_correct_for(first, hidden)))
     }
 
     /// Whether effects were claimed in a case without hidden effects.
     #[must_use]
-    pub fn false_finding(&self) -> bool {
+    pub fn has_false_finding(&self) -> bool {
         self.truth.tier == Tier::Null
-            && self.answer.as_ref().is_some_and(|answer| answer.verdict.claims())
+            && self.answer.as_ref().is_some_and(|answer| answer.verdict.makes_claims())
     }
 
     /// Whether an effect outside the dictionary leaves a detectable residual after every candidate.
     #[must_use]
     pub fn is_unknown(&self) -> bool {
         self.truth.tier == Tier::Outside
-            && self.truth.hidden.iter().any(|hidden| hidden.judged.unexplained_z >= LEAST_Z)
+            && self
+                .truth
+                .hidden
+                .iter()
+                .any(|hidden| hidden.detectability.unexplained_z >= MIN_SCORED_Z)
     }
 
     /// Whether the verdict is unknown structure.
     #[must_use]
-    pub fn called_unknown(&self) -> bool {
+    pub fn reported_unknown(&self) -> bool {
         self.answer.as_ref().is_some_and(|answer| answer.verdict == Verdict::UnknownStructure)
     }
 
     /// Whether the covariates were reported: all true ones, and at most as many others.
     #[must_use]
-    pub fn depends_on_right(&self) -> bool {
+    pub fn are_covariates_correct(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
         let wanted = &self.truth.depends_on;
         wanted.iter().all(|word| answer.depends_on.contains(word))
@@ -210,20 +220,24 @@ impl Outcome {
     /// Whether a detectable effect cannot be distinguished from an alternative.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
-        let alike =
-            |hidden: &Hidden| hidden.judged.z >= LEAST_Z && !hidden.judged.rivals.is_empty();
+        let alike = |hidden: &HiddenEffect| {
+            hidden.detectability.z >= MIN_SCORED_Z && !hidden.detectability.rivals.is_empty()
+        };
         self.truth.tier != Tier::Multiple && self.truth.hidden.iter().any(alike)
     }
 
     /// Whether the ambiguity was reported: verdict undetermined, or the truth and an alternative in one finding.
     #[must_use]
-    pub fn called_ambiguous(&self) -> bool {
+    pub fn reported_undetermined(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
-        let set = |finding: &Finding, hidden: &Hidden| {
-            let all: Vec<&Named> =
-                std::iter::once(&finding.named).chain(&finding.alternatives).collect();
-            let truth = all.iter().any(|named| hits(named, hidden));
-            truth && all.iter().any(|named| hidden.judged.rivals.iter().any(|name| is(named, name)))
+        let set = |finding: &Finding, hidden: &HiddenEffect| {
+            let all: Vec<&ReportedEffect> =
+                std::iter::once(&finding.effect).chain(&finding.alternatives).collect();
+            let truth = all.iter().any(|named| matches_hidden(named, hidden));
+            truth
+                && all.iter().any(|named| {
+                    hidden.detectability.rivals.iter().any(|name| is_same_effect(named, name))
+                })
         };
         answer.verdict == Verdict::Undetermined
             || answer.findings.iter().any(|f| self.truth.hidden.iter().any(|hidden| set(f, hidden)))
@@ -233,8 +247,9 @@ impl Outcome {
     #[must_use]
     pub fn intervals(&self) -> Vec<Option<bool>> {
         let mut all = Vec::new();
-        for hidden in self.truth.hidden.iter().filter(|hidden| hidden.counts()) {
-            let finding = self.claims().iter().find(|finding| hits(&finding.named, hidden));
+        for hidden in self.truth.hidden.iter().filter(|hidden| hidden.is_scored()) {
+            let finding =
+                self.claims().iter().find(|finding| matches_hidden(&finding.effect, hidden));
             for (key, place) in &hidden.counted {
                 let truth = hidden.parameters.get(key).and_then(|list| list.get(*place));
                 all.push(
@@ -250,7 +265,7 @@ impl Outcome {
 
 /// Whether a finding's interval of a parameter contains the truth; phases are compared modulo full turns.
 fn covers(finding: &Finding, key: &str, place: usize, truth: f64) -> Option<bool> {
-    let number = finding.numbers.iter().find(|n| n.key == key && n.place == place)?;
+    let number = finding.parameters.iter().find(|n| n.key == key && n.index == place)?;
     let (low, high) = number.ci95?;
     let turn = std::f64::consts::TAU;
     let truth = if key == "phase_rad" {

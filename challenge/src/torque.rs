@@ -4,20 +4,20 @@
 //! difference of its positions is its acceleration, and a joint carries the moment of the inertial force and weight. Hysteresis is a set of
 //! elasto-slip elements; delayed torques are those of an earlier instant of a motion given in closed form, as are velocities and accelerations.
 //!
-//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`]; [`inject`] for
+//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`mod@detectability`], [`mod@generate`], [`mod@evaluation`], [`case_files`]; [`inject`] for
 //! effects that are added to a real recording.
 //!
 //! The same seed gives the same bytes. No file, no process, and no code of another crate's physics.
 
-pub mod bench;
 pub mod candidates;
 pub mod case;
-pub mod draw;
+pub mod case_files;
+pub mod detectability;
+pub mod evaluation;
+pub mod generate;
 pub mod inject;
 pub mod kinds;
 pub mod laws;
 pub mod motion;
 pub mod predictor;
-pub mod proof;
 pub mod rig;
-pub mod write;

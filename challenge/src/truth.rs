@@ -6,18 +6,18 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::bench::{APART, Judged, Name};
 use crate::case::Tier;
-use crate::draw::Drawn;
-use crate::law::{Effect, Law, Trial};
+use crate::detectability::{DISTINGUISHABLE_GAIN, Detectability, EffectName};
+use crate::effect::{BlindCase, Effect, EffectKind};
+use crate::generate::GeneratedCase;
 
 /// Effects with z below this are not scored (docs/diagnosis.md).
-pub const LEAST_Z: f64 = 8.0;
+pub const MIN_SCORED_Z: f64 = 8.0;
 
 /// Truth of one hidden effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Hidden {
+pub struct HiddenEffect {
     /// Name in the model format; `None` outside the candidate dictionary.
     pub effect: Option<&'static str>,
     /// Name of its law in this crate.
@@ -32,19 +32,21 @@ pub struct Hidden {
     pub counted: Vec<(&'static str, usize)>,
     /// Detectability, known before any answer.
     #[serde(flatten)]
-    pub judged: Judged,
+    pub detectability: Detectability,
 }
 
-impl Hidden {
+impl HiddenEffect {
     /// Whether it is scored against the acceptance limits: detectable, and distinguishable from all alternatives.
     #[must_use]
-    pub fn counts(&self) -> bool {
-        self.judged.z >= LEAST_Z && self.judged.least_gain >= APART && self.effect.is_some()
+    pub fn is_scored(&self) -> bool {
+        self.detectability.z >= MIN_SCORED_Z
+            && self.detectability.least_gain >= DISTINGUISHABLE_GAIN
+            && self.effect.is_some()
     }
 
     /// The effect as answers report it.
     #[must_use]
-    pub fn name(&self) -> Option<Name> {
+    pub fn effect_name(&self) -> Option<EffectName> {
         Some((self.effect?, self.joint))
     }
 }
@@ -58,7 +60,7 @@ pub struct Truth {
     /// Its tier.
     pub tier: Tier,
     /// Hidden effects.
-    pub hidden: Vec<Hidden>,
+    pub hidden: Vec<HiddenEffect>,
     /// For effects outside the dictionary: names of the covariates they depend on.
     pub depends_on: Vec<String>,
 }
@@ -66,58 +68,65 @@ pub struct Truth {
 impl Truth {
     /// Truth of a generated case.
     #[must_use]
-    pub fn of<C: Trial>(name: &str, drawn: &Drawn<C>) -> Self {
-        let case = &drawn.case;
-        let hidden = case.hidden().iter().zip(&drawn.judged);
-        let depends_on = case.hidden().iter().flat_map(|effect| case.follows(effect)).collect();
+    pub fn of<C: BlindCase>(name: &str, generated: &GeneratedCase<C>) -> Self {
+        let case = &generated.case;
+        let hidden = case.hidden().iter().zip(&generated.detectabilities);
+        let depends_on = case.hidden().iter().flat_map(|effect| case.covariates(effect)).collect();
         Self {
             case: name.to_owned(),
             tier: case.tier(),
-            hidden: hidden.map(|(effect, judged)| of(case, effect, judged)).collect(),
+            hidden: hidden
+                .map(|(effect, detectability)| hidden_effect(case, effect, detectability))
+                .collect(),
             depends_on,
         }
     }
 
     /// The hidden effect with the largest z.
     #[must_use]
-    pub fn strongest(&self) -> Option<&Hidden> {
-        self.hidden.iter().max_by(|a, b| a.judged.z.total_cmp(&b.judged.z))
+    pub fn strongest(&self) -> Option<&HiddenEffect> {
+        self.hidden.iter().max_by(|a, b| a.detectability.z.total_cmp(&b.detectability.z))
     }
 }
 
-fn of<C: Trial>(case: &C, effect: &Effect<C::Kind>, judged: &Judged) -> Hidden {
-    let revised = case.revised(effect);
+fn hidden_effect<C: BlindCase>(
+    case: &C,
+    effect: &Effect<C::Kind>,
+    detectability: &Detectability,
+) -> HiddenEffect {
+    let revised = case.revised_effect(effect);
     let mut whole = effect.clone();
     if let Some(known) = revised {
-        let off = known.real.numbers.iter().zip(&known.nominal.numbers).map(|(a, b)| a - b);
-        whole.numbers.iter_mut().zip(off).for_each(|(number, off)| *number += off);
+        let off =
+            known.true_effect.parameters.iter().zip(&known.nominal.parameters).map(|(a, b)| a - b);
+        whole.parameters.iter_mut().zip(off).for_each(|(number, off)| *number += off);
     }
     let mut parameters = BTreeMap::new();
     let mut counted = Vec::new();
     let mut number = 0;
-    for (entry, numbers) in whole.entries() {
-        let key = entry.key(case.slides());
+    for (entry, numbers) in whole.keyed_parameters() {
+        let key = entry.key(case.is_prismatic());
         parameters.insert(key, numbers.iter().map(|x| x / entry.si).collect());
         for k in 0..numbers.len() {
-            if entry.counted && judged.determined.get(number).copied().unwrap_or(false) {
+            if entry.is_scored && detectability.determined.get(number).copied().unwrap_or(false) {
                 counted.push((key, k));
             }
             number += 1;
         }
     }
-    Hidden {
+    HiddenEffect {
         effect: effect.kind.name(),
         law: format!("{:?}", effect.kind),
-        joint: effect.joint_said(),
+        joint: effect.joint_number(),
         change: if revised.is_some() { "revised" } else { "new" },
         parameters,
         counted,
-        judged: judged.clone(),
+        detectability: detectability.clone(),
     }
 }
 
 /// The text that is hashed and sealed.
 #[must_use]
-pub fn text(truths: &[Truth]) -> String {
+pub fn to_json(truths: &[Truth]) -> String {
     serde_json::to_string_pretty(truths).unwrap_or_default()
 }

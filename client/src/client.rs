@@ -1,24 +1,27 @@
-//! The robot's side of a cell: commands out, corrected targets in.
+//! The client of the robot's control loop: sends commanded joint targets, receives corrected ones.
 
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Command, Corrected, Horizon, JOINTS_MAX, Joined, Payload, PeerPublisher, PeerSubscriber,
-    PortError, Request, Response, RobotState, Role, Status, Verdict, monotonic_ns, new_session,
+    Cell, Command, Corrected, Horizon, JOINTS_MAX, JoinedEpoch, Payload, PeerPublisher,
+    PeerSubscriber, PortError, Request, Response, RobotState, Role, Status, Verdict, monotonic_ns,
+    new_session,
 };
 
 use crate::horizon::fill;
-use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
-use crate::monitor::{Asker, MonitorPorts};
+use crate::link::{Connection, ConnectionEvent, Link, NEW_EPOCH_AFTER, Ports};
+use crate::monitor::{MonitorPorts, RequestSender};
 use crate::output::Output;
 use crate::requests::requests;
-use crate::{AskError, Away, ConnectError, NotATarget, NotSent, Setpoint, Target};
+use crate::{
+    ConnectError, DisconnectReason, InvalidTarget, RequestError, SendError, Setpoint, Target,
+};
 
-/// How long an answer is awaited by spinning, before sleeping.
+/// Time for which an answer is awaited by spinning, before the wait sleeps between polls.
 const SPIN: Duration = Duration::from_micros(200);
-const NAP: Duration = Duration::from_micros(50);
+const POLL_SLEEP: Duration = Duration::from_micros(50);
 /// Polls between two readings of the clock, while spinning.
-const LOOKS_PER_CLOCK: u32 = 8;
+const POLLS_PER_CLOCK: u32 = 8;
 
 struct CellPorts {
     commands: PeerPublisher<Command>,
@@ -30,7 +33,7 @@ struct CellPorts {
 
 impl Ports for CellPorts {
     const ROLE: Role = Role::Cell;
-    fn open(joined: &Joined) -> Result<Self, PortError> {
+    fn open(joined: &JoinedEpoch) -> Result<Self, PortError> {
         Ok(Self {
             commands: joined.publisher()?,
             corrected: joined.subscriber()?,
@@ -45,7 +48,7 @@ impl Ports for CellPorts {
 pub struct Client {
     link: Link<CellPorts>,
     output: Output,
-    asker: Asker,
+    request_sender: RequestSender,
     session: u64,
     sent: Option<Command>,
     seq: u64,
@@ -53,8 +56,8 @@ pub struct Client {
     horizon: Box<Horizon>,
     newest: Option<Corrected>,
     epoch: u64,
-    /// Since when commands are sent in this epoch without an answer.
-    unheard_since_ns: Option<u64>,
+    /// Time since which commands have been sent in this epoch without an answer.
+    unanswered_since_ns: Option<u64>,
     status: Option<Status>,
 }
 
@@ -76,7 +79,7 @@ impl Client {
         let mut client = Self {
             link: Link::connect(cell, limit)?,
             output: Output::new(),
-            asker: Asker::new(),
+            request_sender: RequestSender::new(),
             session: new_session(),
             sent: None,
             seq: 0,
@@ -84,10 +87,10 @@ impl Client {
             horizon: Box::default(),
             newest: None,
             epoch: 0,
-            unheard_since_ns: None,
+            unanswered_since_ns: None,
             status: None,
         };
-        // The status brings the limits, without which there is no correction.
+        // The status contains the correction limits; without them nothing is corrected.
         while client.status().is_none() {
             if start.elapsed() > limit {
                 let pid = match client.connection() {
@@ -110,33 +113,33 @@ impl Client {
     /// Sends a commanded target; returns its number.
     ///
     /// # Errors
-    /// [`NotSent`]; the loop continues with [`target_for`](Self::target_for) in any case.
-    pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
+    /// [`SendError`]; the loop continues with [`target_for`](Self::target_for) in any case.
+    pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, SendError> {
         let now_ns = monotonic_ns();
         let mut command = setpoint.command(self.seq + 1, self.session, now_ns)?;
         command.feed_override = self.output.feed_override();
         command.flags |= Command::HAS_FEED_OVERRIDE;
-        self.mind_silence(now_ns);
-        let ports = self.link.ports_to_tell()?;
+        self.check_silence(now_ns);
+        let ports = self.link.ports_for_sending()?;
         self.seq += 1;
         self.sent = Some(command);
-        NotSent::unless_delivered(ports.commands.send(&command)).map(|()| command.seq)
+        SendError::from_outcome(ports.commands.send(&command)).map(|()| command.seq)
     }
 
-    /// Knocks where not one command of this epoch has had an answer for a while: what both ends joined may not be one memory, if its files were removed
-    /// in between. No error tells.
-    fn mind_silence(&mut self, now_ns: u64) {
+    /// Requests a new epoch if no command of this epoch has been answered for a while: if the shared-memory files were removed between the two joins, both ends use
+    /// different memory, which no error reports.
+    fn check_silence(&mut self, now_ns: u64) {
         if self.newest.is_some() || self.link.ports().is_none() {
-            self.unheard_since_ns = None;
+            self.unanswered_since_ns = None;
             return;
         }
-        let since_ns = *self.unheard_since_ns.get_or_insert(now_ns);
-        if now_ns.saturating_sub(since_ns) > KNOCK_AFTER.as_nanos() as u64 {
-            self.unheard_since_ns = Some(now_ns);
-            // Who never asked for an answer has not seen those that came.
-            self.look();
+        let since_ns = *self.unanswered_since_ns.get_or_insert(now_ns);
+        if now_ns.saturating_sub(since_ns) > NEW_EPOCH_AFTER.as_nanos() as u64 {
+            self.unanswered_since_ns = Some(now_ns);
+            // A caller that never asks for an answer has not read those that arrived.
+            self.take_newest();
             if self.newest.is_none() {
-                self.link.knock();
+                self.link.request_new_epoch();
             }
         }
     }
@@ -154,7 +157,7 @@ impl Client {
         self.output.start_from(correction);
     }
 
-    /// The last target sent, for a loop that must send something and has no command; none before the first target.
+    /// The last target sent, for a loop that must send something and has no command; `None` before the first target.
     #[must_use]
     pub fn last_target(&self) -> Option<Target> {
         self.output.sent()
@@ -166,7 +169,7 @@ impl Client {
         self.output.correction()
     }
 
-    /// The feed override in what was sent last; 1 is the programmed feed.
+    /// The feed override of the last target; 1 is the programmed feed.
     #[must_use]
     pub fn last_feed_override(&self) -> f64 {
         self.output.feed_override()
@@ -180,57 +183,57 @@ impl Client {
     /// Sends the measured state of the robot; `seq`, `session` and `sent_ns` are filled in.
     ///
     /// # Errors
-    /// See [`NotSent`].
-    pub fn send_state(&mut self, state: &RobotState) -> Result<(), NotSent> {
+    /// See [`SendError`].
+    pub fn send_state(&mut self, state: &RobotState) -> Result<(), SendError> {
         let joints = state.joints as usize;
         if joints == 0 || joints > JOINTS_MAX {
-            return Err(NotATarget::Joints(joints).into());
+            return Err(InvalidTarget::Joints(joints).into());
         }
         let (seq, session) = (self.state_seq + 1, self.session);
-        let ports = self.link.ports_to_tell()?;
+        let ports = self.link.ports_for_sending()?;
         self.state_seq = seq;
         let message = RobotState { seq, session, sent_ns: monotonic_ns(), ..*state };
-        NotSent::unless_delivered(ports.state.send(&message))
+        SendError::from_outcome(ports.state.send(&message))
     }
 
     /// Sends the setpoints that follow the next command, in order and one command period apart, rad or m: call it before [`send`](Self::send).
-    /// Of more than [`HORIZON_POINTS_MAX`](crate::HORIZON_POINTS_MAX) points the first are sent; returns how many were. It replaces the last horizon; an empty one says that
+    /// Of more than [`HORIZON_POINTS_MAX`](crate::HORIZON_POINTS_MAX) points the first are sent; returns their number. It replaces the last horizon; an empty one states that
     /// no setpoint is known ahead.
     ///
     /// # Errors
-    /// [`NotSent`]: [`NotSent::HorizonNotFinite`] if a number of the points to be sent is not finite, [`NotSent::NotATarget`] if they have not 1 to 16 joints.
-    pub fn set_horizon<const N: usize>(&mut self, points: &[[f64; N]]) -> Result<usize, NotSent> {
+    /// [`SendError`]: [`SendError::HorizonNotFinite`] if a number of the points to be sent is not finite, [`SendError::InvalidTarget`] if they do not have 1 to 16 joints.
+    pub fn set_horizon<const N: usize>(&mut self, points: &[[f64; N]]) -> Result<usize, SendError> {
         self.set_horizon_flat(points.as_flattened(), N)
     }
 
-    /// The same for a number of joints that is not known to the compiler: all joints of the first point, then those of the next one.
+    /// The same for a number of joints known only at run time: all joints of the first point, then those of the next one.
     ///
     /// # Errors
-    /// As [`set_horizon`](Self::set_horizon); [`NotSent::Invalid`] if the last point is not complete.
-    pub fn set_horizon_flat(&mut self, points: &[f64], joints: usize) -> Result<usize, NotSent> {
+    /// As [`set_horizon`](Self::set_horizon); [`SendError::Invalid`] if the last point is not complete.
+    pub fn set_horizon_flat(&mut self, points: &[f64], joints: usize) -> Result<usize, SendError> {
         let count = fill(&mut self.horizon, points, joints)?;
-        let ports = self.link.ports_to_tell()?;
+        let ports = self.link.ports_for_sending()?;
         let horizon = &mut *self.horizon;
         horizon.seq += 1;
         horizon.session = self.session;
         horizon.command_seq = self.seq + 1;
         horizon.sent_ns = monotonic_ns();
-        NotSent::unless_delivered(ports.horizons.send(horizon)).map(|()| count)
+        SendError::from_outcome(ports.horizons.send(horizon)).map(|()| count)
     }
 
     /// The newest corrected target of this daemon, however old.
     pub fn newest(&mut self) -> Option<Corrected> {
-        self.look();
+        self.take_newest();
         self.newest
     }
 
-    /// Takes the newest corrected target not yet taken.
-    fn look(&mut self) {
+    /// Reads the newest corrected target, if one has arrived.
+    fn take_newest(&mut self) {
         if let Connection::Connected { epoch, .. } = self.connection()
             && epoch != self.epoch
         {
             self.epoch = epoch;
-            (self.newest, self.unheard_since_ns) = (None, None);
+            (self.newest, self.unanswered_since_ns) = (None, None);
         }
         if let Some(ports) = self.link.ports()
             && let Some(fresh) = ports.corrected.take_newest()
@@ -240,15 +243,15 @@ impl Client {
         }
     }
 
-    /// The answer to the command with that number, awaited for at most `limit`.
+    /// The answer to the command with this number; waits for at most `limit`.
     pub fn wait_corrected(&mut self, seq: u64, limit: Duration) -> Option<Corrected> {
         let start = Instant::now();
         let asked = (self.session, seq);
         let ours = |c: &Corrected| (c.command_session, c.command_seq) == asked;
         loop {
-            // A look at the clock takes as long as a look at the message.
-            for _ in 0..LOOKS_PER_CLOCK {
-                self.look();
+            // Reading the clock takes as long as polling for a message.
+            for _ in 0..POLLS_PER_CLOCK {
+                self.take_newest();
                 if let Some(answer) = self.newest.as_ref().filter(|answer| ours(answer)) {
                     return Some(*answer);
                 }
@@ -256,7 +259,7 @@ impl Client {
             match start.elapsed() {
                 spent if spent >= limit => return None,
                 spent if spent < SPIN => std::hint::spin_loop(),
-                spent => std::thread::sleep(NAP.min(limit - spent)),
+                spent => std::thread::sleep(POLL_SLEEP.min(limit - spent)),
             }
         }
     }
@@ -265,8 +268,8 @@ impl Client {
     /// [`target_for`](Self::target_for) does.
     ///
     /// # Errors
-    /// [`NotATarget`] if the command is not 1 to 16 finite numbers.
-    pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Result<Target, NotATarget> {
+    /// [`InvalidTarget`] if the command is not 1 to 16 finite numbers.
+    pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Result<Target, InvalidTarget> {
         if let Ok(seq) = self.send(&Setpoint::new(q_cmd)) {
             let _ = self.wait_corrected(seq, limit);
         }
@@ -277,13 +280,13 @@ impl Client {
     /// correction that continues from the last one sent, within the daemon's limits over the elapsed time.
     ///
     /// It approaches the daemon's correction while an answer is fresh, and equals it bit for bit once reached; without
-    /// a fresh answer it is ramped to zero. A finite `q_cmd` is never changed, not even outside the model's limits: those are the
-    /// controller's to judge.
+    /// a fresh answer it is ramped to zero. A finite `q_cmd` is never changed, not even outside the model's limits: the controller
+    /// monitors its own joint limits.
     ///
     /// # Errors
-    /// [`NotATarget`] if `q_cmd` is not 1 to 16 finite numbers. The state is then unchanged; [`last_target`](Self::last_target)
-    /// is what was sent last.
-    pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Result<Target, NotATarget> {
+    /// [`InvalidTarget`] if `q_cmd` is not 1 to 16 finite numbers. The state is then unchanged; [`last_target`](Self::last_target)
+    /// is the target sent last.
+    pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Result<Target, InvalidTarget> {
         let newest = self.newest();
         if let Some(status) = self.link.ports().and_then(|ports| ports.monitor.status()) {
             self.take_status(status);
@@ -316,9 +319,9 @@ impl Client {
         self.link.connection()
     }
 
-    /// The reason for not being connected; none while connected.
-    pub fn away(&mut self) -> Option<Away> {
-        self.link.away()
+    /// Why there is no connection; `None` while connected.
+    pub fn disconnect_reason(&mut self) -> Option<DisconnectReason> {
+        self.link.disconnect_reason()
     }
 
     /// Events of the connection since the last call, oldest first.
@@ -326,8 +329,8 @@ impl Client {
         self.link.next_event()
     }
 
-    fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        self.asker.ask(&mut self.link.ports_to_tell()?.monitor, request, limit)
+    fn request(&mut self, request: Request, limit: Duration) -> Result<Response, RequestError> {
+        self.request_sender.request(&mut self.link.ports_for_sending()?.monitor, request, limit)
     }
 }
 

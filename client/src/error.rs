@@ -1,12 +1,12 @@
-//! Errors of the client library: where, what, what was expected, what to do.
+//! Errors of the client library. Each message states what failed, what was expected, and the remedy.
 
 use std::time::Duration;
 
 use shm_schema::{DomainError, JOINTS_MAX, JoinError, SendOutcome};
 
-/// Why there is no connection to a daemon. The library keeps trying.
+/// Why there is no connection to a daemon. The library reconnects automatically.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Away {
+pub enum DisconnectReason {
     /// The daemon is gone.
     #[error("no daemon is running; start `trued run`, the client reconnects automatically")]
     DaemonLost,
@@ -19,18 +19,18 @@ pub enum Away {
     /// The present daemon has another version.
     #[error("the running daemon has a different version; install the same version of both")]
     VersionMismatch,
-    /// The cell is another user's now.
+    /// The cell now belongs to another user.
     #[error("the cell now belongs to another user; run daemon and clients as the same user")]
     WrongUser,
     /// Another process has taken this role.
     #[error("another process has this role; a cell has one process per role, so stop one of them")]
     RoleTaken,
-    /// The transport refuses.
+    /// The transport refused the connection.
     #[error("cannot connect to the running daemon; check whether shared memory is full")]
     Transport,
 }
 
-impl From<&JoinError> for Away {
+impl From<&JoinError> for DisconnectReason {
     fn from(e: &JoinError) -> Self {
         match e {
             JoinError::NoDaemon { .. } | JoinError::DaemonDied { .. } => Self::DaemonLost,
@@ -46,21 +46,21 @@ impl From<&JoinError> for Away {
     }
 }
 
-/// No connection came about.
+/// The connection could not be established.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
-    /// Trying again does not help.
+    /// A permanent error: a retry does not help.
     #[error(transparent)]
     Refused(#[from] JoinError),
-    /// Time limit exceeded; `last` is the last obstacle.
+    /// Time limit exceeded; `last` is the error of the last attempt.
     #[error("not connected within {limit:?}: {last}")]
     TimedOut {
         /// The limit given.
         limit: Duration,
-        /// What stood in the way.
+        /// Error of the last attempt.
         last: JoinError,
     },
-    /// Joined, and the daemon says nothing.
+    /// Connected, but the daemon published no status.
     #[error(
         "connected to the daemon (process {pid}), but received no status within {limit:?}; check whether it is stopped or overloaded"
     )]
@@ -83,7 +83,7 @@ impl From<DomainError> for ConnectError {
 
 /// A command is not a valid joint target: nothing was sent, and the state is unchanged.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum NotATarget {
+pub enum InvalidTarget {
     /// Invalid number of joints.
     #[error("the command has {0} joints, expected 1 to 16")]
     Joints(usize),
@@ -97,7 +97,7 @@ pub enum NotATarget {
     },
 }
 
-impl NotATarget {
+impl InvalidTarget {
     pub(crate) fn check(q_cmd: &[f64]) -> Result<(), Self> {
         const { assert!(JOINTS_MAX == 16) };
         if q_cmd.is_empty() || q_cmd.len() > JOINTS_MAX {
@@ -112,18 +112,18 @@ impl NotATarget {
 
 /// A message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum NotSent {
+pub enum SendError {
     /// There is no daemon; keep sending the targets of `target_for`.
     #[error(transparent)]
-    Away(#[from] Away),
+    Disconnected(#[from] DisconnectReason),
     /// The daemon is running, and the message was lost; it is counted.
     #[error(
         "the message was lost because the daemon did not read it; check whether it is overloaded"
     )]
     Lost,
-    /// The command is no joint target.
+    /// The command is not a valid joint target.
     #[error(transparent)]
-    NotATarget(#[from] NotATarget),
+    InvalidTarget(#[from] InvalidTarget),
     /// A setpoint of the horizon is not finite: nothing was sent, and the horizon sent before remains.
     #[error(
         "joint {joint} of point {point} of the horizon is not finite, expected rad (m for a linear joint); end the horizon before that point"
@@ -134,24 +134,24 @@ pub enum NotSent {
         /// Its first such joint, from 1.
         joint: usize,
     },
-    /// The message makes no sense.
+    /// The content of the message is invalid.
     #[error("{what} is {value}, expected {expected}")]
     Invalid {
-        /// What makes no sense.
+        /// The invalid quantity.
         what: &'static str,
         /// Its value.
         value: usize,
-        /// What was expected.
+        /// Expected value.
         expected: &'static str,
     },
 }
 
-impl NotSent {
-    /// What became of a message.
+impl SendError {
+    /// The result of sending a message.
     ///
     /// # Errors
-    /// [`NotSent::Lost`] if it was not received.
-    pub(crate) fn unless_delivered(outcome: SendOutcome) -> Result<(), Self> {
+    /// [`SendError::Lost`] if it was not received.
+    pub(crate) fn from_outcome(outcome: SendOutcome) -> Result<(), Self> {
         match outcome {
             SendOutcome::Delivered => Ok(()),
             SendOutcome::NoReader | SendOutcome::Lost => Err(Self::Lost),
@@ -159,12 +159,12 @@ impl NotSent {
     }
 }
 
-/// A request got no answer.
+/// A request was not answered.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum AskError {
-    /// There is no daemon to ask.
+pub enum RequestError {
+    /// There is no connection to a daemon.
     #[error(transparent)]
-    Away(#[from] Away),
+    Disconnected(#[from] DisconnectReason),
     /// No answer in time; whether the request was executed is unknown.
     #[error("no answer within {limit:?}; see the daemon's status for whether it was done")]
     TimedOut {
@@ -176,7 +176,7 @@ pub enum AskError {
     BadPath {
         /// The path.
         path: std::path::PathBuf,
-        /// Most bytes.
+        /// Maximum length, bytes.
         limit: usize,
     },
 }

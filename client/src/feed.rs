@@ -2,19 +2,19 @@
 //!
 //! It follows the daemon's override while an answer is fresh; without one it is held for the cell's `hold_ms`, then goes to the cell's `lost_percent`. Its rate is limited by the cell's
 //! rates whatever the daemon sends. Before the limits are known it is 1, the programmed feed.
-//! Never: a clock, a value outside of floor to 1.
+//! It reads no clock, and never returns a value outside floor to 1.
 
 use envelope::OverrideLimits;
 use shm_schema::FeedBounds;
 
-/// The last override returned, and the limits of its change.
+/// The last override returned, and the limits of its rate.
 #[derive(Debug)]
 pub(crate) struct FeedOutput {
-    /// None before the daemon has sent them: the override is 1 then.
+    /// `None` before the daemon has sent them: the override is then 1.
     limits: Option<OverrideLimits>,
     lost: f64,
     hold_s: f64,
-    /// None before the first one is returned.
+    /// `None` before the first one is returned.
     value: Option<f64>,
     /// When the daemon last sent one, ns.
     asked_ns: u64,
@@ -25,7 +25,7 @@ impl FeedOutput {
         Self { limits: None, lost: 1.0, hold_s: 0.0, value: None, asked_ns: 0 }
     }
 
-    /// Takes over the daemon's bounds. A cell that does not adapt its feed has none: the override then returns to 1 within the last ones.
+    /// Adopts the daemon's bounds. A cell that does not adapt its feed has none: the override then returns to 1 within the last ones.
     pub(crate) fn set_bounds(&mut self, bounds: &FeedBounds) {
         let FeedBounds { floor, lost, down_per_s, up_per_s, hold_s } = *bounds;
         let new = OverrideLimits::new(floor, down_per_s, up_per_s);
@@ -53,7 +53,7 @@ impl FeedOutput {
             self.value = Some(value);
             return value;
         };
-        // Another process wrote it.
+        // The value was written by another process.
         let goal = match asked.filter(|asked| *asked > 0.0 && *asked <= 1.0) {
             Some(asked) => {
                 self.asked_ns = now_ns;

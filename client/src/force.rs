@@ -1,17 +1,17 @@
 //! Sends force samples to the vibration monitor. A separate object, because force is usually
-//! sampled by another thread or process than the robot's loop.
+//! sampled by another thread or process than the robot's control loop.
 //!
-//! Promise: sending never blocks; a block that cannot be sent is lost and counted on both sides.
+//! Invariant: sending never blocks; a block that cannot be sent is dropped and counted on both sides.
 
 use std::time::Duration;
 
 use shm_schema::{
-    Cell, FORCE_SAMPLES_MAX, ForceBlock, Joined, PortError, Role, monotonic_ns, new_session,
+    Cell, FORCE_SAMPLES_MAX, ForceBlock, JoinedEpoch, PortError, Role, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::setpoint::WrenchFrame;
-use crate::{Away, ConnectError, NotSent};
+use crate::{ConnectError, DisconnectReason, SendError};
 
 /// Samples in either precision; f32 is promoted.
 #[derive(Debug, Clone, Copy)]
@@ -31,7 +31,7 @@ pub struct ForceSamples<'a> {
     pub rate_hz: f64,
     /// 3 to 6: the first of `Fx Fy Fz Mx My Mz`, N and N·m.
     pub channels: usize,
-    /// In whose axes.
+    /// Axes of the samples.
     pub frame: WrenchFrame,
     /// Sample by sample, `channels` numbers each, as a driver delivers them; at most 512 samples.
     pub samples: Samples<'a>,
@@ -50,7 +50,7 @@ struct ForcePorts {
 
 impl Ports for ForcePorts {
     const ROLE: Role = Role::Force;
-    fn open(joined: &Joined) -> Result<Self, PortError> {
+    fn open(joined: &JoinedEpoch) -> Result<Self, PortError> {
         Ok(Self { blocks: joined.publisher()? })
     }
 }
@@ -77,13 +77,13 @@ impl ForceSource {
     /// Sends one block.
     ///
     /// # Errors
-    /// [`NotSent::Invalid`] if the block is invalid (nothing is counted then);
-    /// [`NotSent::Away`] and [`NotSent::Lost`] if it is lost.
-    pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), NotSent> {
+    /// [`SendError::Invalid`] if the block is invalid (nothing is counted then);
+    /// [`SendError::Disconnected`] and [`SendError::Lost`] if it is lost.
+    pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), SendError> {
         let samples = self.fill(force)?;
-        let ports = self.link.ports_to_tell().map_err(NotSent::Away);
+        let ports = self.link.ports_for_sending().map_err(SendError::Disconnected);
         let outcome =
-            ports.and_then(|ports| NotSent::unless_delivered(ports.blocks.send(&self.block)));
+            ports.and_then(|ports| SendError::from_outcome(ports.blocks.send(&self.block)));
         self.block.samples_before += samples as u64;
         self.lost += u64::from(outcome.is_err());
         outcome
@@ -101,9 +101,9 @@ impl ForceSource {
         self.link.connection()
     }
 
-    /// The reason for not being connected; none while connected.
-    pub fn away(&mut self) -> Option<Away> {
-        self.link.away()
+    /// Why there is no connection; `None` while connected.
+    pub fn disconnect_reason(&mut self) -> Option<DisconnectReason> {
+        self.link.disconnect_reason()
     }
 
     /// Events of the connection since the last call, oldest first.
@@ -111,13 +111,13 @@ impl ForceSource {
         self.link.next_event()
     }
 
-    /// Writes the next block; returns its samples per channel.
-    fn fill(&mut self, force: &ForceSamples<'_>) -> Result<usize, NotSent> {
+    /// Fills the next block; returns its number of samples per channel.
+    fn fill(&mut self, force: &ForceSamples<'_>) -> Result<usize, SendError> {
         let numbers = match force.samples {
             Samples::F32(s) => s.len(),
             Samples::F64(s) => s.len(),
         };
-        let invalid = |what, value, expected| Err(NotSent::Invalid { what, value, expected });
+        let invalid = |what, value, expected| Err(SendError::Invalid { what, value, expected });
         if !(3..=6).contains(&force.channels) {
             return invalid("the number of force channels", force.channels, "3 to 6");
         }
@@ -133,7 +133,7 @@ impl ForceSource {
         match force.samples {
             Samples::F32(s) => {
                 block.flags |= ForceBlock::INPUT_F32;
-                by_channel(
+                transpose(
                     &mut block.data,
                     s.iter().map(|v| f64::from(*v)),
                     force.channels,
@@ -141,7 +141,7 @@ impl ForceSource {
                 );
             }
             Samples::F64(s) => {
-                by_channel(&mut block.data, s.iter().copied(), force.channels, samples);
+                transpose(&mut block.data, s.iter().copied(), force.channels, samples);
             }
         }
         block.seq += 1;
@@ -154,13 +154,8 @@ impl ForceSource {
     }
 }
 
-/// Transposes samples to channels.
-fn by_channel(
-    data: &mut [f64],
-    values: impl Iterator<Item = f64>,
-    channels: usize,
-    samples: usize,
-) {
+/// Transposes sample-major values to channel-major order.
+fn transpose(data: &mut [f64], values: impl Iterator<Item = f64>, channels: usize, samples: usize) {
     for (i, value) in values.enumerate() {
         if let Some(place) = data.get_mut((i % channels) * samples + i / channels) {
             *place = value;

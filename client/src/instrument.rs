@@ -1,15 +1,15 @@
 //! Sends measured points of the tool to the trim. A separate object, because an instrument has its own program and rate.
 //!
-//! Promise: sending never blocks; a point that cannot be sent is lost and counted.
+//! Invariant: sending never blocks; a point that cannot be sent is dropped and counted.
 
 use std::time::Duration;
 
 use shm_schema::{
-    Cell, Joined, MeasuredPoint, PeerPublisher, PortError, Role, monotonic_ns, new_session,
+    Cell, JoinedEpoch, MeasuredPoint, PeerPublisher, PortError, Role, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{Away, ConnectError, NotSent};
+use crate::{ConnectError, DisconnectReason, SendError};
 
 /// Sends measured points: one instrument per cell.
 pub struct Instrument {
@@ -25,7 +25,7 @@ struct InstrumentPorts {
 
 impl Ports for InstrumentPorts {
     const ROLE: Role = Role::Instrument;
-    fn open(joined: &Joined) -> Result<Self, PortError> {
+    fn open(joined: &JoinedEpoch) -> Result<Self, PortError> {
         Ok(Self { points: joined.publisher()? })
     }
 }
@@ -51,8 +51,8 @@ impl Instrument {
     /// latency. Send nothing while there is no measurement (beam interrupted).
     ///
     /// # Errors
-    /// [`NotSent::Away`] and [`NotSent::Lost`] if it is lost.
-    pub fn send(&mut self, point_m: [f64; 3], t_ns: Option<u64>) -> Result<(), NotSent> {
+    /// [`SendError::Disconnected`] and [`SendError::Lost`] if it is lost.
+    pub fn send(&mut self, point_m: [f64; 3], t_ns: Option<u64>) -> Result<(), SendError> {
         self.seq += 1;
         let message = MeasuredPoint {
             seq: self.seq,
@@ -63,9 +63,8 @@ impl Instrument {
             point_m,
             ..MeasuredPoint::default()
         };
-        let ports = self.link.ports_to_tell().map_err(NotSent::Away);
-        let outcome =
-            ports.and_then(|ports| NotSent::unless_delivered(ports.points.send(&message)));
+        let ports = self.link.ports_for_sending().map_err(SendError::Disconnected);
+        let outcome = ports.and_then(|ports| SendError::from_outcome(ports.points.send(&message)));
         self.lost += u64::from(outcome.is_err());
         outcome
     }
@@ -82,9 +81,9 @@ impl Instrument {
         self.link.connection()
     }
 
-    /// The reason for not being connected; none while connected.
-    pub fn away(&mut self) -> Option<Away> {
-        self.link.away()
+    /// Why there is no connection; `None` while connected.
+    pub fn disconnect_reason(&mut self) -> Option<DisconnectReason> {
+        self.link.disconnect_reason()
     }
 
     /// Events of the connection since the last call, oldest first.

@@ -1,19 +1,19 @@
 //! The kinds of errors, the same in every language.
 //!
-//! Promise: every error of this crate has one kind, and a kind keeps its name. Never: messages; these belong to the errors.
+//! Invariants: every error of this crate has exactly one kind, and a kind keeps its name. Messages are defined with the errors.
 
 use shm_schema::JoinError;
 
-use crate::{AskError, Away, ConnectError, NotATarget, NotSent};
+use crate::{ConnectError, DisconnectReason, InvalidTarget, RequestError, SendError};
 
 /// Kind of an error, for programmatic handling.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ErrorKind {
-    /// What was given makes no sense.
+    /// An invalid argument.
     Argument,
     /// No daemon found in time.
     NoDaemon,
-    /// The daemon was there and is gone.
+    /// The daemon has terminated.
     DaemonLost,
     /// Connected to a new daemon.
     DaemonRestarted,
@@ -62,28 +62,28 @@ impl core::fmt::Display for ErrorKind {
     }
 }
 
-impl From<Away> for ErrorKind {
-    fn from(away: Away) -> Self {
-        match away {
-            Away::DaemonLost => Self::DaemonLost,
-            Away::DaemonRestarted => Self::DaemonRestarted,
-            Away::VersionMismatch => Self::VersionMismatch,
-            Away::WrongUser => Self::WrongUser,
-            Away::RoleTaken => Self::RoleTaken,
-            Away::Transport => Self::Transport,
+impl From<DisconnectReason> for ErrorKind {
+    fn from(reason: DisconnectReason) -> Self {
+        match reason {
+            DisconnectReason::DaemonLost => Self::DaemonLost,
+            DisconnectReason::DaemonRestarted => Self::DaemonRestarted,
+            DisconnectReason::VersionMismatch => Self::VersionMismatch,
+            DisconnectReason::WrongUser => Self::WrongUser,
+            DisconnectReason::RoleTaken => Self::RoleTaken,
+            DisconnectReason::Transport => Self::Transport,
         }
     }
 }
 
 impl ConnectError {
-    /// What kind of error it is.
+    /// Kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Refused(JoinError::Cell(_)) => ErrorKind::Argument,
-            Self::Refused(e) | Self::TimedOut { last: e, .. } => match Away::from(e) {
-                Away::DaemonLost => ErrorKind::NoDaemon,
-                away => away.into(),
+            Self::Refused(e) | Self::TimedOut { last: e, .. } => match DisconnectReason::from(e) {
+                DisconnectReason::DaemonLost => ErrorKind::NoDaemon,
+                reason => reason.into(),
             },
             Self::Silent { .. } => ErrorKind::DaemonSilent,
             Self::Thread(_) => ErrorKind::System,
@@ -91,34 +91,34 @@ impl ConnectError {
     }
 }
 
-impl NotSent {
-    /// What kind of error it is.
+impl SendError {
+    /// Kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Away(away) => (*away).into(),
+            Self::Disconnected(reason) => (*reason).into(),
             Self::Lost => ErrorKind::MessageLost,
-            Self::NotATarget(_) | Self::HorizonNotFinite { .. } | Self::Invalid { .. } => {
+            Self::InvalidTarget(_) | Self::HorizonNotFinite { .. } | Self::Invalid { .. } => {
                 ErrorKind::Argument
             }
         }
     }
 }
 
-impl NotATarget {
-    /// What kind of error it is.
+impl InvalidTarget {
+    /// Kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         ErrorKind::Argument
     }
 }
 
-impl AskError {
-    /// What kind of error it is.
+impl RequestError {
+    /// Kind of the error.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Away(away) => (*away).into(),
+            Self::Disconnected(reason) => (*reason).into(),
             Self::TimedOut { .. } => ErrorKind::TimedOut,
             Self::BadPath { .. } => ErrorKind::Argument,
         }

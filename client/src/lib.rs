@@ -22,7 +22,7 @@
 //! [`Client::target_for`] always returns the command plus a correction that is limited here, in
 //! position, rate and jerk, relative to the last one sent: towards the daemon's while that is fresh (10 ms
 //! by default), otherwise towards zero. A daemon that dies, returns, rejects a command, or
-//! changes its model, mode or limits changes the goal of the correction, never causing a step. A command
+//! changes its model, mode or limits changes the target of the correction, and never causes a step. A command
 //! that is not finite is an error; a loop that must send something can then send
 //! [`Client::last_target`]. Every error has one [`ErrorKind`], the same in every language.
 //!
@@ -47,7 +47,7 @@ mod setpoint;
 mod target;
 
 pub use client::Client;
-pub use error::{AskError, Away, ConnectError, NotATarget, NotSent};
+pub use error::{ConnectError, DisconnectReason, InvalidTarget, RequestError, SendError};
 pub use force::{ForceSamples, ForceSource, Samples};
 pub use horizon::HORIZON_POINTS_MAX;
 pub use instrument::Instrument;
@@ -55,7 +55,7 @@ pub use kind::ErrorKind;
 pub use link::{Connection, ConnectionEvent};
 pub use measured::Measured;
 pub use monitor::Monitor;
-#[doc(hidden)] // For a simulation that brings its own time.
+#[doc(hidden)] // For simulations with their own time.
 pub use output::Output;
 pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
@@ -67,8 +67,8 @@ pub use shm_schema::{
 };
 pub use target::{Source, Target};
 
-/// This build's version, and the contract by which it understands a daemon, for users.
+/// Version of this build and of the shared-memory contract, as text for users.
 #[must_use]
 pub fn contract() -> String {
-    shm_schema::Contract::ours().to_string()
+    shm_schema::Contract::of_this_build().to_string()
 }

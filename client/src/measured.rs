@@ -1,4 +1,4 @@
-//! A measurement of the tool, by which the daemon checks whether its model still holds.
+//! A measurement of the tool, with which the daemon checks whether its model still holds.
 
 use shm_schema::{JOINTS_MAX, Operation, Request};
 
@@ -11,7 +11,7 @@ pub struct Measured<'a> {
     pub direction: &'a [i8],
     /// The tool centre point in the robot's base frame, m.
     pub point_m: [f64; 3],
-    /// Standard uncertainty per axis, m, above zero: instrument and held-out error of the model together.
+    /// Standard uncertainty per axis, m, above zero: of the instrument and of the model (its held-out error) combined.
     pub sigma_m: f64,
     /// Temperature around the robot, °C; NaN where unknown.
     pub ambient_c: f64,

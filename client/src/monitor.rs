@@ -1,33 +1,33 @@
-//! Monitoring and requests: status, vibration verdicts, spectra of the force, requests. Several at once; never in the robot's loop.
+//! Monitoring and requests: status, vibration verdicts, force spectra, requests. Any number per cell; not for use in the robot's control loop.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Joined, Payload, PeerControl, PeerSubscriber, PortError, Request, Response, Role,
+    Cell, JoinedEpoch, Payload, PeerControl, PeerSubscriber, PortError, Request, Response, Role,
     Spectrum, Status, Verdict, monotonic_ns, new_session,
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::requests::{reload, requests};
-use crate::{AskError, Away, ConnectError};
+use crate::{ConnectError, DisconnectReason, RequestError};
 
-/// How often an answer is looked for.
-const ANSWER_PERIOD: Duration = Duration::from_micros(200);
+/// Polling interval for an answer.
+const ANSWER_POLL_PERIOD: Duration = Duration::from_micros(200);
 
 /// The ports of any client, as needed by a monitor.
 pub(crate) struct MonitorPorts {
     status: PeerSubscriber<Status>,
     vibration: PeerSubscriber<Verdict>,
     control: PeerControl,
-    /// Opened by the first reading: the daemon makes spectra only for those who read them.
+    /// Opened by the first reading, because the daemon computes spectra only while they are read.
     spectrum: Option<PeerSubscriber<Spectrum>>,
-    joined: Joined,
+    joined: JoinedEpoch,
 }
 
 impl Ports for MonitorPorts {
     const ROLE: Role = Role::Monitor;
-    fn open(joined: &Joined) -> Result<Self, PortError> {
+    fn open(joined: &JoinedEpoch) -> Result<Self, PortError> {
         Ok(Self {
             status: joined.subscriber()?,
             vibration: joined.subscriber()?,
@@ -49,7 +49,7 @@ impl MonitorPorts {
         self.vibration.take_next().filter(|v| v.check().is_ok())
     }
 
-    /// The next spectrum; none where all places of readers are taken.
+    /// The next spectrum; `None` also if all reader places are taken.
     fn spectrum(&mut self) -> Option<Spectrum> {
         if self.spectrum.is_none() {
             self.spectrum = self.joined.subscriber().ok();
@@ -57,54 +57,54 @@ impl MonitorPorts {
         self.spectrum.as_mut()?.take_next().filter(|s| s.check().is_ok())
     }
 
-    fn ask(&mut self, request: &Request, limit: Duration) -> Result<Response, AskError> {
+    fn request(&mut self, request: &Request, limit: Duration) -> Result<Response, RequestError> {
         let start = Instant::now();
         let mut pending = None;
         loop {
             if pending.is_none() {
-                pending = self.control.ask(request);
+                pending = self.control.send_request(request);
             }
-            let answer = pending.as_ref().and_then(shm_schema::Pending::answer);
+            let answer = pending.as_ref().and_then(shm_schema::PendingResponse::answer);
             let ours = |a: &Response| (a.seq, a.session) == (request.seq, request.session);
             if let Some(answer) = answer.filter(|a| a.check().is_ok() && ours(a)) {
                 return Ok(answer);
             }
             if start.elapsed() >= limit {
-                return Err(AskError::TimedOut { limit });
+                return Err(RequestError::TimedOut { limit });
             }
-            std::thread::sleep(ANSWER_PERIOD);
+            std::thread::sleep(ANSWER_POLL_PERIOD);
         }
     }
 }
 
-/// Numbers requests.
-pub(crate) struct Asker {
+/// Sends requests with consecutive numbers.
+pub(crate) struct RequestSender {
     seq: u64,
     session: u64,
 }
 
-impl Asker {
+impl RequestSender {
     pub(crate) fn new() -> Self {
         Self { seq: 0, session: new_session() }
     }
 
-    pub(crate) fn ask(
+    pub(crate) fn request(
         &mut self,
         ports: &mut MonitorPorts,
         request: Request,
         limit: Duration,
-    ) -> Result<Response, AskError> {
+    ) -> Result<Response, RequestError> {
         self.seq += 1;
         let request =
             Request { seq: self.seq, session: self.session, t_ns: monotonic_ns(), ..request };
-        ports.ask(&request, limit)
+        ports.request(&request, limit)
     }
 }
 
 /// Monitors a cell and sends requests to its daemon; any number of processes can do so.
 pub struct Monitor {
     link: Link<MonitorPorts>,
-    asker: Asker,
+    request_sender: RequestSender,
     status: Option<Status>,
 }
 
@@ -122,7 +122,11 @@ impl Monitor {
     /// # Errors
     /// See [`ConnectError`].
     pub fn connect_to(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
-        Ok(Self { link: Link::connect(cell, limit)?, asker: Asker::new(), status: None })
+        Ok(Self {
+            link: Link::connect(cell, limit)?,
+            request_sender: RequestSender::new(),
+            status: None,
+        })
     }
 
     /// The newest status, if any.
@@ -138,8 +142,8 @@ impl Monitor {
     }
 
     /// The next spectrum of the force not yet taken: up to ten a second while force samples arrive, from the first call on. Each
-    /// costs the daemon a transform of about a fifth of a second of samples, outside its real-time cycle; with no reader it makes none. At most four
-    /// are kept: a reader that comes late misses the older ones, and delays nobody.
+    /// costs the daemon a transform of about a fifth of a second of samples, outside its real-time cycle; without a reader it computes none. At most four
+    /// are buffered: a slow reader misses the older ones and delays no other process.
     pub fn spectrum(&mut self) -> Option<Spectrum> {
         self.link.ports().and_then(MonitorPorts::spectrum)
     }
@@ -150,9 +154,9 @@ impl Monitor {
         self.link.connection()
     }
 
-    /// The reason for not being connected; none while connected.
-    pub fn away(&mut self) -> Option<Away> {
-        self.link.away()
+    /// Why there is no connection; `None` while connected.
+    pub fn disconnect_reason(&mut self) -> Option<DisconnectReason> {
+        self.link.disconnect_reason()
     }
 
     /// Events of the connection since the last call, oldest first.
@@ -163,17 +167,17 @@ impl Monitor {
     /// As [`Monitor::reload`], for a model of another robot or one whose joint limits the arm already exceeds: in shadow mode only.
     ///
     /// # Errors
-    /// See [`AskError`]; a refusal is an answer, not an error.
+    /// See [`RequestError`]; a refusal is an answer, not an error.
     pub fn reload_other_robot(
         &mut self,
         path: Option<&Path>,
         limit: Duration,
-    ) -> Result<Response, AskError> {
-        self.ask(Request { other_robot: 1, ..reload(path)? }, limit)
+    ) -> Result<Response, RequestError> {
+        self.request(Request { other_robot: 1, ..reload(path)? }, limit)
     }
 
-    fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        self.asker.ask(self.link.ports_to_tell()?, request, limit)
+    fn request(&mut self, request: Request, limit: Duration) -> Result<Response, RequestError> {
+        self.request_sender.request(self.link.ports_for_sending()?, request, limit)
     }
 }
 

@@ -12,7 +12,7 @@ use envelope::{Elapsed, Intervals, Limiters, Limits};
 use shm_schema::{Command, Corrected, FeedBounds, JOINTS_MAX, JointBounds};
 
 use crate::feed::FeedOutput;
-use crate::{NotATarget, Source, Target};
+use crate::{InvalidTarget, Source, Target};
 
 /// Default age limit of a daemon's answer.
 const FRESH_NS: u64 = 10_000_000;
@@ -21,11 +21,11 @@ const FRESH_NS: u64 = 10_000_000;
 #[derive(Debug)]
 pub struct Output {
     limiters: Limiters<JOINTS_MAX>,
-    /// None before the daemon has sent them: there is no correction then.
+    /// `None` before the daemon has sent them: nothing is corrected then.
     limits: [Option<Limits>; JOINTS_MAX],
     intervals: Intervals,
     feed: FeedOutput,
-    /// What was sent last.
+    /// The last target sent.
     sent: Option<Target>,
     /// Age limit of a daemon's answer, ns.
     pub fresh_ns: u64,
@@ -38,7 +38,7 @@ impl Default for Output {
 }
 
 impl Output {
-    /// One that has sent nothing yet.
+    /// Before the first target.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -59,7 +59,7 @@ impl Output {
         }
     }
 
-    /// Takes over the daemon's bounds of the feed override, likewise.
+    /// Adopts the daemon's bounds of the feed override, likewise.
     pub fn set_feed_bounds(&mut self, bounds: &FeedBounds) {
         self.feed.set_bounds(bounds);
     }
@@ -75,8 +75,8 @@ impl Output {
         self.feed.value()
     }
 
-    /// The robot begins a run, standing at its command plus this correction; zero beyond the list and where it is
-    /// no number.
+    /// The robot begins a run at its command plus this correction; missing and non-finite values count as
+    /// zero.
     pub fn start_from(&mut self, correction: &[f64]) {
         let value = |i: usize| correction.get(i).copied().unwrap_or(0.0);
         self.limiters = Limiters::from_motion(|i| (value(i), 0.0, 0.0));
@@ -89,7 +89,7 @@ impl Output {
         std::array::from_fn(|i| self.limiters.joints()[i].value())
     }
 
-    /// What was sent last.
+    /// The last target sent.
     #[must_use]
     pub fn sent(&self) -> Option<Target> {
         self.sent
@@ -98,35 +98,35 @@ impl Output {
     /// The target for `q_cmd` at `now_ns`, given the newest answer and the command sent to the daemon last.
     ///
     /// # Errors
-    /// [`NotATarget`] if `q_cmd` is not 1 to 16 finite numbers; the state is then unchanged.
+    /// [`InvalidTarget`] if `q_cmd` is not 1 to 16 finite numbers; the state is then unchanged.
     pub fn target(
         &mut self,
         q_cmd: &[f64],
         newest: Option<&Corrected>,
         command: Option<&Command>,
         now_ns: u64,
-    ) -> Result<Target, NotATarget> {
-        NotATarget::check(q_cmd)?;
+    ) -> Result<Target, InvalidTarget> {
+        InvalidTarget::check(q_cmd)?;
         let answer = newest.filter(|answer| self.is_usable(answer, q_cmd.len(), now_ns));
         let requested = answer.map_or([0.0; JOINTS_MAX], |answer| answer.correction);
         let elapsed = self.elapse(now_ns, command.map(|command| command.t_ns));
         let limits = |i: usize| self.limits[i];
         let correction = match answer {
-            // The daemon's own joints keep to one line; catching up with them is a matter of each.
-            Some(_) => self.limiters.step_apart(&requested, limits, elapsed),
+            // The daemon already coordinates its joints along a line; each joint tracks it on its own.
+            Some(_) => self.limiters.step_independently(&requested, limits, elapsed),
             None => self.limiters.step(&requested, limits, elapsed),
         };
 
         let mut q = [0.0; JOINTS_MAX];
         for (q, (q_cmd, correction)) in q.iter_mut().zip(q_cmd.iter().zip(correction)) {
-            // Not even the sign of a zero changes where nothing is corrected.
+            // Without a correction the target is bitwise equal, including the sign of a zero.
             *q = if correction == 0.0 { *q_cmd } else { q_cmd + correction };
         }
         let is_reached = correction[..q_cmd.len()] == requested[..q_cmd.len()];
         let source = match answer {
             _ if !is_reached => Source::Ramping,
             None => Source::Plain,
-            Some(answer) if command.is_some_and(|command| answers(answer, command, q_cmd)) => {
+            Some(answer) if command.is_some_and(|command| is_answer_to(answer, command, q_cmd)) => {
                 Source::Corrected
             }
             Some(_) => Source::LastCorrection,
@@ -146,7 +146,7 @@ impl Output {
         })
     }
 
-    /// Whether the answer is fresh and one for so many joints. Another process wrote it, so it may hold NaN.
+    /// Whether the answer is fresh and has this number of joints. It was written by another process and may contain NaN.
     fn is_usable(&self, answer: &Corrected, joints: usize, now_ns: u64) -> bool {
         answer.joints as usize == joints
             && now_ns.saturating_sub(answer.made_ns) <= self.fresh_ns
@@ -154,8 +154,8 @@ impl Output {
     }
 }
 
-/// Whether the answer is for that command, and that command is for these joints.
-fn answers(answer: &Corrected, command: &Command, q_cmd: &[f64]) -> bool {
+/// Whether the answer belongs to this command, and the command commands these joints.
+fn is_answer_to(answer: &Corrected, command: &Command, q_cmd: &[f64]) -> bool {
     (answer.command_session, answer.command_seq) == (command.session, command.seq)
         && command.joints() == q_cmd
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use shm_schema::{InCut, Operation, Request};
 
 /// State of the cutting process. By default nothing is stated: the daemon then uses its configuration, the commanded path and
-/// by the level of the forces.
+/// the level of the forces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ProcessState {
     /// Spindle speed, 1/min; 0 if stopped, NaN if unknown.
@@ -16,7 +16,7 @@ pub struct ProcessState {
     pub feed_mm_s: f64,
     /// Whether the tool cuts; `None`: the daemon decides by the forces.
     pub in_cut: Option<bool>,
-    /// How long this holds, in case the cell fails with the spindle on; `None`: until the next report.
+    /// Validity of this report, in case the cell fails with the spindle on; `None`: until the next report.
     pub holds_for: Option<Duration>,
 }
 
@@ -33,7 +33,7 @@ impl ProcessState {
             Some(false) => InCut::Air,
             Some(true) => InCut::Cut,
         };
-        // Zero would hold for ever.
+        // Zero means without a time limit.
         let milliseconds =
             |limit: Duration| u32::try_from(limit.as_millis()).unwrap_or(u32::MAX).max(1);
         Request {

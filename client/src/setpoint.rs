@@ -2,7 +2,7 @@
 
 use shm_schema::{Command, JOINTS_MAX};
 
-use crate::NotATarget;
+use crate::InvalidTarget;
 
 /// Axes of a wrench; always at the TCP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -85,15 +85,15 @@ impl Setpoint {
         self
     }
 
-    /// The message, numbered and stamped; [`Client::send`](crate::Client::send) sends this one.
+    /// The message with its number and time stamps; [`Client::send`](crate::Client::send) sends this one.
     ///
     /// # Errors
-    /// [`NotATarget`] if the joints are not 1 to 16 finite numbers.
-    pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotATarget> {
+    /// [`InvalidTarget`] if the joints are not 1 to 16 finite numbers.
+    pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, InvalidTarget> {
         if self.joints > JOINTS_MAX {
-            return Err(NotATarget::Joints(self.joints));
+            return Err(InvalidTarget::Joints(self.joints));
         }
-        NotATarget::check(self.command.joints())?;
+        InvalidTarget::check(self.command.joints())?;
         let t_ns = if self.command.t_ns == 0 { now_ns } else { self.command.t_ns };
         Ok(Command { seq, session, t_ns, sent_ns: now_ns, ..self.command })
     }

@@ -38,13 +38,13 @@ impl Target {
         &self.q[..self.joints]
     }
 
-    /// What the correction in it is.
+    /// Origin of its correction.
     #[must_use]
     pub fn source(&self) -> Source {
         self.source
     }
 
-    /// The share of the programmed feed to go on with, above 0 to 1: what keeps the force under the cell's limit. 1 in a cell that adapts no feed.
+    /// Feed override that keeps the force under the cell's limit: fraction of the programmed feed, above 0 to 1. 1 in a cell without feed adaptation.
     #[must_use]
     pub fn feed_override(&self) -> f64 {
         self.feed_override

@@ -11,7 +11,7 @@ use recording::files::content_hash;
 use recording::model::RobotModel;
 use recording::series::Recording;
 use recording::unit::Unit;
-use report::{TextTable, count};
+use report::{TextTable, pluralise};
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
 
@@ -38,12 +38,12 @@ pub struct Figures {
     /// Rows by status.
     statuses: BTreeMap<String, usize>,
     /// Why rows are not simply corrected.
-    reasons: Vec<Because>,
+    reasons: Vec<ReasonCount>,
     /// Of revolute and of prismatic joints, where there are any.
-    largest_correction: Vec<Largest>,
+    largest_correction: Vec<LargestCorrection>,
     /// Tool error left with the published correction, by the model; rows where it is unknown are
     /// omitted. `None` if it is unknown in all rows.
-    largest_left: Option<Left>,
+    largest_left: Option<RemainingError>,
     /// Rows whose tool error is unknown: they were rejected, or an effect is beyond its validity
     /// range.
     unknown_rows: usize,
@@ -66,7 +66,7 @@ struct ModelName {
 
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Because {
+struct ReasonCount {
     status: String,
     reason: String,
     rows: usize,
@@ -76,7 +76,7 @@ struct Because {
 
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Largest {
+struct LargestCorrection {
     value: f64,
     unit: &'static str,
     /// From 1.
@@ -88,7 +88,7 @@ struct Largest {
 /// The largest tool error left; rows from 1.
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Left {
+struct RemainingError {
     mm: f64,
     mm_row: usize,
     mrad: f64,
@@ -99,7 +99,7 @@ struct Left {
 #[derive(Debug, Clone, Copy, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Tolerance {
-    /// What is allowed of the tool's position.
+    /// Allowed error of the tool's position.
     pub tolerance_mm: f64,
     /// The largest error left, if it is known in any row.
     pub largest_mm: Option<f64>,
@@ -111,7 +111,7 @@ pub struct Tolerance {
 
 impl Corrections {
     /// No answers yet.
-    pub(crate) fn of(model: &RobotModel) -> Self {
+    pub(crate) fn new(model: &RobotModel) -> Self {
         let kinds = setup::joint_kinds(&model.physics.arm);
         let name = ModelName {
             name: model.file.name.clone(),
@@ -130,7 +130,7 @@ impl Corrections {
     ///
     /// # Errors
     /// A status or reason of a later version.
-    pub(crate) fn take(
+    pub(crate) fn add(
         &mut self,
         q_cmd: &[f64],
         answer: &Corrected,
@@ -144,8 +144,8 @@ impl Corrections {
         self.left_m.push(left.map_or(f64::NAN, |left| left.m));
         self.left_rad.push(left.map_or(f64::NAN, |left| left.rad));
         self.limited_by.push((status == CorrectionStatus::Limited).then_some(reason));
-        self.figures.take(answer, status, reason, &self.kinds);
-        self.figures.leave(left);
+        self.figures.add(answer, status, reason, &self.kinds);
+        self.figures.add_remaining_error(left);
         Ok(())
     }
 
@@ -155,7 +155,7 @@ impl Corrections {
         let mut columns = Vec::new();
         for (joint, (kind, q)) in self.kinds.iter().zip(&self.q).enumerate() {
             let unit = if *kind == JointKind::Revolute { "deg" } else { "mm" };
-            let in_unit = |q: f64| Unit::named(unit).map_or(q, |unit| unit.from_si(q));
+            let in_unit = |q: f64| Unit::from_name(unit).map_or(q, |unit| unit.from_si(q));
             let text =
                 |q: &f64| if q.is_nan() { String::new() } else { format!("{:?}", in_unit(*q)) };
             columns.push((format!("c{}_{unit}", joint + 1), q.iter().map(text).collect()));
@@ -181,7 +181,7 @@ impl Corrections {
     }
 
     /// Puts other joints in their place: those that are commanded so that the arm is there in time.
-    pub fn put_joints(&mut self, q: Vec<Vec<f64>>) {
+    pub fn replace_joints(&mut self, q: Vec<Vec<f64>>) {
         self.q = q;
     }
 
@@ -191,7 +191,7 @@ impl Corrections {
     }
 
     /// The error left compared with the allowed one, mm.
-    pub(crate) fn within(&self, tolerance_mm: f64) -> Tolerance {
+    pub(crate) fn compare_with_tolerance(&self, tolerance_mm: f64) -> Tolerance {
         let beyond = |left_m: &&f64| left_m.is_nan() || **left_m * 1e3 > tolerance_mm;
         let rows_beyond = self.left_m.iter().filter(beyond).count();
         let largest_mm = self.figures.largest_left.map(|left| left.mm);
@@ -207,7 +207,7 @@ impl Corrections {
 }
 
 impl Figures {
-    fn take(
+    fn add(
         &mut self,
         answer: &Corrected,
         status: CorrectionStatus,
@@ -219,23 +219,27 @@ impl Figures {
         self.not_exact_rows += usize::from(!exact || reason == Reason::NotConverged);
         *self.statuses.entry(status.to_string()).or_default() += 1;
         if reason != Reason::None {
-            self.because(status.to_string(), reason.to_string());
+            self.count_reason(status.to_string(), reason.to_string());
         }
         for (joint, kind) in kinds.iter().enumerate() {
             let unit = if *kind == JointKind::Revolute { "mrad" } else { "mm" };
-            self.correction(answer.correction[joint].abs() * 1e3, unit, joint + 1);
+            self.update_largest_correction(answer.correction[joint].abs() * 1e3, unit, joint + 1);
         }
     }
 
     /// Adds the tool error left in the last row.
-    fn leave(&mut self, left: Option<Residual>) {
+    fn add_remaining_error(&mut self, left: Option<Residual>) {
         let Some(left) = left else {
             self.unknown_rows += 1;
             return;
         };
         let (mm, mrad, row) = (left.m * 1e3, left.rad * 1e3, self.rows);
-        let largest =
-            self.largest_left.get_or_insert(Left { mm, mm_row: row, mrad, mrad_row: row });
+        let largest = self.largest_left.get_or_insert(RemainingError {
+            mm,
+            mm_row: row,
+            mrad,
+            mrad_row: row,
+        });
         if mm > largest.mm {
             (largest.mm, largest.mm_row) = (mm, row);
         }
@@ -244,16 +248,18 @@ impl Figures {
         }
     }
 
-    fn because(&mut self, status: String, reason: String) {
-        let same = |known: &&mut Because| known.status == status && known.reason == reason;
+    fn count_reason(&mut self, status: String, reason: String) {
+        let same = |known: &&mut ReasonCount| known.status == status && known.reason == reason;
         match self.reasons.iter_mut().find(same) {
             Some(known) => known.rows += 1,
-            None => self.reasons.push(Because { status, reason, rows: 1, first_row: self.rows }),
+            None => {
+                self.reasons.push(ReasonCount { status, reason, rows: 1, first_row: self.rows });
+            }
         }
     }
 
-    fn correction(&mut self, value: f64, unit: &'static str, joint: usize) {
-        let largest = Largest { value, unit, joint, row: self.rows };
+    fn update_largest_correction(&mut self, value: f64, unit: &'static str, joint: usize) {
+        let largest = LargestCorrection { value, unit, joint, row: self.rows };
         match self.largest_correction.iter_mut().find(|known| known.unit == unit) {
             Some(known) if known.value >= value => {}
             Some(known) => *known = largest,
@@ -286,22 +292,22 @@ impl Figures {
         };
         let mut text =
             format!("{}, {} rows{rest}\n\n{}\n", self.model.name, self.rows, table.render(width));
-        for Because { status, reason, rows, first_row } in &self.reasons {
+        for ReasonCount { status, reason, rows, first_row } in &self.reasons {
             let first_row = row_in_file(*first_row);
             text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
         }
-        for Largest { value, unit, joint, row } in &self.largest_correction {
+        for LargestCorrection { value, unit, joint, row } in &self.largest_correction {
             let row = row_in_file(*row);
             text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
         }
-        let Some(Left { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
+        let Some(RemainingError { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
             return text + "largest error left  unknown for all rows";
         };
         let [mm_row, mrad_row] = [mm_row, mrad_row].map(row_in_file);
         text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
         text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {
-            text += &format!(", unknown for {}", count(self.unknown_rows, "row"));
+            text += &format!(", unknown for {}", pluralise(self.unknown_rows, "row"));
         }
         text
     }
@@ -309,7 +315,7 @@ impl Figures {
 
 impl Tolerance {
     /// The same with the largest deviation from the path in motion, mm.
-    pub(crate) fn and(self, deviation_mm: f64) -> Self {
+    pub(crate) fn with_path_deviation(self, deviation_mm: f64) -> Self {
         let largest_mm = self.largest_mm.map(|largest_mm| largest_mm.max(deviation_mm));
         Self { largest_mm, met: self.met && deviation_mm <= self.tolerance_mm, ..self }
     }
@@ -326,7 +332,7 @@ impl Tolerance {
                 "tolerance           {tolerance_mm} mm not met: path deviation of {largest_mm:.3} mm in motion"
             );
         }
-        let rows = count(*rows_beyond, "row");
+        let rows = pluralise(*rows_beyond, "row");
         format!(
             "tolerance           {tolerance_mm} mm not met: {rows} with a larger or unknown remaining error; see the column `left_mm`"
         )

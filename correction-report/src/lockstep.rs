@@ -14,7 +14,7 @@ use recording::series::Recording;
 use shm_schema::{Corrected, CorrectionStatus};
 
 use crate::error::Error;
-use crate::setpoints::{Timed, has_wrench};
+use crate::setpoints::{TimedSetpoint, has_wrench};
 
 /// Its name: short, since the transport limits the length of paths.
 pub(crate) const CELL: &str = "r";
@@ -32,7 +32,7 @@ pub(crate) fn cell_toml(model: &Path, recording: &Recording) -> String {
 }
 
 /// The daemon's cycle in this process, one row per call.
-pub(crate) struct Cycle<'m> {
+pub(crate) struct LockstepCycle<'m> {
     model: &'m RobotModel,
     corrector: Corrector,
     sensor_inputs: SensorInputs,
@@ -42,7 +42,7 @@ pub(crate) struct Cycle<'m> {
     frees_tool_axis: bool,
 }
 
-impl<'m> Cycle<'m> {
+impl<'m> LockstepCycle<'m> {
     /// Before the first row.
     pub(crate) fn new(
         model: &'m RobotModel,
@@ -56,7 +56,10 @@ impl<'m> Cycle<'m> {
     }
 
     /// In the cell of [`cell_toml`].
-    pub(crate) fn of_cell(model: &'m RobotModel, recording: &Recording) -> Result<Self, Error> {
+    pub(crate) fn in_default_cell(
+        model: &'m RobotModel,
+        recording: &Recording,
+    ) -> Result<Self, Error> {
         let text = cell_toml(Path::new("model.toml"), recording);
         let config = CellConfig::parse(CELL, &text).map_err(Error::system)?;
         let settings = setup::settings(&config, &model.physics.arm, true).map_err(Error::input)?;
@@ -69,26 +72,26 @@ impl<'m> Cycle<'m> {
     }
 
     /// The daemon's answer to the next row.
-    pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Error> {
+    pub(crate) fn answer(&mut self, row: &TimedSetpoint) -> Result<Corrected, Error> {
         let Self { corrector, sensor_inputs, exchange, .. } = self;
         let model = &self.model.physics;
         self.seq += 1;
-        self.session += u64::from(row.anew);
+        self.session += u64::from(row.starts_segment);
         let command =
             row.setpoint.command(self.seq, self.session, row.t_ns).map_err(Error::input)?;
-        let world = sensor_inputs.world(exchange, None, &command, row.t_ns);
+        let world = sensor_inputs.cycle_inputs(exchange, None, &command, row.t_ns);
         let claim = translate::command(&command, row.t_ns, true);
         let wanted = corrector.correct(model, &claim, &world, row.t_ns);
-        let allowed = corrector.bound(model, &wanted);
+        let allowed = corrector.limit(model, &wanted);
         corrector.prepare(model);
         Ok(translate::corrected(&allowed, model.arm.count()))
     }
 
     /// The tool error left at the last row with an answer's correction, by the model. `None` if it
     /// is unknown: the row was rejected, or an effect is beyond its validity range.
-    pub(crate) fn left_with(&self, answer: &Corrected) -> Option<Residual> {
+    pub(crate) fn remaining_error(&self, answer: &Corrected) -> Option<Residual> {
         let is_rejected = answer.status() == Ok(CorrectionStatus::Rejected);
-        let left = || self.corrector.left_with(&self.model.physics, &answer.correction);
+        let left = || self.corrector.residual_with(&self.model.physics, &answer.correction);
         if is_rejected { None } else { left() }
     }
 }

@@ -13,18 +13,18 @@ use recording::series::Recording;
 use serde::Serialize;
 
 use crate::corrections::{Corrections, Figures, Tolerance};
+use crate::dynamic::DynamicPath;
 use crate::error::Error;
-use crate::in_time::Dynamic;
-use crate::lockstep::{CELL, Cycle, cell_toml};
+use crate::lockstep::{CELL, LockstepCycle, cell_toml};
 use crate::setpoints::{Setpoints, has_wrench};
 
-/// What helps an arm that cannot serve all six freedoms.
-const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct the complete position and orientation; if the tool may rotate about its own axis, \
+/// Remedy for an arm that cannot correct all six degrees of freedom.
+const FEWER_JOINTS_NOTE: &str = "an arm with fewer than six joints cannot correct the complete position and orientation; if the tool may rotate about its own axis, \
     set `task.free_tool_axis = true` in the cell's configuration";
 
 /// How a path is corrected.
 #[derive(Debug, Clone, Default)]
-pub struct Request {
+pub struct CorrectionRequest {
     /// The cell and the name of its file; its mode is ignored. `None`: every correction in full.
     pub cell: Option<(String, CellConfig)>,
     /// Settings of a dynamic compensation; `None`: the static correction alone.
@@ -38,11 +38,11 @@ pub struct CorrectedPath {
     pub csv: Vec<u8>,
     /// Figures of the corrections.
     pub figures: Figures,
-    /// What was compensated in time; `None` without dynamic compensation.
+    /// Result of the dynamic compensation; `None` without dynamic compensation.
     pub dynamic: Option<PreviewReport>,
     corrections: Corrections,
     few_joints: bool,
-    in_time: Option<Dynamic>,
+    in_time: Option<DynamicPath>,
 }
 
 /// The result as `trued.correct/1`.
@@ -54,7 +54,7 @@ pub struct Report<'a> {
     corrections: String,
     /// The error that is left compared with the tolerance; `None` without --tolerance-mm.
     tolerance: Option<Tolerance>,
-    /// What was compensated in time; none without --dynamic.
+    /// Result of the dynamic compensation; none without --dynamic.
     dynamic: Option<&'a PreviewReport>,
 }
 
@@ -63,17 +63,18 @@ impl CorrectedPath {
     ///
     /// # Errors
     /// A recording without the joints of the model; a cell of another robot; a path or model that cannot be compensated in time.
-    pub fn of(
+    pub fn compute(
         model: &RobotModel,
         mut recording: Recording,
-        request: Request,
+        request: CorrectionRequest,
     ) -> Result<Self, Error> {
         let arm = &model.physics.arm;
         let kinds = setup::joint_kinds(arm);
         recording.check_joints(&kinds).map_err(FileError::Content)?;
-        let extend = |settings| Dynamic::extend(model, &mut recording, &kinds, settings);
+        let extend = |settings| DynamicPath::extend(model, &mut recording, &kinds, settings);
         let in_time = request.dynamic.map(extend).transpose()?;
-        let (mut corrections, frees_tool_axis) = statically(model, &recording, request.cell)?;
+        let (mut corrections, frees_tool_axis) =
+            static_corrections(model, &recording, request.cell)?;
         let dynamic = in_time.as_ref().map(|in_time| in_time.compensate(model, &mut corrections));
         let dynamic = dynamic.transpose()?;
         let csv = corrections.csv(recording);
@@ -84,9 +85,9 @@ impl CorrectedPath {
 
     /// The error left compared with an allowed one, mm.
     #[must_use]
-    pub fn within(&self, tolerance_mm: f64) -> Tolerance {
+    pub fn compare_with_tolerance(&self, tolerance_mm: f64) -> Tolerance {
         let deviation_mm = self.dynamic.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
-        self.corrections.within(tolerance_mm).and(deviation_mm)
+        self.corrections.compare_with_tolerance(tolerance_mm).with_path_deviation(deviation_mm)
     }
 
     /// Rows in which a limit reduced the dynamic correction.
@@ -133,7 +134,7 @@ impl CorrectedPath {
             ));
         }
         if self.few_joints && !self.is_exact() {
-            lines.push(FEWER_JOINTS.to_owned());
+            lines.push(FEWER_JOINTS_NOTE.to_owned());
         }
         lines
     }
@@ -143,17 +144,17 @@ impl CorrectedPath {
 ///
 /// # Errors
 /// A cell of another robot.
-pub fn statically(
+pub fn static_corrections(
     model: &RobotModel,
     recording: &Recording,
     cell: Option<(String, CellConfig)>,
 ) -> Result<(Corrections, bool), Error> {
     let mut cycle = cycle(model, recording, cell)?;
-    let mut corrections = Corrections::of(model);
-    for (place, row) in Setpoints::of(recording, model.physics.arm.count()).enumerate() {
+    let mut corrections = Corrections::new(model);
+    for (place, row) in Setpoints::new(recording, model.physics.arm.count()).enumerate() {
         let answer = cycle.answer(&row).map_err(|why| why.in_row(recording, place))?;
-        let left = cycle.left_with(&answer);
-        corrections.take(row.setpoint.joints(), &answer, left).map_err(Error::system)?;
+        let left = cycle.remaining_error(&answer);
+        corrections.add(row.setpoint.joints(), &answer, left).map_err(Error::system)?;
     }
     Ok((corrections, cycle.frees_tool_axis()))
 }
@@ -163,7 +164,7 @@ fn cycle<'m>(
     model: &'m RobotModel,
     recording: &Recording,
     cell: Option<(String, CellConfig)>,
-) -> Result<Cycle<'m>, Error> {
+) -> Result<LockstepCycle<'m>, Error> {
     let (name, mut config) = match cell {
         Some(cell) => cell,
         None => {
@@ -178,5 +179,5 @@ fn cycle<'m>(
         config.wrench.source = WrenchSource::Command;
     }
     let settings = setup::settings(&config, arm, true).map_err(Error::input)?;
-    Ok(Cycle::new(model, settings, SensorInputs::new(setup::wrench_source(&config))))
+    Ok(LockstepCycle::new(model, settings, SensorInputs::new(setup::wrench_source(&config))))
 }

@@ -17,21 +17,21 @@ use shm_schema::Corrected;
 
 use crate::corrections::{Corrections, Figures};
 use crate::error::Error;
-use crate::lockstep::Cycle;
-use crate::own_daemon::OwnDaemon;
-use crate::setpoints::{Setpoints, Timed};
+use crate::lockstep::LockstepCycle;
+use crate::private_daemon::PrivateDaemon;
+use crate::setpoints::{Setpoints, TimedSetpoint};
 
 /// Maximum sleep between checks for an interruption.
-const NAP: Duration = Duration::from_millis(50);
+const SLEEP_MAX: Duration = Duration::from_millis(50);
 /// Upper bound of the time for one row, ns.
 const LATENCY_NS_MAX: u64 = 60_000_000_000;
 /// Answers that are judged together, so that the round trips between are timed with warm caches; it takes about a millisecond.
-const JUDGED_AT_ONCE: usize = 128;
+const EVALUATION_BATCH: usize = 128;
 /// Significant digits of the latency histogram.
 const DIGITS: u8 = 3;
 
 /// Starts a daemon in lockstep (`trued run --with-parent --lockstep --config`) for a configuration; it must end with its parent.
-pub type Start<'s> = dyn Fn(&Path) -> io::Result<Command> + 's;
+pub type DaemonCommand<'s> = dyn Fn(&Path) -> io::Result<Command> + 's;
 
 /// A replay.
 #[derive(Debug)]
@@ -74,27 +74,27 @@ impl Replay {
     ///
     /// # Errors
     /// The daemon fails; a setpoint that cannot be sent; `stop` was set.
-    pub fn of(
+    pub fn run(
         model: &RobotModel,
         recording: Recording,
         in_real_time: bool,
-        program: &Start<'_>,
+        program: &DaemonCommand<'_>,
         stop: &AtomicBool,
         row_done: &mut dyn FnMut(),
     ) -> Result<Self, Error> {
-        let mut daemon = OwnDaemon::start(model, &recording, program, stop)?;
-        let mut judge = Judge::of(model, &recording)?;
+        let mut daemon = PrivateDaemon::start(model, &recording, program, stop)?;
+        let mut judge = AnswerEvaluator::of(model, &recording)?;
         let mut latency = Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Error::system)?;
         let start = Instant::now();
         let mut first_ns = None;
-        for (place, row) in Setpoints::of(&recording, model.physics.arm.count()).enumerate() {
+        for (place, row) in Setpoints::new(&recording, model.physics.arm.count()).enumerate() {
             let due_ns = row.t_ns - *first_ns.get_or_insert(row.t_ns);
             if in_real_time {
                 wait(start, Duration::from_nanos(due_ns), stop)?;
             }
             check(stop)?;
             let sent = Instant::now();
-            let answer = daemon.ask(&row, stop).map_err(|why| why.in_row(&recording, place))?;
+            let answer = daemon.request(&row, stop).map_err(|why| why.in_row(&recording, place))?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
             judge.take(row, answer)?;
             row_done();
@@ -160,7 +160,7 @@ fn wait(start: Instant, due: Duration, stop: &AtomicBool) -> Result<(), Error> {
             return Ok(());
         }
         check(stop)?;
-        std::thread::sleep(left.min(NAP));
+        std::thread::sleep(left.min(SLEEP_MAX));
     }
 }
 
@@ -171,37 +171,37 @@ pub(crate) fn check(stop: &AtomicBool) -> Result<(), Error> {
 
 /// The answers with the remaining tool error. The daemon states the error at the correction it
 /// solved for; the same cycle here gives the error at the one it published.
-struct Judge<'m> {
+struct AnswerEvaluator<'m> {
     corrections: Corrections,
-    cycle: Cycle<'m>,
+    cycle: LockstepCycle<'m>,
     /// Rows and answers that are not evaluated yet: an answer is four times the size of what is
     /// kept of it.
-    waiting: Vec<(Timed, Corrected)>,
-    /// What judging took: no time of the daemon's.
+    waiting: Vec<(TimedSetpoint, Corrected)>,
+    /// Time taken by the evaluation; it is not the daemon's.
     spent: Duration,
 }
 
-impl<'m> Judge<'m> {
+impl<'m> AnswerEvaluator<'m> {
     fn of(model: &'m RobotModel, recording: &Recording) -> Result<Self, Error> {
         Ok(Self {
-            corrections: Corrections::of(model),
-            cycle: Cycle::of_cell(model, recording)?,
-            waiting: Vec::with_capacity(JUDGED_AT_ONCE),
+            corrections: Corrections::new(model),
+            cycle: LockstepCycle::in_default_cell(model, recording)?,
+            waiting: Vec::with_capacity(EVALUATION_BATCH),
             spent: Duration::ZERO,
         })
     }
 
-    fn take(&mut self, row: Timed, answer: Corrected) -> Result<(), Error> {
+    fn take(&mut self, row: TimedSetpoint, answer: Corrected) -> Result<(), Error> {
         self.waiting.push((row, answer));
-        if self.waiting.len() == JUDGED_AT_ONCE { self.judge() } else { Ok(()) }
+        if self.waiting.len() == EVALUATION_BATCH { self.evaluate_waiting() } else { Ok(()) }
     }
 
-    fn judge(&mut self) -> Result<(), Error> {
+    fn evaluate_waiting(&mut self) -> Result<(), Error> {
         let start = Instant::now();
         for (row, answer) in self.waiting.drain(..) {
             self.cycle.answer(&row)?;
-            let left = self.cycle.left_with(&answer);
-            let taken = self.corrections.take(row.setpoint.joints(), &answer, left);
+            let left = self.cycle.remaining_error(&answer);
+            let taken = self.corrections.add(row.setpoint.joints(), &answer, left);
             taken.map_err(Error::system)?;
         }
         self.spent += start.elapsed();
@@ -209,7 +209,7 @@ impl<'m> Judge<'m> {
     }
 
     fn end(mut self) -> Result<Corrections, Error> {
-        self.judge()?;
+        self.evaluate_waiting()?;
         Ok(self.corrections)
     }
 }

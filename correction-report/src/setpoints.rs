@@ -5,7 +5,7 @@
 //! until it is stale); a temperature that was not sampled is the last known. Rows are not validated
 //! here; the corrector does that.
 
-use recording::series::{Approach, Channel, Frame, Kind, Recording};
+use recording::series::{Channel, CoordinateFrame, DirectionSource, Recording, RecordingKind};
 use trued_client::{Setpoint, WrenchFrame};
 
 /// The time of the first row, ns: zero would mean "now".
@@ -17,11 +17,11 @@ const MOVED: f64 = 2e-6;
 
 /// One row to be sent.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Timed {
+pub(crate) struct TimedSetpoint {
     /// Time of the target, ns.
     pub(crate) t_ns: u64,
     /// The first row of a segment: a new run without any state from the path before.
-    pub(crate) anew: bool,
+    pub(crate) starts_segment: bool,
     pub(crate) setpoint: Setpoint,
 }
 
@@ -36,13 +36,13 @@ pub(crate) struct Setpoints<'r> {
     t_ns: u64,
     celsius: Vec<f64>,
     q_before: Vec<f64>,
-    turned: Vec<i8>,
+    directions: Vec<i8>,
 }
 
 impl<'r> Setpoints<'r> {
     /// All rows, for a robot with the given number of joints; the recording's joints were checked
     /// before.
-    pub(crate) fn of(recording: &'r Recording, joints: usize) -> Self {
+    pub(crate) fn new(recording: &'r Recording, joints: usize) -> Self {
         Self {
             recording,
             joints,
@@ -51,7 +51,7 @@ impl<'r> Setpoints<'r> {
             t_ns: 0,
             celsius: vec![f64::NAN; joints + 1],
             q_before: vec![f64::NAN; joints],
-            turned: vec![0; joints],
+            directions: vec![0; joints],
         }
     }
 
@@ -59,7 +59,7 @@ impl<'r> Setpoints<'r> {
         value(self.recording.column(channel), self.row)
     }
 
-    fn time(&mut self, anew: bool) {
+    fn advance_time(&mut self, anew: bool) {
         let t_s = self.recording.t_s[self.row];
         if anew {
             let start_ns = self.t_ns.saturating_add(BETWEEN_SEGMENTS_NS);
@@ -70,31 +70,31 @@ impl<'r> Setpoints<'r> {
     }
 
     fn direction(&mut self, anew: bool, q: &[f64]) -> Option<Vec<i8>> {
-        let about = &self.recording.about;
+        let about = &self.recording.metadata;
         match (about.approach, about.kind) {
-            (Approach::Columns, _) => {
+            (DirectionSource::Columns, _) => {
                 let sign = |joint| self.sample(Channel::Direction(joint));
                 Some((0..self.joints).map(|joint| sign(joint) as i8).collect())
             }
-            (_, Kind::Path) => None,
-            (Approach::Sequence, Kind::Poses) => {
-                self.turn(anew, q);
-                Some(self.turned.clone())
+            (_, RecordingKind::Path) => None,
+            (DirectionSource::Sequence, RecordingKind::Poses) => {
+                self.update_directions(anew, q);
+                Some(self.directions.clone())
             }
-            (Approach::Unknown, Kind::Poses) => Some(vec![0; self.joints]),
+            (DirectionSource::Unknown, RecordingKind::Poses) => Some(vec![0; self.joints]),
         }
     }
 
     /// Derived from the previous pose; a joint that did not move keeps its direction.
-    fn turn(&mut self, anew: bool, q: &[f64]) {
+    fn update_directions(&mut self, anew: bool, q: &[f64]) {
         if anew {
-            self.turned.fill(0);
+            self.directions.fill(0);
             self.q_before.fill(f64::NAN);
         }
         for (joint, q) in q.iter().enumerate() {
             let moved = q - self.q_before[joint];
             if moved.abs() > MOVED {
-                self.turned[joint] = if moved > 0.0 { 1 } else { -1 };
+                self.directions[joint] = if moved > 0.0 { 1 } else { -1 };
             }
             if !q.is_nan() {
                 self.q_before[joint] = *q;
@@ -113,7 +113,7 @@ impl<'r> Setpoints<'r> {
         (there && wrench.iter().all(|part| !part.is_nan())).then_some(wrench)
     }
 
-    fn warm(&mut self) -> bool {
+    fn update_temperatures(&mut self) -> bool {
         let channels = (0..self.joints).map(Channel::JointTemperature);
         let channels: Vec<_> = std::iter::once(Channel::Ambient).chain(channels).collect();
         for (place, channel) in channels.iter().enumerate() {
@@ -127,13 +127,13 @@ impl<'r> Setpoints<'r> {
 }
 
 impl Iterator for Setpoints<'_> {
-    type Item = Timed;
+    type Item = TimedSetpoint;
 
-    fn next(&mut self) -> Option<Timed> {
+    fn next(&mut self) -> Option<TimedSetpoint> {
         let segment = *self.recording.segment.get(self.row)?;
         let before = self.row.checked_sub(1).and_then(|row| self.recording.segment.get(row));
         let anew = before != Some(&segment);
-        self.time(anew);
+        self.advance_time(anew);
         let q: Vec<f64> =
             (0..self.joints).map(|joint| value(self.recording.input(joint), self.row)).collect();
         let mut setpoint = Setpoint::new(&q).at_ns(self.t_ns);
@@ -141,18 +141,18 @@ impl Iterator for Setpoints<'_> {
             setpoint = setpoint.direction(&direction);
         }
         if let Some(wrench) = self.wrench() {
-            let in_base = self.recording.about.wrench_frame == Some(Frame::Base);
+            let in_base = self.recording.metadata.wrench_frame == Some(CoordinateFrame::Base);
             let frame = if in_base { WrenchFrame::Base } else { WrenchFrame::Tool };
             setpoint = setpoint.wrench(wrench, frame);
         }
-        if self.warm() {
+        if self.update_temperatures() {
             setpoint = setpoint.temperatures(self.celsius[0], &self.celsius[1..]);
         }
-        if self.recording.about.kind == Kind::Poses {
+        if self.recording.metadata.kind == RecordingKind::Poses {
             setpoint = setpoint.settled();
         }
         self.row += 1;
-        Some(Timed { t_ns: self.t_ns, anew, setpoint })
+        Some(TimedSetpoint { t_ns: self.t_ns, starts_segment: anew, setpoint })
     }
 }
 

@@ -5,7 +5,7 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use corrector::{Settings, Solver, Task, World, WrenchSample, solve};
+use corrector::{CycleInputs, Settings, Solver, Task, WrenchSample, solve};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories, Model, Wrench};
@@ -23,7 +23,7 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     let mut run = Run::new(model, settings);
     let wrench = Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::ZERO };
     let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
-    run.world = World { wrench: Some(sample), ..World::default() };
+    run.world = CycleInputs { wrench: Some(sample), ..CycleInputs::default() };
     criterion.bench_function(name, |bencher| {
         bencher.iter(|| {
             let q = path(run.cycles);

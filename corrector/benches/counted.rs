@@ -12,7 +12,7 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use corrector::{Settings, Solver, Task, World, WrenchSample};
+use corrector::{CycleInputs, Settings, Solver, Task, WrenchSample};
 use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories};
 use std::hint::black_box;
 use support::{DT_NS, Run, envelope, load, pose, twenty};
@@ -51,7 +51,7 @@ fn run(stage: &str, times: u64) {
             let mut run = Run::new(model, Settings::with_envelope(envelope()));
             let sample =
                 WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS, faulty: false };
-            run.world = World { wrench: Some(sample), ..World::default() };
+            run.world = CycleInputs { wrench: Some(sample), ..CycleInputs::default() };
             (0..times).for_each(|cycle| {
                 // Oscillates at up to 0.5 rad/s, neighbouring joints in opposite directions.
                 let turn = way_rad * (5e-9 * (cycle * DT_NS) as f64).sin();

@@ -16,7 +16,7 @@
 //! Thresholds are set for more than 10⁴ measurements on average between false alarms of all sums (test
 //! `a_model_that_holds_is_doubted_once_in_thousands_of_measurements`): at one measurement every ten minutes, months.
 //!
-//! Invariant: an alarm persists until the state is reset to [`Ageing::default`]. The test says
+//! Invariant: an alarm persists until the state is reset to [`AgeingTest::default`]. The test says
 //! nothing about the cause.
 
 use glam::DVec3;
@@ -25,9 +25,9 @@ use libm::log;
 /// Half of the shift to be detected, σ.
 const SHIFT: f64 = 0.5;
 /// Alarm threshold of a shift.
-const SHIFT_SAID: f64 = 10.5;
+const SHIFT_THRESHOLD: f64 = 10.5;
 /// Directions: axes and space diagonals; each is also tested with the opposite sign.
-const WAYS: [DVec3; 7] = [
+const DIRECTIONS: [DVec3; 7] = [
     DVec3::X,
     DVec3::Y,
     DVec3::Z,
@@ -41,20 +41,20 @@ const DIAGONAL: f64 = 0.577_350_269_189_625_8;
 /// The standard deviation to be detected, relative to σ.
 const SPREAD: f64 = 1.5;
 /// Alarm threshold of a spread, log-likelihood ratio.
-const SPREAD_SAID: f64 = 8.0;
+const SPREAD_THRESHOLD: f64 = 8.0;
 /// Residuals are clipped at this multiple of σ.
-const CUT: f64 = 4.0;
+const CLIP_SIGMAS: f64 = 4.0;
 /// Memory of the exponentially weighted root mean square, in measurements.
-const REMEMBERED: f64 = 20.0;
+const RMS_MEMORY: f64 = 20.0;
 
 /// A cumulative sum that is never below zero, and the time since which it is above zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sum {
+struct CumulativeSum {
     height: f64,
     since_ns: u64,
 }
 
-impl Sum {
+impl CumulativeSum {
     fn add(&mut self, gain: f64, t_ns: u64) {
         if self.height == 0.0 {
             self.since_ns = t_ns;
@@ -65,29 +65,29 @@ impl Sum {
 
 /// State of the test for a change of the model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Ageing {
-    shifts: [[Sum; 2]; WAYS.len()],
-    spread: Sum,
+pub struct AgeingTest {
+    shifts: [[CumulativeSum; 2]; DIRECTIONS.len()],
+    spread: CumulativeSum,
     mean_square: f64,
     count: u64,
     broken_since_ns: Option<u64>,
 }
 
-impl Ageing {
+impl AgeingTest {
     /// Adds a measurement: `residual` m, measured minus predicted; `sigma_m` above zero, standard
     /// uncertainty per axis of instrument and model together; `t_ns` not before the last one.
     /// Returns false, without effect, if a value is not finite or sigma is not above zero.
-    pub fn take(&mut self, residual: DVec3, sigma_m: f64, t_ns: u64) -> bool {
+    pub fn add_measurement(&mut self, residual: DVec3, sigma_m: f64, t_ns: u64) -> bool {
         let z = residual / sigma_m;
         if !z.is_finite() || sigma_m <= 0.0 {
             return false;
         }
         self.count += 1;
-        let share = (1.0 / self.count as f64).max(1.0 / REMEMBERED);
+        let share = (1.0 / self.count as f64).max(1.0 / RMS_MEMORY);
         self.mean_square += share * (residual.length_squared() - self.mean_square);
-        let z = z.clamp_length_max(CUT);
-        for ([ahead, back], way) in self.shifts.iter_mut().zip(WAYS) {
-            let along = way.dot(z);
+        let z = z.clamp_length_max(CLIP_SIGMAS);
+        for ([ahead, back], direction) in self.shifts.iter_mut().zip(DIRECTIONS) {
+            let along = direction.dot(z);
             ahead.add(along - SHIFT, t_ns);
             back.add(-along - SHIFT, t_ns);
         }
@@ -95,8 +95,8 @@ impl Ageing {
         self.spread.add(gain - 3.0 * log(SPREAD), t_ns);
         if self.broken_since_ns.is_none() {
             let highest = self.shifts.iter().flatten().max_by(|a, b| a.height.total_cmp(&b.height));
-            let shifted = highest.filter(|sum| sum.height > SHIFT_SAID);
-            let spread = Some(&self.spread).filter(|sum| sum.height > SPREAD_SAID);
+            let shifted = highest.filter(|sum| sum.height > SHIFT_THRESHOLD);
+            let spread = Some(&self.spread).filter(|sum| sum.height > SPREAD_THRESHOLD);
             self.broken_since_ns = shifted.or(spread).map(|sum| sum.since_ns);
         }
         true
@@ -127,9 +127,9 @@ mod tests {
     const MINUTE_NS: u64 = 60_000_000_000;
 
     /// Standard normal numbers by the Box-Muller transform over a linear congruential generator.
-    struct Chance(u64);
+    struct Rng(u64);
 
-    impl Chance {
+    impl Rng {
         fn unit(&mut self) -> f64 {
             self.0 = self
                 .0
@@ -150,10 +150,14 @@ mod tests {
 
     /// Number of measurements until the alarm, and the one from which the change is dated, counted
     /// from the first; `drift` in σ by the number of the measurement.
-    fn run(chance: &mut Chance, most: u64, drift: &dyn Fn(u64) -> DVec3) -> Option<(u64, u64)> {
-        let mut ageing = Ageing::default();
+    fn run(rng: &mut Rng, most: u64, drift: &dyn Fn(u64) -> DVec3) -> Option<(u64, u64)> {
+        let mut ageing = AgeingTest::default();
         for k in 0..most {
-            assert!(ageing.take(chance.noise() + drift(k) * SIGMA_M, SIGMA_M, k * MINUTE_NS));
+            assert!(ageing.add_measurement(
+                rng.noise() + drift(k) * SIGMA_M,
+                SIGMA_M,
+                k * MINUTE_NS
+            ));
             if let Some(since_ns) = ageing.broken_since_ns() {
                 return Some((k, since_ns / MINUTE_NS));
             }
@@ -163,9 +167,9 @@ mod tests {
 
     #[test]
     fn a_model_that_holds_is_doubted_once_in_thousands_of_measurements() {
-        let (mut chance, mut said, mut left) = (Chance(3), 0_u64, 400_000_u64);
+        let (mut rng, mut said, mut left) = (Rng(3), 0_u64, 400_000_u64);
         let all = left;
-        while let Some((count, _)) = run(&mut chance, left, &|_| DVec3::ZERO) {
+        while let Some((count, _)) = run(&mut rng, left, &|_| DVec3::ZERO) {
             said += 1;
             left -= count.min(left);
         }
@@ -176,13 +180,13 @@ mod tests {
 
     #[test]
     fn a_drift_of_one_sigma_is_said_within_thirty_measurements_and_dated() {
-        let mut chance = Chance(5);
+        let mut rng = Rng(5);
         let (mut delays, mut dates) = (Vec::new(), Vec::new());
         for case in 0..200_u32 {
             let turn = f64::from(case);
-            let way = DVec3::new(libm::cos(turn), libm::sin(turn), 0.0);
-            let drift = move |k: u64| if k >= 100 { way } else { DVec3::ZERO };
-            let (at, since) = run(&mut chance, 400, &drift).expect("said");
+            let direction = DVec3::new(libm::cos(turn), libm::sin(turn), 0.0);
+            let drift = move |k: u64| if k >= 100 { direction } else { DVec3::ZERO };
+            let (at, since) = run(&mut rng, 400, &drift).expect("said");
             delays.push(at.saturating_sub(100));
             dates.push(since.abs_diff(100));
         }
@@ -198,39 +202,42 @@ mod tests {
 
     #[test]
     fn a_drift_that_turns_with_the_pose_is_said_too() {
-        let mut chance = Chance(7);
+        let mut rng = Rng(7);
         for case in 0..50_u32 {
             let drift = move |k: u64| {
                 let turn = 2.4 * k as f64 + f64::from(case);
-                let way = DVec3::new(libm::cos(turn), libm::sin(turn), libm::sin(3.0 * turn));
-                if k >= 50 { 2.5 * way } else { DVec3::ZERO }
+                let direction = DVec3::new(libm::cos(turn), libm::sin(turn), libm::sin(3.0 * turn));
+                if k >= 50 { 2.5 * direction } else { DVec3::ZERO }
             };
-            let (at, since) = run(&mut chance, 400, &drift).expect("said");
+            let (at, since) = run(&mut rng, 400, &drift).expect("said");
             assert!((50..80).contains(&at) && since.abs_diff(50) < 25, "{at} {since}");
         }
     }
 
     #[test]
     fn one_wrong_measurement_says_nothing_and_nonsense_is_passed_over() {
-        let mut ageing = Ageing::default();
-        assert!(!ageing.take(DVec3::splat(f64::NAN), SIGMA_M, 0));
-        assert!(!ageing.take(DVec3::ZERO, 0.0, 0) && !ageing.take(DVec3::ZERO, f64::NAN, 0));
+        let mut ageing = AgeingTest::default();
+        assert!(!ageing.add_measurement(DVec3::splat(f64::NAN), SIGMA_M, 0));
+        assert!(
+            !ageing.add_measurement(DVec3::ZERO, 0.0, 0)
+                && !ageing.add_measurement(DVec3::ZERO, f64::NAN, 0)
+        );
         assert_eq!((ageing.count(), ageing.residual_m().is_nan()), (0, true));
-        assert!(ageing.take(DVec3::new(1.0, 0.0, 0.0), SIGMA_M, 1));
+        assert!(ageing.add_measurement(DVec3::new(1.0, 0.0, 0.0), SIGMA_M, 1));
         assert_eq!(ageing.broken_since_ns(), None, "a reflector that was knocked off");
     }
 
     #[test]
     fn what_was_said_stays_said() {
-        let mut ageing = Ageing::default();
+        let mut ageing = AgeingTest::default();
         for k in 0..20 {
-            ageing.take(DVec3::X * 4.0 * SIGMA_M, SIGMA_M, k);
+            ageing.add_measurement(DVec3::X * 4.0 * SIGMA_M, SIGMA_M, k);
         }
         let since = ageing.broken_since_ns();
         assert_eq!(since, Some(0));
         assert!((ageing.residual_m() - 4.0 * SIGMA_M).abs() < 1e-12);
         for k in 20..200 {
-            ageing.take(DVec3::ZERO, SIGMA_M, k);
+            ageing.add_measurement(DVec3::ZERO, SIGMA_M, k);
         }
         assert_eq!(ageing.broken_since_ns(), since);
     }

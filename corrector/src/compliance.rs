@@ -16,20 +16,20 @@ pub(crate) struct Compliance {
     pub(crate) is_valid: bool,
 }
 
-/// The compliance along the unit vector `axis`, base axes, about the wrench of `inputs`: two evaluations in `room`.
-pub(crate) fn along(
+/// The compliance along the unit vector `axis`, base axes, about the wrench of `inputs`: two evaluations in `scratch`.
+pub(crate) fn compliance_along(
     axis: DVec3,
     model: &Model,
     inputs: &Inputs,
     memories: &Memories,
-    room: &mut Evaluation,
+    scratch: &mut Evaluation,
 ) -> Compliance {
     let (mut pushed, mut is_valid) = (*inputs, true);
     let [there, back] = [PROBE_N, -PROBE_N].map(|newtons| {
         pushed.wrench_base.force = inputs.wrench_base.force + axis * newtons;
-        model.evaluate_into(&pushed, memories, room);
-        is_valid &= room.beyond.is_none();
-        room.real.base_from_tool.origin
+        model.evaluate_into(&pushed, memories, scratch);
+        is_valid &= scratch.out_of_range.is_none();
+        scratch.real.base_from_tool.origin
     });
     Compliance { per_newton: (there - back) / (2.0 * PROBE_N), is_valid }
 }

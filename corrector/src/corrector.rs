@@ -1,18 +1,18 @@
 //! State of the cycle: commands, memory of the effects, corrections.
 //!
 //! Every change of the requested correction (start, rejected command, new model, bypass, mode) passes the joints'
-//! [`Limiters`], one step per call of [`Corrector::bound`], over the time elapsed since the last.
+//! [`Limiters`], one step per call of [`Corrector::limit`], over the time elapsed since the last.
 
+use crate::command::{Command, CommandValidator, Continuity};
 use crate::compliance;
+use crate::cycle_inputs::{CycleInputs, WrenchSample};
 use crate::joints::apply;
-use crate::judge::{Command, Follows, Judge};
-use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
-use crate::path::Path;
-use crate::rows::Rows;
+use crate::outcome::{GateState, Outcome, Reason, Residual, Status};
+use crate::path::PathState;
 use crate::settings::{Mode, Settings, Task};
 use crate::solve::{Solution, Solver};
-use crate::world::{World, WrenchSample};
-use crate::wrench::WrenchPath;
+use crate::task_rows::TaskRows;
+use crate::wrench::WrenchFilter;
 use envelope::{Elapsed, Intervals, Limiters, Limits};
 use glam::DVec3;
 use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Model, Wrench};
@@ -24,13 +24,13 @@ const TAKEN_BACK_SHARE: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Corrector {
     settings: Settings,
-    judge: Judge,
-    path: Path,
-    wrench: WrenchPath,
+    validator: CommandValidator,
+    path: PathState,
+    wrench: WrenchFilter,
     solver: Solver,
     limiters: Limiters<JOINTS_MAX>,
     /// The correction that the last good solution required.
-    last_wanted: Joints,
+    last_requested: Joints,
     /// The lead of the last accepted command.
     last_lead: Joints,
     refused_ns: u64,
@@ -45,14 +45,14 @@ pub struct Corrector {
 
 /// The requested correction of a cycle, before limiting.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub struct RequestedCorrection {
     /// The requested correction, rad or m.
     correction: Joints,
     status: Status,
     reason: Reason,
     residual: Residual,
     steps: u32,
-    gate: Gate,
+    gate: GateState,
     elapsed: Elapsed,
     settled: bool,
 }
@@ -62,12 +62,12 @@ impl Corrector {
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
-            judge: Judge::default(),
-            path: Path::new(),
-            wrench: WrenchPath::new(),
+            validator: CommandValidator::default(),
+            path: PathState::new(),
+            wrench: WrenchFilter::new(),
             solver: Solver::default(),
             limiters: Limiters::at_rest(),
-            last_wanted: [0.0; JOINTS_MAX],
+            last_requested: [0.0; JOINTS_MAX],
             last_lead: [0.0; JOINTS_MAX],
             refused_ns: 0,
             cause: Reason::Starting,
@@ -112,7 +112,7 @@ impl Corrector {
     /// Replaces the model. The new effects have no memory yet: they settle from the present
     /// directions.
     pub fn model_changed(&mut self, model: &Model) {
-        self.path.settle_anew(model);
+        self.path.resettle(model);
         self.solver = Solver::default();
         self.cause = Reason::ModelChanged;
     }
@@ -123,92 +123,99 @@ impl Corrector {
         &mut self,
         model: &Model,
         command: &Command,
-        world: &World,
+        raw_inputs: &CycleInputs,
         now_ns: u64,
-    ) -> Wanted {
+    ) -> RequestedCorrection {
         let elapsed = self.elapse(now_ns, command.t_ns);
-        let follows = match self.judge.judge(&model.arm, &self.settings, command, now_ns) {
-            Ok(follows) => follows,
+        let continuity = match self.validator.validate(&model.arm, &self.settings, command, now_ns)
+        {
+            Ok(continuity) => continuity,
             Err(reason) => return self.refuse(reason, elapsed),
         };
-        let told = match follows {
-            Follows::TimeJump => Reason::TimeJump,
-            Follows::CommandJump => Reason::CommandJump,
-            Follows::Anew | Follows::After(_) => Reason::None,
+        let reset_reason = match continuity {
+            Continuity::TimeJump => Reason::TimeJump,
+            Continuity::CommandJump => Reason::CommandJump,
+            Continuity::NewSession | Continuity::After(_) => Reason::None,
         };
-        if told != Reason::None {
-            self.cause = told;
+        if reset_reason != Reason::None {
+            self.cause = reset_reason;
         }
-        if self.settings.lockstep && follows.after_ns().is_none() {
+        if self.settings.lockstep && continuity.interval_ns().is_none() {
             // The time of a recording may start again.
             self.intervals = Intervals::new();
             self.elapse(now_ns, command.t_ns);
         }
-        let world = world.sound();
-        self.path.follow(model, &self.settings, command, &world, follows);
+        let cycle_inputs = raw_inputs.sanitized();
+        self.path.advance(model, &self.settings, command, &cycle_inputs, continuity);
         let settled = command.settled && self.settings.lockstep;
-        let gate = self.take_wrench(model, &world, elapsed, settled);
+        let gate = self.apply_wrench(model, &cycle_inputs, elapsed, settled);
         // Poses at rest are not connected by motion.
-        if settled || follows.after_ns().is_none() {
-            self.solver.forget();
+        if settled || continuity.interval_ns().is_none() {
+            self.solver.reset_warm_start();
         }
-        let blank = Wanted { gate, settled, reason: told, ..Wanted::nothing(elapsed) };
-        let task = Task { offset_m: world.trim_m, ..self.settings.task };
-        let reach = self.reach();
-        // `follow` has just stored the command, so that one is there.
-        let Some(inputs) = self.path.last() else { return blank };
-        let solution = self.solver.track(model, inputs, self.path.memories(), &task, &reach);
+        let base = RequestedCorrection {
+            gate,
+            settled,
+            reason: reset_reason,
+            ..RequestedCorrection::zero(elapsed)
+        };
+        let task = Task { offset_m: cycle_inputs.trim_m, ..self.settings.task };
+        let position_limits = self.position_limits();
+        // `advance` has just stored the command, so that one is there.
+        let Some(inputs) = self.path.last() else { return base };
+        let solution =
+            self.solver.track(model, inputs, self.path.memories(), &task, &position_limits);
         let q_cmd = inputs.q;
-        let mut wanted = self.wanted(&q_cmd, &solution, blank);
-        self.last_lead = world.lead;
-        apply(&mut wanted.correction, &world.lead);
-        wanted
+        let mut requested = self.requested_from(&q_cmd, &solution, base);
+        self.last_lead = cycle_inputs.lead;
+        apply(&mut requested.correction, &cycle_inputs.lead);
+        requested
     }
 
     /// Limits the requested correction to the one that is sent.
-    pub fn bound(&mut self, model: &Model, wanted: &Wanted) -> Outcome {
+    pub fn limit(&mut self, model: &Model, requested: &RequestedCorrection) -> Outcome {
         let joints = model.arm.count();
         let mut outcome = Outcome {
-            wanted: wanted.correction,
-            status: wanted.status,
-            reason: wanted.reason,
-            residual: wanted.residual,
-            steps: wanted.steps,
-            gate: wanted.gate,
+            requested: requested.correction,
+            status: requested.status,
+            reason: requested.reason,
+            residual: requested.residual,
+            steps: requested.steps,
+            gate: requested.gate,
             loop_gain: self.wrench.loop_gain(),
             ..Outcome::default()
         };
-        let (goal, is_cut) = self.goal(&model.arm, wanted);
-        let (bounded, reached) = self.step(joints, &goal, wanted);
-        outcome.correction = bounded;
+        let (goal, is_clipped) = self.goal(&model.arm, requested);
+        let (limited, reached) = self.step(joints, &goal, requested);
+        outcome.correction = limited;
         for (i, limiter) in self.limiters.joints()[..joints].iter().enumerate() {
             outcome.correction_rate[i] = limiter.rate();
             outcome.correction_acceleration[i] = limiter.acceleration();
         }
-        self.name(&mut outcome, reached, is_cut);
+        self.set_status(&mut outcome, reached, is_clipped);
         outcome
     }
 
     /// Residual of the tool pose at the last accepted command with this correction, by the model:
     /// one more evaluation, for reports. `None` before the first command, and if an effect is
     /// outside the range of its law.
-    pub fn left_with(&self, model: &Model, correction: &Joints) -> Option<Residual> {
+    pub fn residual_with(&self, model: &Model, correction: &Joints) -> Option<Residual> {
         let inputs = self.path.last()?;
         let task = &self.settings.task;
-        let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
-        let left = rows.between(&self.tool_with(model, correction)?).residual(task);
-        (left.m.is_finite() && left.rad.is_finite()).then_some(left)
+        let rows = TaskRows::new(&Chain::tool_at(&model.arm, &inputs.q), task);
+        let residual = rows.pose_error(&self.tool_pose_with(model, correction)?).residual(task);
+        (residual.m.is_finite() && residual.rad.is_finite()).then_some(residual)
     }
 
     /// Pose of the tool by the model at the last accepted command with this correction, base frame:
-    /// one more evaluation. `None` as for [`Corrector::left_with`].
-    pub fn tool_with(&self, model: &Model, correction: &Joints) -> Option<Frame> {
+    /// one more evaluation. `None` as for [`Corrector::residual_with`].
+    pub fn tool_pose_with(&self, model: &Model, correction: &Joints) -> Option<Frame> {
         let mut there = *self.path.last()?;
         apply(&mut there.q, correction);
         let mut evaluation = Evaluation::default();
         model.deviate_into(&there, self.path.memories(), &mut evaluation, None);
-        evaluation.stand(&model.arm, &there);
-        evaluation.beyond.is_none().then_some(evaluation.real.base_from_tool)
+        evaluation.set_real(&model.arm, &there);
+        evaluation.out_of_range.is_none().then_some(evaluation.real.base_from_tool)
     }
 
     /// The model's compliance at the TCP along `force_n` at the last accepted command, m/N: two more evaluations. None before the first command, and where an
@@ -221,12 +228,12 @@ impl Corrector {
         let unloaded = Inputs { wrench_base: Wrench::ZERO, ..*inputs };
         let mut evaluation = Evaluation::default();
         let memories = self.path.memories();
-        let found = compliance::along(axis, model, &unloaded, memories, &mut evaluation);
+        let found = compliance::compliance_along(axis, model, &unloaded, memories, &mut evaluation);
         found.is_valid.then_some(found.per_newton.length())
     }
 
     /// Whether corrections go out: not in shadow mode, not while bypassed.
-    pub fn corrects(&self) -> bool {
+    pub fn is_correcting(&self) -> bool {
         !self.bypassed && self.settings.mode != Mode::Shadow
     }
 
@@ -235,7 +242,12 @@ impl Corrector {
     pub fn prepare(&mut self, model: &Model) {
         let Some(inputs) = self.path.last() else { return };
         if self.settings.wrench.enabled && self.settings.wrench.process_stiffness.is_some() {
-            self.wrench.probe(model, inputs, self.path.memories(), self.solver.room());
+            self.wrench.probe_compliance(
+                model,
+                inputs,
+                self.path.memories(),
+                self.solver.scratch(),
+            );
         }
     }
 
@@ -249,34 +261,34 @@ impl Corrector {
     }
 
     /// A refused command: the last good correction is held for a while, then ramps to zero.
-    fn refuse(&mut self, reason: Reason, elapsed: Elapsed) -> Wanted {
+    fn refuse(&mut self, reason: Reason, elapsed: Elapsed) -> RequestedCorrection {
         self.cause = reason;
         self.refused_ns = self.refused_ns.saturating_add(nanoseconds(elapsed));
-        let blank = Wanted::nothing(elapsed);
-        let mut correction = blank.correction;
-        if self.holds() {
-            correction = self.last_wanted;
+        let base = RequestedCorrection::zero(elapsed);
+        let mut correction = base.correction;
+        if self.is_holding() {
+            correction = self.last_requested;
             apply(&mut correction, &self.last_lead);
         }
-        Wanted { correction, status: Status::Rejected, reason, ..blank }
+        RequestedCorrection { correction, status: Status::Rejected, reason, ..base }
     }
 
     /// Whether the refusal is recent enough to hold the last good correction.
-    fn holds(&self) -> bool {
+    fn is_holding(&self) -> bool {
         self.refused_ns <= self.settings.hold_ns
     }
 
     /// Applies the measured wrench to the last command, as far as its gate allows; returns the
     /// state of the gate.
-    fn take_wrench(
+    fn apply_wrench(
         &mut self,
         model: &Model,
-        world: &World,
+        cycle_inputs: &CycleInputs,
         elapsed: Elapsed,
         settled: bool,
-    ) -> Gate {
+    ) -> GateState {
         let q_cmd = self.path.last().map(|inputs| &inputs.q);
-        let measured = world.wrench.zip(q_cmd).map(|(sample, q_cmd)| {
+        let measured = cycle_inputs.wrench.zip(q_cmd).map(|(sample, q_cmd)| {
             let w = sample.wrench;
             let in_base = if sample.in_base {
                 w
@@ -291,56 +303,62 @@ impl Corrector {
         } else {
             self.wrench.step(&self.settings.wrench, measured, elapsed.dt_s)
         };
-        self.path.load(wrench);
+        self.path.set_wrench(wrench);
         gate
     }
 
     /// The requested correction of a solution. If the solve failed, the last good one is held for a
     /// while, then ramps to zero; at a pose at rest it is zero at once.
-    fn wanted(&mut self, q_cmd: &Joints, solution: &Solution, blank: Wanted) -> Wanted {
-        let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
+    fn requested_from(
+        &mut self,
+        q_cmd: &Joints,
+        solution: &Solution,
+        base: RequestedCorrection,
+    ) -> RequestedCorrection {
+        let mut requested =
+            RequestedCorrection { residual: solution.residual, steps: solution.steps, ..base };
         if solution.converged || solution.limited.is_some() {
             if let Some(reason) = solution.limited {
-                (wanted.status, wanted.reason) = (Status::Limited, reason);
+                (requested.status, requested.reason) = (Status::Limited, reason);
             }
             self.refused_ns = 0;
-            for (i, correction) in wanted.correction.iter_mut().enumerate() {
+            for (i, correction) in requested.correction.iter_mut().enumerate() {
                 *correction = solution.q[i] - q_cmd[i];
             }
-            self.last_wanted = wanted.correction;
-            return wanted;
+            self.last_requested = requested.correction;
+            return requested;
         }
         self.cause = Reason::NotConverged;
-        self.refused_ns = self.refused_ns.saturating_add(nanoseconds(wanted.elapsed));
-        let (status, correction) = if self.holds() && !wanted.settled {
-            (Status::Held, self.last_wanted)
+        self.refused_ns = self.refused_ns.saturating_add(nanoseconds(requested.elapsed));
+        let (status, correction) = if self.is_holding() && !requested.settled {
+            (Status::Held, self.last_requested)
         } else {
-            (Status::Ramping, wanted.correction)
+            (Status::Ramping, requested.correction)
         };
-        Wanted { correction, status, reason: Reason::NotConverged, ..wanted }
+        RequestedCorrection { correction, status, reason: Reason::NotConverged, ..requested }
     }
 
     /// The goal of the limiters, and whether a joint limit reduced it.
-    fn goal(&self, arm: &Arm, wanted: &Wanted) -> (Joints, bool) {
-        if !self.corrects() {
+    fn goal(&self, arm: &Arm, requested: &RequestedCorrection) -> (Joints, bool) {
+        if !self.is_correcting() {
             return ([0.0; JOINTS_MAX], false);
         }
-        let (mut goal, mut is_cut) = (wanted.correction, false);
+        let (mut goal, mut is_clipped) = (requested.correction, false);
         if let Some(inputs) = self.path.last() {
             for (i, goal) in goal[..arm.count()].iter_mut().enumerate() {
-                let (lowest, highest) = self.room(arm, inputs, i);
+                let (lowest, highest) = self.correction_range(arm, inputs, i);
                 let cut = goal.clamp(lowest, highest);
-                is_cut |= cut != *goal;
+                is_clipped |= cut != *goal;
                 *goal = cut;
             }
         }
-        (goal, is_cut)
+        (goal, is_clipped)
     }
 
     /// How far joint `i` may be corrected without leaving its limits. Ahead of a limit that the
     /// command approaches, the range shrinks so that the correction can be taken back before the
     /// command reaches the limit: a correction that is cut only at the limit would stop at once.
-    fn room(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
+    fn correction_range(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
         let (min, max) = arm.joints()[i].limits;
         let q = inputs.q[i];
         // Both over one cycle.
@@ -351,34 +369,39 @@ impl Corrector {
     }
 
     /// One step of the joints' limiters, and whether they reached the goal.
-    fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, Reached) {
-        let mut allowed = [0.0; JOINTS_MAX];
-        for (i, allowed) in allowed[..joints].iter_mut().enumerate() {
+    fn step(
+        &mut self,
+        joints: usize,
+        goal: &Joints,
+        requested: &RequestedCorrection,
+    ) -> (Joints, GoalState) {
+        let mut within_position_limit = [0.0; JOINTS_MAX];
+        for (i, within_position_limit) in within_position_limit[..joints].iter_mut().enumerate() {
             let angle = self.limits(i).angle();
-            *allowed = goal[i].clamp(-angle, angle);
+            *within_position_limit = goal[i].clamp(-angle, angle);
         }
-        let bounded = if wanted.settled {
-            self.limiters.jump(&allowed)
+        let limited = if requested.settled {
+            self.limiters.jump(&within_position_limit)
         } else {
             let Self { settings, angle_share, limiters, .. } = self;
             let limits = |i| (i < joints).then(|| settings.limits(i, *angle_share));
-            limiters.step(&allowed, limits, wanted.elapsed)
+            limiters.step(&within_position_limit, limits, requested.elapsed)
         };
-        let reached = if bounded != allowed {
-            Reached::NotYet
-        } else if allowed[..joints] != goal[..joints] {
-            Reached::Bound
+        let reached = if limited != within_position_limit {
+            GoalState::NotYet
+        } else if within_position_limit[..joints] != goal[..joints] {
+            GoalState::AtLimit
         } else {
-            Reached::Goal
+            GoalState::Goal
         };
-        (bounded, reached)
+        (limited, reached)
     }
 
     /// Sets status and reason of the outcome.
-    fn name(&mut self, outcome: &mut Outcome, reached: Reached, is_cut: bool) {
+    fn set_status(&mut self, outcome: &mut Outcome, reached: GoalState, is_clipped: bool) {
         let is_limited = outcome.status == Status::Limited;
         let solved = is_limited || outcome.status == Status::Corrected;
-        let arrived = reached != Reached::NotYet;
+        let arrived = reached != GoalState::NotYet;
         if outcome.status == Status::Rejected {
             return;
         }
@@ -396,8 +419,8 @@ impl Corrector {
             self.cause = Reason::None;
             outcome.reason = match reached {
                 _ if is_limited => outcome.reason,
-                _ if is_cut => Reason::JointLimit,
-                Reached::Bound => Reason::Envelope,
+                _ if is_clipped => Reason::JointLimit,
+                GoalState::AtLimit => Reason::Envelope,
                 // Reported in the cycle in which it happens, whatever the correction is.
                 _ if outcome.reason == Reason::CommandJump => Reason::CommandJump,
                 _ => Reason::None,
@@ -405,33 +428,33 @@ impl Corrector {
         }
     }
 
-    fn reach(&self) -> Joints {
-        let mut reach = [0.0; JOINTS_MAX];
-        for (reach, limits) in reach.iter_mut().zip(&self.settings.envelope) {
-            *reach = limits.angle();
+    fn position_limits(&self) -> Joints {
+        let mut position_limits = [0.0; JOINTS_MAX];
+        for (position_limits, limits) in position_limits.iter_mut().zip(&self.settings.envelope) {
+            *position_limits = limits.angle();
         }
-        reach
+        position_limits
     }
 }
 
 /// Whether the limiters reached the goal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reached {
+enum GoalState {
     Goal,
     /// At the position limit, short of the goal.
-    Bound,
+    AtLimit,
     NotYet,
 }
 
-impl Wanted {
-    fn nothing(elapsed: Elapsed) -> Self {
+impl RequestedCorrection {
+    fn zero(elapsed: Elapsed) -> Self {
         Self {
             correction: [0.0; JOINTS_MAX],
             status: Status::Corrected,
             reason: Reason::None,
             residual: Residual::default(),
             steps: 0,
-            gate: Gate::Absent,
+            gate: GateState::Absent,
             elapsed,
             settled: false,
         }

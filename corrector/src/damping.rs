@@ -4,22 +4,22 @@
 //! It is a function of the matrix `JᵀJ` alone (each eigenvalue is mapped to its damping), hence
 //! continuous also where eigenvalues coincide.
 
-use crate::bounded::Square;
+use crate::bounded_minimum::JointMatrix;
 use libm::sqrt;
 use physics::JOINTS_MAX;
 
 /// Directions in which a unit joint motion moves the tool by less than this are damped, m/rad.
 /// Below the 0.07 m/rad of a regular wrist with a radian weighted as 0.1 m.
-const WEAK: f64 = 0.06;
+const WEAK_MOTION: f64 = 0.06;
 /// Sweeps of the Jacobi eigenvalue method: six suffice for matrices of this size, to rounding.
 const SWEEPS: usize = 12;
 
 /// The matrix with the eigenvectors of `of` and the eigenvalues `most · (1 − of / WEAK²)²`, none where `of` is at least `WEAK²`.
-pub(crate) fn damping(count: usize, of: &Square, most: f64) -> Square {
-    let (values, vectors) = eigen(count, of);
+pub(crate) fn damping(count: usize, matrix: &JointMatrix, most: f64) -> JointMatrix {
+    let (values, vectors) = eigen(count, matrix);
     let mut damped = [[0.0; JOINTS_MAX]; JOINTS_MAX];
     for (j, value) in values.iter().enumerate().take(count) {
-        let weak = (1.0 - value / (WEAK * WEAK)).clamp(0.0, 1.0);
+        let weak = (1.0 - value / (WEAK_MOTION * WEAK_MOTION)).clamp(0.0, 1.0);
         for i in 0..count {
             for k in 0..count {
                 damped[i][k] += most * weak * weak * vectors[i][j] * vectors[k][j];
@@ -30,8 +30,8 @@ pub(crate) fn damping(count: usize, of: &Square, most: f64) -> Square {
 }
 
 /// Eigenvalues and eigenvectors (columns) of a symmetric matrix, by Jacobi rotations.
-fn eigen(count: usize, of: &Square) -> ([f64; JOINTS_MAX], Square) {
-    let mut a = *of;
+fn eigen(count: usize, matrix: &JointMatrix) -> ([f64; JOINTS_MAX], JointMatrix) {
+    let mut a = *matrix;
     let mut v = [[0.0; JOINTS_MAX]; JOINTS_MAX];
     (0..count).for_each(|i| v[i][i] = 1.0);
     for _ in 0..SWEEPS {

@@ -15,12 +15,12 @@ pub(crate) struct Directions {
 
 impl Directions {
     /// No joint has moved yet.
-    pub(crate) fn at(q: &Joints) -> Self {
+    pub(crate) fn starting_at(q: &Joints) -> Self {
         Self { signs: [0.0; JOINTS_MAX], furthest: *q }
     }
 
     /// Takes a new position; `dead_band` in rad or m.
-    pub(crate) fn moved_to(&mut self, q: &Joints, dead_band: f64) {
+    pub(crate) fn update(&mut self, q: &Joints, dead_band: f64) {
         for ((sign, furthest), q) in self.signs.iter_mut().zip(&mut self.furthest).zip(q) {
             let moved = q - *furthest;
             if moved * *sign > 0.0 {

@@ -21,15 +21,15 @@
 #[cfg(test)]
 mod tests;
 
+use crate::cycle_inputs::WrenchSample;
 use crate::history::History;
 use crate::outcome::{FeedReason, FeedState};
-use crate::world::WrenchSample;
 use envelope::OverrideLimits;
 use glam::DVec3;
 use libm::{expm1, pow, sqrt};
 
 /// Time constant of the estimate unless set, in stated delays; the least that keeps the gain margin.
-pub const FEED_DELAYS: f64 = 2.0;
+pub const FEED_TIME_CONSTANT_DELAYS: f64 = 2.0;
 
 /// The limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,12 +53,12 @@ pub struct FeedRules {
     pub rest_m_s: f64,
     /// The override that the client returned to the cell may differ from the one sent here by as much as it can change in this time, s; 0.01 to 1. Beyond that the client's value holds: it was
     /// restarted or had no answers. Default 0.05: answers that are a few cycles of a slow controller late.
-    pub behind_s: f64,
+    pub client_tolerance_s: f64,
 }
 
 impl Default for FeedRules {
     fn default() -> Self {
-        Self { pause_s: 0.1, speed_over_s: 0.01, rest_m_s: 1e-4, behind_s: 0.05 }
+        Self { pause_s: 0.1, speed_over_s: 0.01, rest_m_s: 1e-4, client_tolerance_s: 0.05 }
     }
 }
 
@@ -83,7 +83,7 @@ pub struct FeedSettings {
     pub stale_s: f64,
     /// Delay from an override to the force that results from it, as measured here, s; at most 0.5.
     pub delay_s: f64,
-    /// Time constant of the estimate, s; at least [`FEED_DELAYS`] delays.
+    /// Time constant of the estimate, s; at least [`FEED_TIME_CONSTANT_DELAYS`] delays.
     pub time_constant_s: f64,
     /// How the force grows with the feed: `F ∝ feedᵐ`; above 0 to 1.
     pub exponent: f64,
@@ -121,7 +121,7 @@ pub struct FeedReport {
     /// The override sent; 1 is the programmed feed.
     pub feed_override: f64,
     /// The override that would keep the force at its limit.
-    pub wanted: f64,
+    pub requested: f64,
     /// The process force, low-passed, N; NaN where unknown.
     pub force_n: f64,
     /// The force at the programmed feed, N; NaN where unknown.
@@ -136,14 +136,14 @@ pub struct FeedReport {
 
 /// A valid force, and its limit.
 #[derive(Clone, Copy, Debug)]
-struct Load {
+struct ForceAndLimit {
     force_n: DVec3,
     limit_n: f64,
 }
 
 /// The estimate of the cut; both values pass the same low-pass.
 #[derive(Clone, Copy, Debug)]
-struct Found {
+struct CutEstimate {
     force_n: DVec3,
     /// The override in force when the force arose, raised to the exponent.
     share: f64,
@@ -154,8 +154,8 @@ struct Found {
 pub struct Feed {
     settings: FeedSettings,
     sent: History<f64>,
-    found: Option<Found>,
-    speed: Speed,
+    found: Option<CutEstimate>,
+    speed: SpeedEstimator,
     /// When a force was last known.
     known_ns: Option<u64>,
     stepped_ns: Option<u64>,
@@ -173,14 +173,14 @@ impl Feed {
             settings,
             sent: History::new(),
             found: None,
-            speed: Speed::new(),
+            speed: SpeedEstimator::new(),
             known_ns: None,
             stepped_ns: None,
             refused_ns: None,
             report: FeedReport {
                 feed_override: begins,
-                wanted: settings.lost,
-                ..FeedReport::nothing(FeedState::Lost)
+                requested: settings.lost,
+                ..FeedReport::empty(FeedState::Lost)
             },
         }
     }
@@ -194,7 +194,7 @@ impl Feed {
         let load = self.load(input);
         match &load {
             Ok(load) => self.adapt(input.now_ns, load, dt_s),
-            Err(reason) => self.go_without(input.now_ns, *reason),
+            Err(reason) => self.step_without_force(input.now_ns, *reason),
         }
         let is_sent = self.settings.is_sent && input.corrects;
         if !is_sent && self.report.state != FeedState::Lost {
@@ -202,15 +202,15 @@ impl Feed {
         }
         let relief = self.settings.relief;
         let is_far =
-            self.moves() && load.is_ok_and(|load| length(load.force_n) > relief * load.limit_n);
+            self.is_moving() && load.is_ok_and(|load| length(load.force_n) > relief * load.limit_n);
         let report = &mut self.report;
         let goal = match (is_sent, is_far) {
             (false, _) => 1.0,
             (true, true) => self.settings.bounds.floor(),
-            (true, false) => report.wanted,
+            (true, false) => report.requested,
         };
         report.feed_override = self.settings.bounds.step(report.feed_override, goal, dt_s);
-        self.sent.keep(input.now_ns, report.feed_override);
+        self.sent.push(input.now_ns, report.feed_override);
         report.feed_override
     }
 
@@ -220,9 +220,9 @@ impl Feed {
         &self.report
     }
 
-    /// The override without a daemon; `corrects`: whether corrections are sent.
+    /// The override without a daemon; `is_correcting`: whether corrections are sent.
     #[must_use]
-    pub fn lost(&self, corrects: bool) -> f64 {
+    pub fn override_without_force(&self, corrects: bool) -> f64 {
         if self.settings.is_sent && corrects { self.settings.lost } else { 1.0 }
     }
 
@@ -247,7 +247,7 @@ impl Feed {
     /// the one sent here, this one continues from it.
     fn follow_client(&mut self, input: &FeedInput) {
         let FeedSettings { bounds, rules, .. } = self.settings;
-        let behind = rules.behind_s * f64::max(bounds.down_per_s(), bounds.up_per_s());
+        let behind = rules.client_tolerance_s * f64::max(bounds.down_per_s(), bounds.up_per_s());
         let client_override = input.client_override.filter(|o| (0.0..=1.0).contains(o));
         if let Some(o) = client_override
             && (o - self.report.feed_override).abs() > behind
@@ -258,18 +258,18 @@ impl Feed {
     }
 
     /// Whether the tool moves; false if its speed is unknown.
-    fn moves(&self) -> bool {
+    fn is_moving(&self) -> bool {
         let FeedReport { speed_m_s, feed_override, .. } = self.report;
         speed_m_s > self.settings.rules.rest_m_s * feed_override
     }
 
     /// The force with its limit, if valid.
-    fn load(&mut self, input: &FeedInput) -> Result<Load, FeedReason> {
+    fn load(&mut self, input: &FeedInput) -> Result<ForceAndLimit, FeedReason> {
         let sample = input.wrench.ok_or(FeedReason::NoWrench)?;
         if seconds(sample.age_ns) > self.settings.stale_s {
             return Err(FeedReason::Stale);
         }
-        if !sample.is_possible() {
+        if !sample.is_plausible() {
             let measured_ns = input.now_ns.saturating_sub(sample.age_ns);
             if self.refused_ns.replace(measured_ns) != Some(measured_ns) {
                 self.report.refused += 1;
@@ -286,22 +286,22 @@ impl Feed {
                 m / gives.ok_or(FeedReason::NoDeflection)?
             }
         };
-        Ok(Load { force_n: sample.wrench.force, limit_n })
+        Ok(ForceAndLimit { force_n: sample.wrench.force, limit_n })
     }
 
-    fn adapt(&mut self, now_ns: u64, load: &Load, dt_s: f64) {
+    fn adapt(&mut self, now_ns: u64, load: &ForceAndLimit, dt_s: f64) {
         let FeedSettings { bounds, air, air_n, exponent, .. } = self.settings;
         self.known_ns = Some(now_ns);
-        let moves = self.moves();
+        let moves = self.is_moving();
         let report = &mut self.report;
         (report.reason, report.limit_n) = (FeedReason::None, load.limit_n);
         if !moves {
             // A force on a tool at rest does not depend on its feed, nor does the force of its last motion.
             report.reason = FeedReason::AtRest;
             report.state = FeedState::Adapting;
-            report.wanted = report.feed_override;
+            report.requested = report.feed_override;
         } else {
-            let found = self.find(now_ns, load, dt_s);
+            let found = self.update_estimate(now_ns, load, dt_s);
             let report = &mut self.report;
             report.force_n = length(found.force_n);
             report.programmed_force_n = report.force_n / found.share;
@@ -310,7 +310,7 @@ impl Feed {
             let most = if is_air { air.max(bounds.floor()) } else { 1.0 };
             // No force gives 0/0.
             let asked = if asked.is_nan() { 1.0 } else { asked };
-            report.wanted = asked.clamp(bounds.floor(), most);
+            report.requested = asked.clamp(bounds.floor(), most);
             report.state = if is_air { FeedState::Air } else { FeedState::Adapting };
             if asked < bounds.floor() {
                 report.reason = FeedReason::AtFloor;
@@ -319,16 +319,18 @@ impl Feed {
     }
 
     /// Updates the estimate of the cut with a force.
-    fn find(&mut self, now_ns: u64, load: &Load, dt_s: f64) -> Found {
+    fn update_estimate(&mut self, now_ns: u64, load: &ForceAndLimit, dt_s: f64) -> CutEstimate {
         let FeedSettings { delay_s, time_constant_s, exponent, bounds, .. } = self.settings;
         let then_ns = now_ns.saturating_sub((delay_s * 1e9) as u64);
         let sent = self.sent.at(then_ns).unwrap_or(self.report.feed_override);
-        let now =
-            Found { force_n: load.force_n, share: pow(sent.clamp(bounds.floor(), 1.0), exponent) };
+        let now = CutEstimate {
+            force_n: load.force_n,
+            share: pow(sent.clamp(bounds.floor(), 1.0), exponent),
+        };
         let part = -expm1(-dt_s / time_constant_s);
         let found = match self.found {
             None => now,
-            Some(before) => Found {
+            Some(before) => CutEstimate {
                 force_n: before.force_n + part * (now.force_n - before.force_n),
                 share: before.share + part * (now.share - before.share),
             },
@@ -338,13 +340,13 @@ impl Feed {
     }
 
     /// No force is known: the override is held, then goes to `lost`.
-    fn go_without(&mut self, now_ns: u64, reason: FeedReason) {
+    fn step_without_force(&mut self, now_ns: u64, reason: FeedReason) {
         let age_s = |known_ns| seconds(now_ns.saturating_sub(known_ns));
         let holds = self.known_ns.is_some_and(|at_ns| age_s(at_ns) <= self.settings.hold_s);
         let report = &mut self.report;
         report.reason = reason;
         if holds {
-            (report.state, report.wanted) = (FeedState::Holding, report.feed_override);
+            (report.state, report.requested) = (FeedState::Holding, report.feed_override);
             return;
         }
         self.found = None;
@@ -353,9 +355,9 @@ impl Feed {
             feed_override: self.report.feed_override,
             speed_m_s: self.report.speed_m_s,
             refused: self.report.refused,
-            wanted: lost,
+            requested: lost,
             reason,
-            ..FeedReport::nothing(FeedState::Lost)
+            ..FeedReport::empty(FeedState::Lost)
         };
     }
 }
@@ -363,12 +365,12 @@ impl Feed {
 impl FeedReport {
     /// The programmed feed, without an estimate.
     #[must_use]
-    pub fn nothing(state: FeedState) -> Self {
+    pub fn empty(state: FeedState) -> Self {
         Self {
             state,
             reason: FeedReason::None,
             feed_override: 1.0,
-            wanted: 1.0,
+            requested: 1.0,
             force_n: f64::NAN,
             programmed_force_n: f64::NAN,
             limit_n: f64::NAN,
@@ -380,12 +382,12 @@ impl FeedReport {
 
 /// Speed of the commanded tool, over [`FeedRules::speed_over_s`].
 #[derive(Clone, Copy, Debug)]
-struct Speed {
+struct SpeedEstimator {
     from: Option<(u64, DVec3)>,
     m_s: f64,
 }
 
-impl Speed {
+impl SpeedEstimator {
     const fn new() -> Self {
         Self { from: None, m_s: f64::NAN }
     }

@@ -1,6 +1,6 @@
 //! Past values for the comparison with delayed measurements: predicted positions of the measured point, or feed overrides.
 //!
-//! A ring of [`KEPT`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Linear interpolation between points, and linear extrapolation beyond
+//! A ring of [`CAPACITY`] points, at least [`SPACING_NS`] apart: it reaches back a second at least, at any rate of commands. Linear interpolation between points, and linear extrapolation beyond
 //! the newest by at most its distance from the previous one, because a present measurement lies between the last command and the next.
 //! `None` before the first point, later than the extrapolation allows, or across a gap of more than
 //! [`GAP_NS`].
@@ -8,7 +8,7 @@
 use core::ops::{Add, Mul};
 
 /// Points kept.
-const KEPT: usize = 1024;
+const CAPACITY: usize = 1024;
 /// Points closer than this are dropped, ns: between points 1 ms apart, linear interpolation is off
 /// by 0.1 µm per m/s² of acceleration.
 const SPACING_NS: u64 = 1_000_000;
@@ -25,7 +25,7 @@ struct Point<V> {
 /// The points, newest last.
 #[derive(Clone, Debug)]
 pub(crate) struct History<V> {
-    points: [Point<V>; KEPT],
+    points: [Point<V>; CAPACITY],
     /// Index of the next point.
     next: usize,
     count: usize,
@@ -33,7 +33,7 @@ pub(crate) struct History<V> {
 
 impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
     pub(crate) fn new() -> Self {
-        Self { points: [Point { t_ns: 0, value: V::default() }; KEPT], next: 0, count: 0 }
+        Self { points: [Point { t_ns: 0, value: V::default() }; CAPACITY], next: 0, count: 0 }
     }
 
     /// Drops all points.
@@ -42,8 +42,8 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
     }
 
     /// Adds a point; one that is not later than the newest clears the ring first.
-    pub(crate) fn keep(&mut self, t_ns: u64, value: V) {
-        match self.back(0) {
+    pub(crate) fn push(&mut self, t_ns: u64, value: V) {
+        match self.nth_newest(0) {
             Some(newest) if t_ns <= newest.t_ns => self.clear(),
             Some(newest) if t_ns - newest.t_ns < SPACING_NS => return,
             _ => {}
@@ -51,15 +51,15 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
         if let Some(place) = self.points.get_mut(self.next) {
             *place = Point { t_ns, value };
         }
-        self.next = (self.next + 1) % KEPT;
-        self.count = (self.count + 1).min(KEPT);
+        self.next = (self.next + 1) % CAPACITY;
+        self.count = (self.count + 1).min(CAPACITY);
     }
 
     /// The value at time `t_ns`.
     pub(crate) fn at(&self, t_ns: u64) -> Option<V> {
-        let mut later = self.back(0)?;
+        let mut later = self.nth_newest(0)?;
         for age in 1..self.count {
-            let earlier = self.back(age)?;
+            let earlier = self.nth_newest(age)?;
             if earlier.t_ns <= t_ns {
                 let (since_ns, apart_ns) = (t_ns - earlier.t_ns, later.t_ns - earlier.t_ns);
                 let share = since_ns as f64 / apart_ns as f64;
@@ -72,8 +72,8 @@ impl<V: Copy + Default + Add<Output = V> + Mul<f64, Output = V>> History<V> {
     }
 
     /// The point `age` places before the newest.
-    fn back(&self, age: usize) -> Option<Point<V>> {
-        let index = (self.next + KEPT).checked_sub(1 + age)? % KEPT;
+    fn nth_newest(&self, age: usize) -> Option<Point<V>> {
+        let index = (self.next + CAPACITY).checked_sub(1 + age)? % CAPACITY;
         self.points.get(index).filter(|_| age < self.count).copied()
     }
 }
@@ -87,7 +87,7 @@ mod tests {
 
     fn line(every_ns: u64, count: u64) -> History<DVec3> {
         let mut history = History::new();
-        (1..=count).for_each(|k| history.keep(k * every_ns, DVec3::X * (k * every_ns) as f64));
+        (1..=count).for_each(|k| history.push(k * every_ns, DVec3::X * (k * every_ns) as f64));
         history
     }
 
@@ -115,9 +115,9 @@ mod tests {
     #[test]
     fn nothing_is_said_of_the_time_in_which_commands_paused() {
         let mut history = line(MS, 10);
-        history.keep(100 * MS, DVec3::ZERO);
+        history.push(100 * MS, DVec3::ZERO);
         assert_eq!((history.at(50 * MS), history.at(5 * MS).is_some()), (None, true));
-        history.keep(90 * MS, DVec3::Y);
+        history.push(90 * MS, DVec3::Y);
         assert_eq!(history.at(5 * MS), None, "time went back: begun anew");
     }
 }

@@ -9,11 +9,11 @@
 use core::f64::consts::{PI, SQRT_2};
 
 /// Below this the series of [`decay`] is exact to the last bit.
-const SMALL: f64 = 1.0 / 32.0;
+const SERIES_BELOW: f64 = 1.0 / 32.0;
 
 /// Coefficients of one step, for all signals with one corner frequency.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct StepCoefficients {
     per_s: f64,
     /// Decay rate and angular frequency of the impulse response, rad/s: `ω/√2`.
     rate: f64,
@@ -24,8 +24,8 @@ pub(crate) struct Pace {
     sin: f64,
 }
 
-impl Pace {
-    pub(crate) fn of(corner_hz: f64, dt_s: f64) -> Self {
+impl StepCoefficients {
+    pub(crate) fn new(corner_hz: f64, dt_s: f64) -> Self {
         let rate = SQRT_2 * PI * corner_hz;
         let (cos, sin) = decay(rate * dt_s);
         let per_s = if dt_s > 0.0 { 1.0 / dt_s } else { 0.0 };
@@ -36,9 +36,9 @@ impl Pace {
 /// `e⁻ˣ cos x` and `e⁻ˣ sin x`: real and imaginary part of `exp((−1 + i) x)`, for small x by its
 /// series.
 fn decay(x: f64) -> (f64, f64) {
-    if x > SMALL {
-        let (left, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
-        return (left * cos, left * sin);
+    if x > SERIES_BELOW {
+        let (magnitude, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
+        return (magnitude * cos, magnitude * sin);
     }
     let (mut real, mut imaginary) = (1.0, 0.0);
     for n in [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0] {
@@ -54,23 +54,24 @@ pub(crate) struct LowPass {
     input: f64,
     pub(crate) output: f64,
     /// Rate of change of the output, per s.
-    change: f64,
+    output_rate: f64,
 }
 
 impl LowPass {
     /// Filters one sample, one step after the last; returns the output.
-    pub(crate) fn step(&mut self, input: f64, pace: &Pace) -> f64 {
-        let Pace { per_s, rate, time_s, cos, sin } = *pace;
+    pub(crate) fn step(&mut self, input: f64, coefficients: &StepCoefficients) -> f64 {
+        let StepCoefficients { per_s, rate, time_s, cos, sin } = *coefficients;
         if per_s <= 0.0 {
             return self.output;
         }
         // For a ramp as input, the output follows with the same slope and a constant lag; the
         // deviation from that decays.
         let slope = (input - self.input) * per_s;
-        let behind = slope * time_s;
-        let (lacks, slower) = (self.output - (self.input - behind), self.change - slope);
-        self.output = input - behind + lacks * cos + (slower * time_s + lacks) * sin;
-        self.change = slope + slower * cos - (slower + 2.0 * rate * lacks) * sin;
+        let lag = slope * time_s;
+        let (value_error, rate_error) =
+            (self.output - (self.input - lag), self.output_rate - slope);
+        self.output = input - lag + value_error * cos + (rate_error * time_s + value_error) * sin;
+        self.output_rate = slope + rate_error * cos - (rate_error + 2.0 * rate * value_error) * sin;
         self.input = input;
         self.output
     }
@@ -86,8 +87,10 @@ mod tests {
         let (mut filter, dt_s) = (LowPass::default(), 1e-3);
         let mut largest = 0.0_f64;
         for k in 0..20_000 {
-            let out =
-                filter.step(libm::sin(2.0 * PI * hz * k as f64 * dt_s), &Pace::of(corner_hz, dt_s));
+            let out = filter.step(
+                libm::sin(2.0 * PI * hz * k as f64 * dt_s),
+                &StepCoefficients::new(corner_hz, dt_s),
+            );
             largest = if k > 10_000 { largest.max(out.abs()) } else { 0.0 };
         }
         largest
@@ -106,11 +109,14 @@ mod tests {
     #[test]
     fn the_series_of_a_short_step_is_the_decay_itself() {
         for n in 0..=1000 {
-            let x = SMALL * f64::from(n) / 1000.0;
-            let (left, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
+            let x = SERIES_BELOW * f64::from(n) / 1000.0;
+            let (magnitude, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
             let (real, imaginary) = decay(x);
-            assert!((real - left * cos).abs() < 3e-16, "{x}: {real}");
-            assert!((imaginary - left * sin).abs() < 3e-16 * (0.1 + 10.0 * x), "{x}: {imaginary}");
+            assert!((real - magnitude * cos).abs() < 3e-16, "{x}: {real}");
+            assert!(
+                (imaginary - magnitude * sin).abs() < 3e-16 * (0.1 + 10.0 * x),
+                "{x}: {imaginary}"
+            );
         }
     }
 
@@ -118,10 +124,10 @@ mod tests {
     fn a_constant_passes_at_any_pace() {
         let mut filter = LowPass::default();
         for _ in 0..20_000 {
-            filter.step(7.0, &Pace::of(3.0, 1e-3));
+            filter.step(7.0, &StepCoefficients::new(3.0, 1e-3));
         }
         for dt_s in [1e-3, 4e-3, 1e-5, 0.2, 0.0, 1e-3] {
-            assert!((filter.step(7.0, &Pace::of(3.0, dt_s)) - 7.0).abs() < 1e-6);
+            assert!((filter.step(7.0, &StepCoefficients::new(3.0, dt_s)) - 7.0).abs() < 1e-6);
         }
     }
 
@@ -132,7 +138,7 @@ mod tests {
             let (mut filter, mut t_s) = (LowPass::default(), 0.0);
             let mut last = steps.iter().cycle().map(|dt_s| {
                 t_s += dt_s;
-                (t_s, filter.step(50.0 * t_s, &Pace::of(3.0, *dt_s)))
+                (t_s, filter.step(50.0 * t_s, &StepCoefficients::new(3.0, *dt_s)))
             });
             last.find(|(t_s, _)| *t_s >= 1.0).expect("endless")
         };
@@ -150,15 +156,14 @@ mod tests {
 
     #[test]
     fn nothing_grows_whatever_the_steps() {
-        let mut chance = 1_u64;
+        let mut rng = 1_u64;
         let mut filter = LowPass::default();
         for k in 0..200_000 {
-            chance = chance
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            let dt_s = 0.5_f64.powi(((chance >> 40) % 30) as i32);
-            let output =
-                filter.step(if chance >> 63 == 1 { 1.0 } else { -1.0 }, &Pace::of(3.0, dt_s));
+            rng =
+                rng.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let dt_s = 0.5_f64.powi(((rng >> 40) % 30) as i32);
+            let output = filter
+                .step(if rng >> 63 == 1 { 1.0 } else { -1.0 }, &StepCoefficients::new(3.0, dt_s));
             // The overshoot for a unit step is 4.3 %; for the worst sequence of steps it is little
             // more.
             assert!(output.abs() < 1.1, "{output} at {k}");

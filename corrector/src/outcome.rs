@@ -19,13 +19,13 @@ pub enum Status {
     Bypassed,
     /// The command was refused; the correction is held for a while, then ramps to zero.
     Rejected,
-    /// No correction is sent; `wanted` holds what it would be.
+    /// No correction is sent; `requested` holds what it would be.
     Shadow,
     /// The best correction within bounds; residual and reason say what remains.
     Limited,
 }
 
-/// What the trim by measurements does.
+/// State of the trim by measurements.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TrimState {
     /// The cell has no instrument, or it is switched off.
@@ -68,7 +68,7 @@ pub enum TrimReason {
     Bounded,
 }
 
-/// What the feed override does.
+/// State of the feed override.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FeedState {
     /// The cell has no limit for its feed, or it is switched off.
@@ -151,7 +151,7 @@ pub enum Reason {
 
 /// Use of the measured wrench.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Gate {
+pub enum GateState {
     /// No wrench was received.
     #[default]
     Absent,
@@ -188,7 +188,7 @@ pub struct Outcome {
     /// Acceleration of the correction, rad/s² or m/s².
     pub correction_acceleration: Joints,
     /// The correction required by the model, before limiting, rad or m.
-    pub wanted: Joints,
+    pub requested: Joints,
     /// How it was made.
     pub status: Status,
     /// Why.
@@ -198,7 +198,7 @@ pub struct Outcome {
     /// Newton steps taken.
     pub steps: u32,
     /// State of the force-compensation gate.
-    pub gate: Gate,
+    pub gate: GateState,
     /// Process stiffness times the robot's compliance, dimensionless; NaN where unknown.
     pub loop_gain: f64,
 }
@@ -220,12 +220,12 @@ impl Default for Outcome {
             correction: [0.0; JOINTS_MAX],
             correction_rate: [0.0; JOINTS_MAX],
             correction_acceleration: [0.0; JOINTS_MAX],
-            wanted: [0.0; JOINTS_MAX],
+            requested: [0.0; JOINTS_MAX],
             status: Status::Rejected,
             reason: Reason::None,
             residual: Residual::default(),
             steps: 0,
-            gate: Gate::Absent,
+            gate: GateState::Absent,
             loop_gain: f64::NAN,
         }
     }

@@ -5,22 +5,22 @@
 //!
 //! Invariants: converged means that the residual is zero, or that an UNDAMPED step was taken after which the next is predicted to be below [`STEP_DONE`]:
 //! a singular pose, where damping hides the residual, is not converged. A solve that does not converge, or is outside the joint limits, gets the best correction within bounds
-//! (`limited.rs`). A trial never leaves `reach` (the position limit) about the command.
+//! (`bounded_solution.rs`). A trial never leaves the position limits about the command.
 //! The starting point affects the number of evaluations, not the result (to 1e-9 rad, compared with [`solve`]).
 //! A solve does not jump to another branch of solutions, and does not change the effects' memory.
 
 use crate::joints::{apply, stays_within};
+use crate::linearisation::{Linearisation, LinearisationPoint, NewtonStep};
 use crate::outcome::{Reason, Residual};
-use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
-use crate::slopes::{Here, Slopes, Step};
-use crate::trace::{Ended, Trace, is_alone, is_small};
-use physics::{Chain, Evaluation, Inputs, Joints, Memories, Model, Told};
+use crate::task_rows::{TaskError, TaskRows};
+use crate::warm_start::{SolveSummary, WarmStart, is_small, is_unique};
+use physics::{Chain, Evaluation, Inputs, Joints, Memories, Model, SlopeSums};
 
 /// Limit on Newton steps.
 const STEPS_MAX: u32 = 10;
 /// Limit on Newton steps of a warm start; after that the solve restarts from the command.
-const NEAR_STEPS_MAX: u32 = 2;
+const WARM_STEPS_MAX: u32 = 2;
 /// Converged if the step after the last is predicted to be below this, rad or m: a fortieth of the
 /// documented accuracy, because the largest component of a step says little about a direction in
 /// which the tool hardly moves.
@@ -33,7 +33,7 @@ pub struct Solution {
     pub q: Joints,
     /// Whether it converged.
     pub converged: bool,
-    /// What limits it, if it is the best within bounds and an error remains.
+    /// The limit, if this is the best solution within bounds and an error remains.
     pub limited: Option<Reason>,
     /// Remaining error of the tool pose; near zero if six or more joints control all six degrees of
     /// freedom.
@@ -46,28 +46,28 @@ pub struct Solution {
 /// solutions.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solver {
-    pub(crate) seen: Evaluation,
-    pub(crate) told: Told,
-    pub(crate) slopes: Slopes,
-    ended: Ended,
-    trace: Trace,
+    pub(crate) evaluation: Evaluation,
+    pub(crate) slope_sums: SlopeSums,
+    pub(crate) linearisation: Linearisation,
+    summary: SolveSummary,
+    warm_start: WarmStart,
 }
 
-/// Solves for the command in `inputs.q`; `reach` is how far each joint may go from it, rad or m.
+/// Solves for the command in `inputs.q`; `position_limits` is how far each joint may go from it, rad or m.
 pub fn solve(
     model: &Model,
     inputs: &Inputs,
     memories: &Memories,
     task: &Task,
-    reach: &Joints,
+    position_limits: &Joints,
 ) -> Solution {
-    Solver::default().solve(model, inputs, memories, task, reach)
+    Solver::default().solve(model, inputs, memories, task, position_limits)
 }
 
 impl Solver {
     /// Buffer for an evaluation of the arm of the last solve; the next solve overwrites it.
-    pub(crate) fn room(&mut self) -> &mut Evaluation {
-        &mut self.seen
+    pub(crate) fn scratch(&mut self) -> &mut Evaluation {
+        &mut self.evaluation
     }
 
     /// [`solve`] for the arm of the previous calls, or for the first one.
@@ -77,11 +77,11 @@ impl Solver {
         inputs: &Inputs,
         memories: &Memories,
         task: &Task,
-        reach: &Joints,
+        position_limits: &Joints,
     ) -> Solution {
-        let case = Case { model, inputs, memories, task, reach };
-        let exact = self.begin_at_command(&case);
-        self.within_bounds(&case, exact)
+        let problem = SolveProblem { model, inputs, memories, task, position_limits };
+        let exact = self.begin_at_command(&problem);
+        self.within_bounds(&problem, exact)
     }
 
     /// [`Solver::solve`] for one of a sequence of commands, `inputs.dt_s` after the previous one:
@@ -93,147 +93,176 @@ impl Solver {
         inputs: &Inputs,
         memories: &Memories,
         task: &Task,
-        reach: &Joints,
+        position_limits: &Joints,
     ) -> Solution {
-        let case = Case { model, inputs, memories, task, reach };
-        let guess = self.trace.guess(inputs);
+        let problem = SolveProblem { model, inputs, memories, task, position_limits };
+        let guess = self.warm_start.extrapolate(inputs);
         // For effects with a load limit, existence of a solution depends on the load at the
         // commanded pose.
-        let is_sure = self.trace.is_sure() && !model.hardens();
-        let near = guess.filter(|guess| is_sure && is_small(guess, reach));
-        let near = near.and_then(|guess| self.begin_at_guess(&case, &guess));
-        let solution = near.unwrap_or_else(|| {
-            let solution = self.begin_at_command(&case);
-            let Self { ended, slopes, told, .. } = self;
-            ended.curvature = if ended.by_step { slopes.curvature(told) } else { None };
-            ended.from_command = true;
+        let is_sure = self.warm_start.is_sure() && !model.has_hardening();
+        let warm_solution = guess.filter(|guess| is_sure && is_small(guess, position_limits));
+        let warm_solution = warm_solution.and_then(|guess| self.begin_at_guess(&problem, &guess));
+        let solution = warm_solution.unwrap_or_else(|| {
+            let solution = self.begin_at_command(&problem);
+            let Self { summary, linearisation, slope_sums, .. } = self;
+            summary.curvature =
+                if summary.ended_undamped { linearisation.curvature(slope_sums) } else { None };
+            summary.from_command = true;
             solution
         });
-        let solution = self.within_bounds(&case, solution);
-        self.trace.take(inputs, &solution, guess.as_ref(), &self.ended);
+        let solution = self.within_bounds(&problem, solution);
+        self.warm_start.store(inputs, &solution, guess.as_ref(), &self.summary);
         solution
     }
 
     /// Resets the warm start: the next solve starts at its command.
-    pub fn forget(&mut self) {
-        self.trace = Trace::default();
+    pub fn reset_warm_start(&mut self) {
+        self.warm_start = WarmStart::default();
     }
 
     /// Starts at the command. The effect of deviations on the tool is of first order without their
     /// geometry: enough for a step, not for convergence.
-    fn begin_at_command(&mut self, case: &Case<'_>) -> Solution {
-        let Case { model, inputs, memories, task, .. } = case;
-        self.ended = Ended::default();
-        let Self { seen, told, .. } = self;
-        model.deviate_into(inputs, memories, seen, Some(told));
-        let rows = Rows::of(&seen.nominal.base_from_tool, task);
-        let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
-        let mut way = Way::of(inputs, rows);
-        way.error = way.rows.error(task.offset_m - moved, -turned);
-        self.walk(case, &mut way, STEPS_MAX)
+    fn begin_at_command(&mut self, problem: &SolveProblem<'_>) -> Solution {
+        let SolveProblem { model, inputs, memories, task, .. } = problem;
+        self.summary = SolveSummary::default();
+        let Self { evaluation, slope_sums, .. } = self;
+        model.deviate_into(inputs, memories, evaluation, Some(slope_sums));
+        let rows = TaskRows::new(&evaluation.nominal.base_from_tool, task);
+        let (moved, turned) =
+            evaluation.deviation.moves(&evaluation.nominal, &evaluation.loads.motions);
+        let mut iterate = Iterate::new(inputs, rows);
+        iterate.error = iterate.rows.error(task.offset_m - moved, -turned);
+        self.iterate(problem, &mut iterate, STEPS_MAX)
     }
 
     /// Starts at the command with `guess` added; `None` if a start at the command is safer.
-    fn begin_at_guess(&mut self, case: &Case<'_>, guess: &Joints) -> Option<Solution> {
-        let Case { model, inputs, memories, task, reach } = case;
-        let Self { seen, told, slopes, trace, ended } = self;
-        *ended = Ended::default();
-        let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
-        let mut way = Way::of(inputs, rows);
-        apply(&mut way.trial.q, guess);
-        model.deviate_into(&way.trial, memories, seen, Some(told));
-        seen.stand(&model.arm, &way.trial);
-        way.look(seen);
+    fn begin_at_guess(&mut self, problem: &SolveProblem<'_>, guess: &Joints) -> Option<Solution> {
+        let SolveProblem { model, inputs, memories, task, position_limits } = problem;
+        let Self { evaluation, slope_sums, linearisation, warm_start, summary } = self;
+        *summary = SolveSummary::default();
+        let rows = TaskRows::new(&Chain::tool_at(&model.arm, &inputs.q), task);
+        let mut iterate = Iterate::new(inputs, rows);
+        apply(&mut iterate.trial.q, guess);
+        model.deviate_into(&iterate.trial, memories, evaluation, Some(slope_sums));
+        evaluation.set_real(&model.arm, &iterate.trial);
+        iterate.update_error(evaluation);
         let arm = &model.arm;
-        slopes.see(&Here { arm, seen, is_real: true, told, rows: &way.rows });
-        if !slopes.undamped(&way.error) {
+        linearisation.linearise(&LinearisationPoint {
+            arm,
+            evaluation,
+            is_real: true,
+            slope_sums,
+            rows: &iterate.rows,
+        });
+        if !linearisation.solve_undamped(&iterate.error) {
             return None;
         }
-        let Step { by, size, left, .. } = slopes.step;
-        let curvature = slopes.curvature(told)?;
+        let NewtonStep { delta, largest, remaining, .. } = linearisation.step;
+        let curvature = linearisation.curvature(slope_sums)?;
         let mut correction = *guess;
-        apply(&mut correction, &by);
-        if !(is_small(&correction, reach) && is_alone(&correction, curvature)) {
+        apply(&mut correction, &delta);
+        if !(is_small(&correction, position_limits) && is_unique(&correction, curvature)) {
             return None;
         }
-        ended.curvature = Some(curvature);
+        summary.curvature = Some(curvature);
         // A robot at rest gets the same bits again.
-        if size < STEP_DONE && trace.stands(&inputs.q) {
-            return Some(way.here(true, &way.error, task));
+        if largest < STEP_DONE && warm_start.is_same_command(&inputs.q) {
+            return Some(iterate.solution(true, &iterate.error, task));
         }
-        apply(&mut way.trial.q, &by);
-        way.steps = 1;
-        if trace.foretell(&by, curvature) < STEP_DONE {
-            return Some(way.here(true, &left, task));
+        apply(&mut iterate.trial.q, &delta);
+        iterate.steps = 1;
+        if warm_start.next_step_bound(&delta, curvature) < STEP_DONE {
+            return Some(iterate.solution(true, &remaining, task));
         }
-        way.last = Some(size);
-        self.stand(case, &mut way);
-        let solution = self.walk(case, &mut way, NEAR_STEPS_MAX);
+        iterate.last = Some(largest);
+        self.evaluate_trial(problem, &mut iterate);
+        let solution = self.iterate(problem, &mut iterate, WARM_STEPS_MAX);
         solution.converged.then_some(solution)
     }
 
     /// Newton steps until convergence.
-    fn walk(&mut self, case: &Case<'_>, way: &mut Way, steps_max: u32) -> Solution {
-        let Case { model, inputs, task, reach, .. } = case;
+    fn iterate(
+        &mut self,
+        problem: &SolveProblem<'_>,
+        iterate: &mut Iterate,
+        steps_max: u32,
+    ) -> Solution {
+        let SolveProblem { model, inputs, task, position_limits, .. } = problem;
         loop {
-            if !way.is_real && way.error.is_done() {
-                self.seen.stand(&model.arm, &way.trial);
-                way.look(&self.seen);
+            if !iterate.is_real && iterate.error.is_zero() {
+                self.evaluation.set_real(&model.arm, &iterate.trial);
+                iterate.update_error(&self.evaluation);
             }
-            let Self { seen, told, slopes, .. } = self;
+            let Self { evaluation, slope_sums, linearisation, .. } = self;
             // Beyond the limit of its law the prediction of a hardening joint is not valid, nor is
             // a step from it.
-            if seen.beyond.is_some() || way.error.is_done() {
-                return way.here(seen.beyond.is_none(), &way.error, task);
+            if evaluation.out_of_range.is_some() || iterate.error.is_zero() {
+                return iterate.solution(evaluation.out_of_range.is_none(), &iterate.error, task);
             }
             let count = model.arm.count();
-            let allowed = |step: &Joints| stays_within(count, &way.trial.q, step, &inputs.q, reach);
-            let Way { is_real, rows, .. } = &*way;
-            let here = Here { arm: &model.arm, seen, is_real: *is_real, told, rows };
-            let by_last = way.last.is_some_and(|last| slopes.again(&here, last, &way.error))
-                && allowed(&slopes.step.by);
-            let found = by_last || {
-                slopes.see(&here);
-                slopes.first(&way.error, allowed)
+            let allowed = |step: &Joints| {
+                stays_within(count, &iterate.trial.q, step, &inputs.q, position_limits)
             };
-            if !found || way.steps >= steps_max {
-                return way.here(false, &way.error, task);
+            let Iterate { is_real, rows, .. } = &*iterate;
+            let point = LinearisationPoint {
+                arm: &model.arm,
+                evaluation,
+                is_real: *is_real,
+                slope_sums,
+                rows,
+            };
+            let by_last =
+                iterate.last.is_some_and(|last| linearisation.refine(&point, last, &iterate.error))
+                    && allowed(&linearisation.step.delta);
+            let found = by_last || {
+                linearisation.linearise(&point);
+                linearisation.solve_within(&iterate.error, allowed)
+            };
+            if !found || iterate.steps >= steps_max {
+                return iterate.solution(false, &iterate.error, task);
             }
-            let next = &slopes.step;
-            apply(&mut way.trial.q, &next.by);
-            way.steps += 1;
-            if way.is_real && next.foretold < STEP_DONE {
-                self.ended.by_step = true;
-                self.ended.bent = way.last.map_or(0.0, |last| next.size / (last * last));
-                return way.here(true, &next.left, task);
+            let next = &linearisation.step;
+            apply(&mut iterate.trial.q, &next.delta);
+            iterate.steps += 1;
+            if iterate.is_real && next.next_size < STEP_DONE {
+                self.summary.ended_undamped = true;
+                self.summary.nonlinearity =
+                    iterate.last.map_or(0.0, |last| next.largest / (last * last));
+                return iterate.solution(true, &next.remaining, task);
             }
-            way.last = Some(next.size);
-            self.stand(case, way);
+            iterate.last = Some(next.largest);
+            self.evaluate_trial(problem, iterate);
         }
     }
 
     /// Evaluates the model at the trial, one step after the last linearisation.
-    fn stand(&mut self, case: &Case<'_>, way: &mut Way) {
-        let Self { seen, told, slopes, .. } = self;
-        case.model.deviate_on(&way.trial, case.memories, seen, &slopes.step.by, told);
-        seen.stand(&case.model.arm, &way.trial);
-        way.look(seen);
+    fn evaluate_trial(&mut self, problem: &SolveProblem<'_>, iterate: &mut Iterate) {
+        let Self { evaluation, slope_sums, linearisation, .. } = self;
+        problem.model.deviate_on(
+            &iterate.trial,
+            problem.memories,
+            evaluation,
+            &linearisation.step.delta,
+            slope_sums,
+        );
+        evaluation.set_real(&problem.model.arm, &iterate.trial);
+        iterate.update_error(evaluation);
     }
 }
 
 /// Inputs of a solve.
-pub(crate) struct Case<'a> {
+pub(crate) struct SolveProblem<'a> {
     pub(crate) model: &'a Model,
     pub(crate) inputs: &'a Inputs,
     pub(crate) memories: &'a Memories,
     pub(crate) task: &'a Task,
-    pub(crate) reach: &'a Joints,
+    pub(crate) position_limits: &'a Joints,
 }
 
 /// State of a solve.
-struct Way {
+struct Iterate {
     trial: Inputs,
-    rows: Rows,
+    rows: TaskRows,
     /// Error at the trial.
     error: TaskError,
     /// Whether the error is that of the real geometry.
@@ -243,20 +272,20 @@ struct Way {
     steps: u32,
 }
 
-impl Way {
+impl Iterate {
     /// At its start, before an evaluation.
     #[inline(always)]
-    fn of(inputs: &Inputs, rows: Rows) -> Self {
+    fn new(inputs: &Inputs, rows: TaskRows) -> Self {
         let error = TaskError::default();
         Self { trial: *inputs, rows, error, is_real: false, last: None, steps: 0 }
     }
 
-    fn look(&mut self, seen: &Evaluation) {
-        (self.error, self.is_real) = (self.rows.between(&seen.real.base_from_tool), true);
+    fn update_error(&mut self, evaluation: &Evaluation) {
+        (self.error, self.is_real) = (self.rows.pose_error(&evaluation.real.base_from_tool), true);
     }
 
-    fn here(&self, converged: bool, left: &TaskError, task: &Task) -> Solution {
-        let (q, residual) = (self.trial.q, left.residual(task));
+    fn solution(&self, converged: bool, remaining: &TaskError, task: &Task) -> Solution {
+        let (q, residual) = (self.trial.q, remaining.residual(task));
         Solution { q, converged, limited: None, residual, steps: self.steps }
     }
 }

@@ -9,7 +9,7 @@
 //!
 //! With the stated delay the trim cancels out of `y`: no loop is closed, at any gain. A deviation from the stated delay closes one, `F (e^(−sτ) − e^(−sτ'))`, the internal model control of a
 //! static plant (Morari and Zafiriou, *Robust Process Control*, 1989, ch. 3). Two stated delays of time constant `T` keep a gain margin of 2 at every delay up to twice the stated one;
-//! the default [`DELAYS`] one of 3.7, with about 5 % overshoot there. The stated delay is latency, interval of the measurements and reaction of the robot together.
+//! the default [`TRIM_TIME_CONSTANT_DELAYS`] one of 3.7, with about 5 % overshoot there. The stated delay is latency, interval of the measurements and reaction of the robot together.
 //!
 //! The estimate is of an error and not an integral, so it does not wind up while the correction is bounded, in shadow mode, or while a joint ramps.
 //! Noise of standard deviation `s` at an interval `h` leaves about `s √(h / 2T)` in the trim.
@@ -18,21 +18,21 @@
 //! jerk; the same sequence of inputs gives the same bits. A change of model resets it at once: the
 //! joints' limiters ramp it to zero.
 
-mod gate;
+mod outlier_gate;
 #[cfg(test)]
 mod tests;
 
 use crate::history::History;
 use crate::outcome::{TrimReason, TrimState};
-use gate::{Gate, Verdict};
+use outlier_gate::{MeasurementVerdict, OutlierGate};
 
-pub use gate::GateRules;
 use glam::DVec3;
 use libm::{expm1, sqrt};
+pub use outlier_gate::OutlierRules;
 use physics::Frame;
 
 /// Time constant unless set, in stated delays.
-pub const DELAYS: f64 = 5.0;
+pub const TRIM_TIME_CONSTANT_DELAYS: f64 = 5.0;
 /// Rules for ramping and for accepting measurements; constants that a cell does not set.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrimRules {
@@ -45,14 +45,14 @@ pub struct TrimRules {
     pub ahead_s: f64,
     /// The largest distance of a measured point, m; above 0. Default 1000: beyond the range of any
     /// tracker.
-    pub far_m: f64,
+    pub distance_max_m: f64,
     /// Deviations beyond this many standard deviations are not noise; no unit, above 0. Default 5:
     /// probability 1.5e-5 in three dimensions (chi distribution).
     pub noise_sigmas: f64,
     /// After this many intervals without a measurement the estimate is held; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
     pub fresh_intervals: f64,
     /// When measurements agree.
-    pub gate: GateRules,
+    pub gate: OutlierRules,
 }
 
 impl Default for TrimRules {
@@ -61,10 +61,10 @@ impl Default for TrimRules {
             fade_s: 1.0,
             pause_s: 0.05,
             ahead_s: 0.005,
-            far_m: 1e3,
+            distance_max_m: 1e3,
             noise_sigmas: 5.0,
             fresh_intervals: 2.5,
-            gate: GateRules::default(),
+            gate: OutlierRules::default(),
         }
     }
 }
@@ -108,7 +108,7 @@ impl TrimSettings {
 
     /// Noise in the trim, standard deviation of each axis, m.
     #[must_use]
-    pub fn noise_left_m(&self) -> f64 {
+    pub fn trim_noise_m(&self) -> f64 {
         self.noise_m * sqrt(self.interval_s / (2.0 * self.time_constant_s))
     }
 }
@@ -125,14 +125,14 @@ pub struct PointSample {
 /// State of the trim.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrimReport {
-    /// What it does.
+    /// Its state.
     pub state: TrimState,
     /// Why.
     pub reason: TrimReason,
     /// Displacement of the tool's target, base frame, m.
     pub trim_m: DVec3,
     /// Estimate of the model's error, base frame, m: real minus predicted.
-    pub found_m: DVec3,
+    pub model_error_m: DVec3,
     /// Measurements received.
     pub measurements: u64,
     /// Measurements refused.
@@ -144,12 +144,12 @@ pub struct TrimReport {
 pub struct Trim {
     settings: TrimSettings,
     history: History<DVec3>,
-    gate: Gate,
+    gate: OutlierGate,
     /// The newest accepted deviation, and when it was received.
     deviation_m: DVec3,
-    believed_ns: Option<u64>,
+    accepted_ns: Option<u64>,
     /// Both low-passes; the second is the estimate.
-    passed_m: [DVec3; 2],
+    low_passes_m: [DVec3; 2],
     /// Whether the estimate has started.
     has_begun: bool,
     share: f64,
@@ -166,52 +166,52 @@ impl Trim {
         Self {
             settings,
             history: History::new(),
-            gate: Gate::new(settings.rules.gate),
+            gate: OutlierGate::new(settings.rules.gate),
             deviation_m: DVec3::ZERO,
-            believed_ns: None,
-            passed_m: [DVec3::ZERO; 2],
+            accepted_ns: None,
+            low_passes_m: [DVec3::ZERO; 2],
             has_begun: false,
             share: 0.0,
             stepped_ns: 0,
             stamp_ns: 0,
             last_refusal: TrimReason::None,
-            report: TrimReport::nothing(TrimState::Waiting),
+            report: TrimReport::empty(TrimState::Waiting),
         }
     }
 
     /// For a new model: the estimate does not apply to it.
     pub fn model_changed(&mut self) {
         self.history.clear();
-        self.gate = Gate::new(self.settings.rules.gate);
-        (self.passed_m, self.has_begun, self.share) = ([DVec3::ZERO; 2], false, 0.0);
-        self.believed_ns = None;
+        self.gate = OutlierGate::new(self.settings.rules.gate);
+        (self.low_passes_m, self.has_begun, self.share) = ([DVec3::ZERO; 2], false, 0.0);
+        self.accepted_ns = None;
     }
 
     /// Accepts the instrument again after a jump: its registration was checked. The trim continues
     /// from its present value.
     pub fn rearm(&mut self) {
-        self.gate = Gate::new(self.settings.rules.gate);
+        self.gate = OutlierGate::new(self.settings.rules.gate);
     }
 
     /// Adds a measurement received by `now_ns`.
-    pub fn take(&mut self, sample: &PointSample, now_ns: u64) {
+    pub fn add_measurement(&mut self, sample: &PointSample, now_ns: u64) {
         self.report.measurements += 1;
         match self.deviation(sample, now_ns) {
-            Ok(deviation_m) => match self.gate.judge(deviation_m, self.most_m()) {
-                Verdict::Believed => self.believe(deviation_m, now_ns),
-                Verdict::Starting => self.last_refusal = TrimReason::None,
-                Verdict::Refused => self.refuse(TrimReason::Jumped),
+            Ok(deviation_m) => match self.gate.judge(deviation_m, self.deviation_max_m()) {
+                MeasurementVerdict::Accepted => self.accept(deviation_m, now_ns),
+                MeasurementVerdict::Starting => self.last_refusal = TrimReason::None,
+                MeasurementVerdict::Refused => self.refuse(TrimReason::Jumped),
             },
             Err(reason) => self.refuse(reason),
         }
     }
 
-    fn believe(&mut self, deviation_m: DVec3, now_ns: u64) {
+    fn accept(&mut self, deviation_m: DVec3, now_ns: u64) {
         self.deviation_m = deviation_m;
-        self.believed_ns = Some(now_ns);
+        self.accepted_ns = Some(now_ns);
         self.last_refusal = TrimReason::None;
         if !self.has_begun {
-            (self.passed_m, self.has_begun) = ([deviation_m; 2], true);
+            (self.low_passes_m, self.has_begun) = ([deviation_m; 2], true);
         }
     }
 
@@ -224,31 +224,31 @@ impl Trim {
         let TrimSettings { is_sent, interval_s, time_constant_s, hold_s, rules, .. } =
             self.settings;
         let age_s =
-            self.believed_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)));
+            self.accepted_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)));
         let is_fresh = self.gate.is_steady() && age_s <= rules.fresh_intervals * interval_s + dt_s;
         if is_fresh {
             let part = -expm1(-2.0 * dt_s / time_constant_s);
-            self.passed_m[0] += part * (self.deviation_m - self.passed_m[0]);
-            self.passed_m[1] += part * (self.passed_m[0] - self.passed_m[1]);
+            self.low_passes_m[0] += part * (self.deviation_m - self.low_passes_m[0]);
+            self.low_passes_m[1] += part * (self.low_passes_m[0] - self.low_passes_m[1]);
         }
         let is_sent = is_sent && corrects;
         let holds = is_fresh || age_s <= hold_s;
         let by = dt_s / rules.fade_s;
         let by = if is_sent && holds { by } else { -by };
         self.share = (self.share + by).clamp(0.0, 1.0);
-        let asked_m = -smooth(self.share) * self.passed_m[1];
+        let asked_m = -minimum_jerk(self.share) * self.low_passes_m[1];
         self.report.trim_m = asked_m.clamp_length_max(self.settings.limit_m);
-        self.report.found_m = self.passed_m[1];
+        self.report.model_error_m = self.low_passes_m[1];
         let is_bounded = self.report.trim_m != asked_m;
-        self.name(is_sent, is_fresh, holds, is_bounded);
+        self.set_state(is_sent, is_fresh, holds, is_bounded);
         self.report.trim_m
     }
 
     /// Stores the tool pose that the model predicts for what is sent at `now_ns`; `None` if it
     /// cannot be predicted.
-    pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>) {
+    pub fn store_prediction(&mut self, now_ns: u64, base_from_tool: Option<&Frame>) {
         if let Some(tool) = base_from_tool {
-            self.history.keep(now_ns, tool.point(self.settings.point_in_tool_m));
+            self.history.push(now_ns, tool.point(self.settings.point_in_tool_m));
         }
     }
 
@@ -268,7 +268,7 @@ impl Trim {
     fn deviation(&mut self, sample: &PointSample, now_ns: u64) -> Result<DVec3, TrimReason> {
         let TrimSettings { latency_s, interval_s, reaction_s, rules, .. } = self.settings;
         let PointSample { point_m, t_ns } = *sample;
-        if !point_m.is_finite() || point_m.length() > rules.far_m {
+        if !point_m.is_finite() || point_m.length() > rules.distance_max_m {
             return Err(TrimReason::NotFinite);
         }
         if t_ns > now_ns.saturating_add((rules.ahead_s * 1e9) as u64) {
@@ -292,11 +292,11 @@ impl Trim {
     }
 
     /// Largest accepted distance of a measurement from the previous ones, m.
-    fn most_m(&self) -> f64 {
+    fn deviation_max_m(&self) -> f64 {
         self.settings.jump_m + self.settings.rules.noise_sigmas * self.settings.noise_m
     }
 
-    fn name(&mut self, is_sent: bool, is_fresh: bool, holds: bool, is_bounded: bool) {
+    fn set_state(&mut self, is_sent: bool, is_fresh: bool, holds: bool, is_bounded: bool) {
         let missing = match self.last_refusal {
             _ if self.gate.has_jumped() => TrimReason::Jumped,
             TrimReason::None => TrimReason::NoMeasurement,
@@ -318,16 +318,16 @@ impl Trim {
 impl TrimReport {
     /// No measurement, no estimate.
     #[must_use]
-    pub fn nothing(state: TrimState) -> Self {
+    pub fn empty(state: TrimState) -> Self {
         let zero = DVec3::ZERO;
         let reason = TrimReason::None;
-        Self { state, reason, trim_m: zero, found_m: zero, measurements: 0, refused: 0 }
+        Self { state, reason, trim_m: zero, model_error_m: zero, measurements: 0, refused: 0 }
     }
 }
 
 /// Fades the share without a step of acceleration at its ends (minimum jerk: Flash and Hogan, J.
 /// Neurosci. 5, 1985), so that joints follow it within their jerk.
-fn smooth(x: f64) -> f64 {
+fn minimum_jerk(x: f64) -> f64 {
     x * x * x * (10.0 + x * (6.0 * x - 15.0))
 }
 

@@ -5,16 +5,16 @@
 //! With a known process stiffness k the loop gain is `k λmax(C_tcp)`: below the limit the share goes to one, above it to zero until the
 //! end of contact. Otherwise the share stops at one half, which is stable against any stiffness, since process and robot in series are
 //! never stiffer than the robot (small-gain theorem; holds while the model's compliance is below twice the true one), and
-//! [`LoopGain`] estimates meanwhile whether it can go to one, along the direction of the observed force, or must return to zero.
+//! [`LoopGainEstimator`] estimates meanwhile whether it can go to one, along the direction of the observed force, or must return to zero.
 //!
 //! Invariant: the share takes at least [`FADE_S`] from zero to one.
 
 use crate::compliance;
-use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
-use crate::low_pass::{LowPass, Pace};
-use crate::outcome::Gate;
+use crate::cycle_inputs::WrenchSample;
+use crate::loop_gain::{CONTACT_N, LoopGainEstimator, LoopGainVerdict};
+use crate::low_pass::{LowPass, StepCoefficients};
+use crate::outcome::GateState;
 use crate::settings::WrenchSettings;
-use crate::world::WrenchSample;
 use glam::DVec3;
 use physics::{Evaluation, Inputs, Memories, Model, Wrench};
 
@@ -28,11 +28,11 @@ const PROBE_EVERY_S: f64 = 1e-3;
 
 /// The filter and its gate.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct WrenchPath {
+pub(crate) struct WrenchFilter {
     filter: [LowPass; 6],
     share: f64,
     latched: bool,
-    found: LoopGain,
+    estimator: LoopGainEstimator,
     /// The model's translational compliance at the TCP, base axes, m/N; one column is renewed at a time.
     compliance: [DVec3; 3],
     column: usize,
@@ -45,13 +45,13 @@ pub(crate) struct WrenchPath {
     loop_gain: f64,
 }
 
-impl WrenchPath {
+impl WrenchFilter {
     pub(crate) fn new() -> Self {
         Self {
             filter: [LowPass::default(); 6],
             share: 0.0,
             latched: false,
-            found: LoopGain::default(),
+            estimator: LoopGainEstimator::default(),
             compliance: [DVec3::ZERO; 3],
             column: 0,
             probed_s: f64::INFINITY,
@@ -69,7 +69,7 @@ impl WrenchPath {
     /// Opens a latched gate for a new trial.
     pub(crate) fn rearm(&mut self) {
         self.latched = false;
-        self.found.rearm();
+        self.estimator.rearm();
     }
 
     /// The wrench to be used in the correction, base axes, and the state of the gate. `measured` is
@@ -79,24 +79,25 @@ impl WrenchPath {
         settings: &WrenchSettings,
         measured: Option<WrenchSample>,
         dt_s: f64,
-    ) -> (Wrench, Gate) {
+    ) -> (Wrench, GateState) {
         if !settings.enabled {
-            return (Wrench::ZERO, Gate::Off);
+            return (Wrench::ZERO, GateState::Off);
         }
         let fresh = fresh(settings, measured);
         let filtered = self.filtered(fresh, settings.low_pass_hz, dt_s);
-        let goal = if fresh.is_some() { self.goal(settings, filtered.force, dt_s) } else { 0.0 };
+        let goal =
+            if fresh.is_some() { self.target_share(settings, filtered.force, dt_s) } else { 0.0 };
         self.probed_s += if fresh.is_some() { dt_s } else { 0.0 };
         let most = dt_s / FADE_S;
         self.share += (goal - self.share).clamp(-most, most);
         let gate = match fresh {
-            None if measured.is_none() && self.share == 0.0 => Gate::Absent,
-            None => closed(measured),
-            Some(_) if self.latched => Gate::GainTooHigh,
-            Some(_) if self.share == 1.0 => Gate::Open,
-            Some(_) => Gate::Partly,
+            None if measured.is_none() && self.share == 0.0 => GateState::Absent,
+            None => closed_state(measured),
+            Some(_) if self.latched => GateState::GainTooHigh,
+            Some(_) if self.share == 1.0 => GateState::Open,
+            Some(_) => GateState::Partly,
         };
-        self.last = self.taken(settings, &filtered);
+        self.last = self.gated(settings, &filtered);
         (self.last, gate)
     }
 
@@ -106,12 +107,12 @@ impl WrenchPath {
         &self,
         settings: &WrenchSettings,
         measured: Option<WrenchSample>,
-    ) -> (Wrench, Gate) {
+    ) -> (Wrench, GateState) {
         match fresh(settings, measured) {
-            _ if !settings.enabled => (Wrench::ZERO, Gate::Off),
-            Some(wrench) => (wrench, Gate::Open),
-            None if measured.is_none() => (Wrench::ZERO, Gate::Absent),
-            None => (Wrench::ZERO, closed(measured)),
+            _ if !settings.enabled => (Wrench::ZERO, GateState::Off),
+            Some(wrench) => (wrench, GateState::Open),
+            None if measured.is_none() => (Wrench::ZERO, GateState::Absent),
+            None => (Wrench::ZERO, closed_state(measured)),
         }
     }
 
@@ -119,18 +120,18 @@ impl WrenchPath {
         // A lost wrench keeps its last filtered value while the share goes to zero.
         if let Some(w) = fresh {
             let values = [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
-            let pace = Pace::of(corner_hz, dt_s);
+            let coefficients = StepCoefficients::new(corner_hz, dt_s);
             for (filter, value) in self.filter.iter_mut().zip(values) {
-                filter.step(value, &pace);
+                filter.step(value, &coefficients);
             }
         }
         let [fx, fy, fz, mx, my, mz] = self.filter.map(|f| f.output);
         Wrench { force: DVec3::new(fx, fy, fz), moment: DVec3::new(mx, my, mz) }
     }
 
-    fn goal(&mut self, settings: &WrenchSettings, force: DVec3, dt_s: f64) -> f64 {
+    fn target_share(&mut self, settings: &WrenchSettings, force: DVec3, dt_s: f64) -> f64 {
         let Some(stiffness) = settings.process_stiffness else {
-            return self.goal_by_trial(settings, force, dt_s);
+            return self.target_share_by_trial(settings, force, dt_s);
         };
         if force.length_squared() < CONTACT_N * CONTACT_N {
             self.latched = false;
@@ -141,37 +142,37 @@ impl WrenchPath {
         if self.latched { 0.0 } else { 1.0 }
     }
 
-    fn goal_by_trial(&mut self, settings: &WrenchSettings, force: DVec3, dt_s: f64) -> f64 {
-        self.found.watch(force, self.share, settings.low_pass_hz, dt_s);
-        self.loop_gain = self.found.gain().unwrap_or(f64::NAN);
-        self.latched = self.found.verdict() == Verdict::High;
-        match self.found.verdict() {
-            Verdict::Waiting | Verdict::High => 0.0,
-            Verdict::Unknown => SAFE_SHARE,
-            Verdict::Low => 1.0,
+    fn target_share_by_trial(&mut self, settings: &WrenchSettings, force: DVec3, dt_s: f64) -> f64 {
+        self.estimator.update(force, self.share, settings.low_pass_hz, dt_s);
+        self.loop_gain = self.estimator.gain().unwrap_or(f64::NAN);
+        self.latched = self.estimator.verdict() == LoopGainVerdict::High;
+        match self.estimator.verdict() {
+            LoopGainVerdict::Waiting | LoopGainVerdict::High => 0.0,
+            LoopGainVerdict::Unknown => SAFE_SHARE,
+            LoopGainVerdict::Low => 1.0,
         }
     }
 
     /// The share of the wrench; above the safe share only along the force whose loop gain was
     /// estimated.
-    fn taken(&self, settings: &WrenchSettings, filtered: &Wrench) -> Wrench {
+    fn gated(&self, settings: &WrenchSettings, filtered: &Wrench) -> Wrench {
         if settings.process_stiffness.is_some() || self.share <= SAFE_SHARE {
             return filtered.times(self.share);
         }
-        let along = self.found.direction();
+        let along = self.estimator.direction();
         let beyond = along * (along.dot(filtered.force) * (self.share - SAFE_SHARE));
         filtered.times(SAFE_SHARE).plus(&Wrench { force: beyond, moment: DVec3::ZERO })
     }
 
     /// Renews one column of the model's compliance when due: the displacement of the TCP by a force
     /// along one base axis. `inputs` are those of the last correction, apart from the wrench;
-    /// `room` belongs to the model's arm.
-    pub(crate) fn probe(
+    /// `scratch` belongs to the model's arm.
+    pub(crate) fn probe_compliance(
         &mut self,
         model: &Model,
         inputs: &Inputs,
         memories: &Memories,
-        room: &mut Evaluation,
+        scratch: &mut Evaluation,
     ) {
         if self.probed_s < PROBE_EVERY_S {
             return;
@@ -179,7 +180,7 @@ impl WrenchPath {
         let loaded = Inputs { wrench_base: self.last, ..*inputs };
         let axis = [DVec3::X, DVec3::Y, DVec3::Z][self.column];
         self.compliance[self.column] =
-            compliance::along(axis, model, &loaded, memories, room).per_newton;
+            compliance::compliance_along(axis, model, &loaded, memories, scratch).per_newton;
         self.probed_s = 0.0;
         self.column = (self.column + 1) % 3;
         if self.largest.is_some() || self.column == 0 {
@@ -203,6 +204,10 @@ fn fresh(settings: &WrenchSettings, measured: Option<WrenchSample>) -> Option<Wr
 }
 
 /// Why a wrench is not used.
-fn closed(measured: Option<WrenchSample>) -> Gate {
-    if measured.is_some_and(|sample| sample.faulty) { Gate::SensorFault } else { Gate::Stale }
+fn closed_state(measured: Option<WrenchSample>) -> GateState {
+    if measured.is_some_and(|sample| sample.faulty) {
+        GateState::SensorFault
+    } else {
+        GateState::Stale
+    }
 }

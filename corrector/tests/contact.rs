@@ -3,7 +3,7 @@
 
 mod support;
 
-use corrector::{Gate, Outcome, Settings, World, WrenchSample};
+use corrector::{CycleInputs, GateState, Outcome, Settings, WrenchSample};
 use glam::DVec3;
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Memories, Model, Wrench};
 use std::collections::VecDeque;
@@ -90,7 +90,7 @@ impl Cell {
         let noise = self.noise_n * (hash as f64 / (1_u64 << 52) as f64 - 1.0);
         let wrench = Wrench { force: self.normal * (self.force_n + noise), moment: DVec3::ZERO };
         let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
-        self.run.world = World { wrench: Some(sample), ..World::default() };
+        self.run.world = CycleInputs { wrench: Some(sample), ..CycleInputs::default() };
         let outcome = self.run.cycle(&Q);
         self.told.push_back(outcome.added_to(&Q));
         outcome
@@ -154,12 +154,15 @@ fn no_contact_makes_the_loop_grow_or_cycle_and_its_gain_is_found() {
             // The equation neglects the robot's lag.
             assert!((found - gain).abs() < 0.01 + 0.06 * gain, "{case}: found {found}");
             match seen.last.gate {
-                Gate::Open => opened += 1,
-                Gate::GainTooHigh => closed += 1,
+                GateState::Open => opened += 1,
+                GateState::GainTooHigh => closed += 1,
                 _ => {}
             }
-            assert!(gain > 0.56 && seen.last.gate == Gate::GainTooHigh || gain < 0.56, "{case}");
-            assert!(gain < 0.44 && seen.last.gate == Gate::Open || gain > 0.44, "{case}");
+            assert!(
+                gain > 0.56 && seen.last.gate == GateState::GainTooHigh || gain < 0.56,
+                "{case}"
+            );
+            assert!(gain < 0.44 && seen.last.gate == GateState::Open || gain > 0.44, "{case}");
         }
     }
     assert!(opened > 3 && closed > 3, "{opened} opened, {closed} closed");
@@ -176,7 +179,7 @@ fn a_rough_cut_on_any_contact_stays_bounded() {
             let case =
                 format!("{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}", seen.last.gate);
             assert!(seen.largest_n < 4.0 * FORCE_N, "{case}: {} N", seen.largest_n);
-            assert!(!(gain > 0.7 && seen.last.gate == Gate::Open), "{case}");
+            assert!(!(gain > 0.7 && seen.last.gate == GateState::Open), "{case}");
         }
     }
 }
@@ -195,23 +198,23 @@ fn an_open_gate_takes_the_deflection_out() {
 #[test]
 fn a_stiffer_contact_than_the_one_found_brings_the_share_back_to_a_half() {
     let mut cell = Cell::new(1e5, 1.3, settings());
-    assert_eq!(watched(&mut cell, 8).last.gate, Gate::Open);
+    assert_eq!(watched(&mut cell, 8).last.gate, GateState::Open);
     // The tool runs into a hard surface.
     cell.stiffness = 1e7;
     let seen = watched(&mut cell, 12);
-    assert_eq!(seen.last.gate, Gate::Partly);
+    assert_eq!(seen.last.gate, GateState::Partly);
     assert!(seen.last.loop_gain < 0.44, "what was found, though it holds no longer");
     assert!(seen.swing_n < 0.01 * cell.force_n, "{} of {} N", seen.swing_n, cell.force_n);
 }
 
 #[test]
 fn a_known_process_stiffness_opens_or_closes_the_gate_by_the_models_compliance() {
-    for (stiffness, expected) in [(5e4, Gate::Open), (3e6, Gate::GainTooHigh)] {
+    for (stiffness, expected) in [(5e4, GateState::Open), (3e6, GateState::GainTooHigh)] {
         let mut with = settings();
         with.wrench.process_stiffness = Some(stiffness);
         let seen = watched(&mut Cell::new(stiffness, 1.0, with), 4);
         assert_eq!(seen.last.gate, expected);
-        assert_eq!(seen.last.loop_gain < 0.5, expected == Gate::Open);
+        assert_eq!(seen.last.loop_gain < 0.5, expected == GateState::Open);
         assert!(seen.swing_n < 0.01 * FORCE_N);
     }
 }
@@ -232,7 +235,7 @@ fn a_lost_force_stream_fades_out_and_comes_back_without_a_jump() {
             assert!(moved <= envelope().rate() * 1e-3 * (1.0 + 1e-9), "{k}: {moved}");
         }
         sizes.push(outcome.correction[..6].iter().map(|c| c.abs()).sum::<f64>());
-        assert_eq!(outcome.gate == Gate::Stale, stale, "{k}");
+        assert_eq!(outcome.gate == GateState::Stale, stale, "{k}");
         last = outcome;
     }
     assert!(sizes[1700] < 1e-9 && sizes[400] > 1e-4 && sizes[2900] > 1e-4 * 0.4);
@@ -252,7 +255,7 @@ fn a_sensor_with_a_fault_closes_the_gate_by_name_however_fresh_its_readings_are(
             let moved = (outcome.correction[i] - last.correction[i]).abs();
             assert!(moved <= envelope().rate() * 1e-3 * (1.0 + 1e-9), "{k}: {moved}");
         }
-        assert_eq!(outcome.gate, Gate::SensorFault, "{k}");
+        assert_eq!(outcome.gate, GateState::SensorFault, "{k}");
         last = outcome;
     }
     let size = |outcome: &Outcome| outcome.correction[..6].iter().map(|c| c.abs()).sum::<f64>();

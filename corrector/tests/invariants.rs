@@ -5,7 +5,7 @@
 mod support;
 
 use corrector::{
-    Command, LIMITED_SHARE, Mode, Outcome, Reason, Settings, Status, World, WrenchSample,
+    Command, CycleInputs, LIMITED_SHARE, Mode, Outcome, Reason, Settings, Status, WrenchSample,
 };
 use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
@@ -105,9 +105,9 @@ impl Hostile {
         command
     }
 
-    fn world(&mut self) -> World {
+    fn world(&mut self) -> CycleInputs {
         let c = &mut self.chance;
-        let mut world = World::default();
+        let mut world = CycleInputs::default();
         let mut vector = || {
             let size = if c.one_in(500) { c.hostile() } else { 200.0 };
             DVec3::new(c.unit(), c.unit(), c.unit()) * size
@@ -234,7 +234,7 @@ fn a_smooth_path_is_corrected_exactly_and_smoothly() {
             outcome.status != Status::Corrected
                 || outcome.correction[..6]
                     .iter()
-                    .zip(&outcome.wanted)
+                    .zip(&outcome.requested)
                     .all(|(c, w)| (c - w).abs() < 1e-15)
         );
     }
@@ -360,7 +360,7 @@ fn shadow_publishes_the_command_to_the_bit_and_says_what_it_would_do() {
         let outcome = run.cycle(&q);
         assert_eq!(outcome.correction, [0.0; JOINTS_MAX]);
         assert_eq!((outcome.status, outcome.reason), (Status::Shadow, Reason::ShadowMode));
-        assert!(outcome.wanted[1].abs() > 1e-5);
+        assert!(outcome.requested[1].abs() > 1e-5);
     }
 }
 

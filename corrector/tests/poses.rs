@@ -18,7 +18,7 @@ fn settled_poses_are_solved_without_ramps_and_only_in_lockstep() {
         let mut command = Command::new(1, 60_000_000_000, &smooth(3.0));
         command.settled = true;
         let outcome = run.give(&command, 60_000_000_000);
-        let at_once = outcome.correction[..6] == outcome.wanted[..6];
+        let at_once = outcome.correction[..6] == outcome.requested[..6];
         assert_eq!(at_once && outcome.status == Status::Corrected, lockstep);
     }
 }
@@ -30,7 +30,8 @@ fn minutes_between_poses_are_time_to_warm_up_in() {
     let warm = support::effect(&arm, "thermal_growth", Some(1), given);
     let model = Model::new(arm, &[warm]).expect("room");
     let mut run = Run::new(model, Settings { lockstep: true, ..settings() });
-    let largest = |outcome: &Outcome| outcome.wanted.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+    let largest =
+        |outcome: &Outcome| outcome.requested.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
     let sizes: Vec<f64> = (0..121)
         .map(|minute| {
             let t_ns = minute * 60_000_000_000;

@@ -6,7 +6,7 @@
 mod random;
 mod support;
 
-use corrector::{Command, Corrector, Mode, Outcome, Reason, Settings, Status, World};
+use corrector::{Command, Corrector, CycleInputs, Mode, Outcome, Reason, Settings, Status};
 use physics::{Chain, Inputs, JOINTS_MAX, Memories, Model};
 use proptest::prelude::*;
 use random::{arm, erring, errors, places, pose};
@@ -18,8 +18,8 @@ fn settled(model: &Model, q: &[f64], mode: Mode) -> Outcome {
     let mut corrector = Corrector::new(settings);
     let mut command = Command::new(1, DT_NS, q);
     command.settled = true;
-    let wanted = corrector.correct(model, &command, &World::default(), DT_NS);
-    corrector.bound(model, &wanted)
+    let wanted = corrector.correct(model, &command, &CycleInputs::default(), DT_NS);
+    corrector.limit(model, &wanted)
 }
 
 fn filled(q: &[f64]) -> [f64; JOINTS_MAX] {
@@ -60,7 +60,7 @@ proptest! {
             prop_assert!((low..=high).contains(&target[i]), "joint {i} at {}", target[i]);
             let off = (target[i] - q[i]).abs();
             prop_assert!(off <= share * envelope().angle() * (1.0 + 1e-12), "joint {i} off by {off}");
-            prop_assert!(outcome.wanted[i].is_finite(), "joint {i} wants {}", outcome.wanted[i]);
+            prop_assert!(outcome.requested[i].is_finite(), "joint {i} wants {}", outcome.requested[i]);
         }
     }
 
@@ -81,8 +81,8 @@ proptest! {
         let mut corrector = Corrector::new(Settings::with_envelope(envelope()));
         let mut answer = |seq: u64| {
             let command = Command::new(seq, seq * DT_NS, &q);
-            let wanted = corrector.correct(&model, &command, &World::default(), seq * DT_NS);
-            corrector.bound(&model, &wanted)
+            let wanted = corrector.correct(&model, &command, &CycleInputs::default(), seq * DT_NS);
+            corrector.limit(&model, &wanted)
         };
         let arrived = (1..1500).map(&mut answer).last().expect("cycles");
         prop_assume!(arrived.status == Status::Corrected);

@@ -1,21 +1,21 @@
-//! Decides whether a model may replace the active one.
+//! Checks whether a model may replace the active one.
 //!
 //! A model of another robot, or one whose limits the arm already exceeds, is not loaded by mistake;
-//! a refusal states the difference and the remedy. The check changes no state.
+//! a refusal states the difference and the remedy. The check has no side effects.
 
 use crate::position::Positions;
 use crate::setup;
 use physics::{Arm, JointKind};
 use recording::model::RobotModel;
 
-/// Longest text in an answer to a request, bytes.
-pub const WORDS_MAX: usize = 240;
+/// Maximum length of the text in an answer to a request, bytes.
+pub const MESSAGE_BYTES_MAX: usize = 240;
 /// Tolerance of the limits against rounding in conversions of units, rad or m.
-const ON_LIMIT: f64 = 1e-9;
+const LIMIT_TOLERANCE: f64 = 1e-9;
 
-/// How a reload was requested.
+/// Conditions of a reload request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Request {
+pub struct ReloadRequest {
     /// The request explicitly allows another robot.
     pub other_robot: bool,
     /// The cell is in shadow mode: the model cannot move the arm.
@@ -28,19 +28,19 @@ pub fn refusal(
     active: &RobotModel,
     next: &RobotModel,
     positions: &Positions,
-    request: Request,
+    request: ReloadRequest,
 ) -> Option<String> {
     let differences = next.file.identity().differences(&active.file.identity());
     let kinds = [active, next].map(|model| setup::joint_kinds(&model.physics.arm));
     if kinds[0] != kinds[1] {
         // Limits, recording and clients are set up for the joints that the daemon started with.
-        return Some(words(
+        return Some(message(
             "another robot",
             &differences,
             "restart the daemon to change the robot",
         ));
     }
-    let outside = outside(&active.physics.arm, &next.physics.arm, positions);
+    let outside = joints_outside_limits(&active.physics.arm, &next.physics.arm, positions);
     let (what, found, way_out) = if !differences.is_empty() {
         ("another robot", differences, "restart the daemon")
     } else if !outside.is_empty() {
@@ -53,12 +53,12 @@ pub fn refusal(
         (true, false) => "switch to shadow mode first (required by `--other-robot`)",
         (false, _) => "in shadow mode, use `trued reload --other-robot`",
     };
-    Some(words(what, &found, &format!("{way_out}, or {by_name}")))
+    Some(message(what, &found, &format!("{way_out}, or {by_name}")))
 }
 
 /// Joints beyond a limit of `next` that is narrower than that of `active`: a reload that narrows
 /// nothing is accepted.
-fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
+fn joints_outside_limits(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
     let mut found = Vec::new();
     for (source, reading) in positions.newest() {
         if reading.q.len() != next.count() {
@@ -67,8 +67,8 @@ fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
         let joints = active.joints().iter().zip(next.joints()).zip(&reading.q).zip(1..);
         for (((now, then), q), joint) in joints {
             let (low, high) = then.limits;
-            let below = *q < low - ON_LIMIT && low > now.limits.0;
-            let above = *q > high + ON_LIMIT && high < now.limits.1;
+            let below = *q < low - LIMIT_TOLERANCE && low > now.limits.0;
+            let above = *q > high + LIMIT_TOLERANCE && high < now.limits.1;
             if below || above {
                 let (unit, per_si) = match then.kind {
                     JointKind::Revolute => ("deg", 1_f64.to_degrees()),
@@ -86,9 +86,10 @@ fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
 
 /// Findings and remedy, shortened to the length of an answer; the list of findings is cut, not the
 /// remedy.
-fn words(what: &str, found: &[String], way_out: &str) -> String {
+fn message(what: &str, found: &[String], way_out: &str) -> String {
     let mut found = found.join("; ");
-    let room = WORDS_MAX.saturating_sub(what.len() + way_out.len() + "refused: : ; …".len());
+    let room =
+        MESSAGE_BYTES_MAX.saturating_sub(what.len() + way_out.len() + "refused: : ; …".len());
     if found.len() > room {
         let end = (0..=room).rev().find(|end| found.is_char_boundary(*end)).unwrap_or(0);
         found.truncate(end);
@@ -102,8 +103,8 @@ mod tests {
     use super::*;
     use recording::model::presets::preset;
 
-    const ARMED: Request = Request { other_robot: false, in_shadow: false };
-    const BY_NAME: Request = Request { other_robot: true, in_shadow: true };
+    const ARMED: ReloadRequest = ReloadRequest { other_robot: false, in_shadow: false };
+    const BY_NAME: ReloadRequest = ReloadRequest { other_robot: true, in_shadow: true };
 
     fn model(name: &str) -> RobotModel {
         preset(name).unwrap().model().unwrap()
@@ -120,7 +121,7 @@ mod tests {
         let positions = Positions::default();
         let mut q = [0.0; 6];
         q[0] = joint_1_deg.to_radians();
-        positions.commanded.tell(&q, 1);
+        positions.commanded.store(&q, 1);
         positions
     }
 
@@ -131,8 +132,8 @@ mod tests {
         for word in ["another robot", "KUKA", "ABB", "restart", "--other-robot"] {
             assert!(said.contains(word), "{word}: {said}");
         }
-        assert!(said.len() <= WORDS_MAX, "{said}");
-        let armed = Request { other_robot: true, ..ARMED };
+        assert!(said.len() <= MESSAGE_BYTES_MAX, "{said}");
+        let armed = ReloadRequest { other_robot: true, ..ARMED };
         let said = refusal(&abb, &kuka, &Positions::default(), armed).unwrap();
         assert!(said.contains("switch to shadow mode first"), "{said}");
         assert_eq!(refusal(&abb, &kuka, &Positions::default(), BY_NAME), None);
@@ -179,7 +180,7 @@ mod tests {
         }
         assert_eq!(refusal(&wide, &narrow, &at(-30.1), BY_NAME), None);
         let measured = at(0.0);
-        measured.measured.tell(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2);
+        measured.measured.store(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2);
         assert!(refusal(&wide, &narrow, &measured, ARMED).unwrap().contains("measured"));
         // The arm is already outside, and the reload narrows nothing.
         assert_eq!(refusal(&narrow, &narrow, &at(-40.0), ARMED), None);
@@ -189,7 +190,10 @@ mod tests {
     #[test]
     fn the_way_out_is_never_cut_off() {
         let found = vec!["ä".repeat(500)];
-        let said = words("another robot", &found, "restart the daemon");
-        assert!(said.len() <= WORDS_MAX && said.ends_with("…; restart the daemon"), "{said}");
+        let said = message("another robot", &found, "restart the daemon");
+        assert!(
+            said.len() <= MESSAGE_BYTES_MAX && said.ends_with("…; restart the daemon"),
+            "{said}"
+        );
     }
 }

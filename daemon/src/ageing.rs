@@ -3,26 +3,26 @@
 //! Runs in the supervisor's thread. An implausible measurement is refused without effect; a new
 //! model resets the test. The correction is not changed.
 
-use corrector::Ageing;
+use corrector::AgeingTest;
 use glam::DVec3;
 use physics::{Inputs, JOINTS_MAX, Memories, Model};
 use shm_schema::{Answer, Request, Status, TrimState, monotonic_ns};
 
 /// Result of the comparison of the active model with measurements.
 #[derive(Debug, Default)]
-pub struct Age {
-    ageing: Ageing,
+pub struct ModelAgeing {
+    ageing: AgeingTest,
     /// Pose of the last estimate used from the trim, rad or m.
-    watched_at: Option<[f64; JOINTS_MAX]>,
+    last_pose: Option<[f64; JOINTS_MAX]>,
 }
 
 /// Poses differ if a joint differs by more than this, rad or m: the model's error there is a new
 /// measurement.
-const APART: f64 = 0.2;
+const POSE_DISTANCE: f64 = 0.2;
 
-impl Age {
+impl ModelAgeing {
     /// Adds a measurement of the tool of `model`.
-    pub fn tell(&mut self, model: &Model, request: &Request) -> (Answer, String) {
+    pub fn add_measurement(&mut self, model: &Model, request: &Request) -> (Answer, String) {
         let count = model.arm.count();
         if request.joints as usize != count {
             let words = format!("{} joints, the model has {count}", request.joints);
@@ -35,44 +35,45 @@ impl Age {
             );
         }
         let off = DVec3::from_array(request.point_m) - predicted(model, request);
-        if !self.ageing.take(off, request.sigma_m, monotonic_ns()) {
+        if !self.ageing.add_measurement(off, request.sigma_m, monotonic_ns()) {
             let words = "the point must be finite and its sigma above 0, both in m";
             return (Answer::Refused, words.to_owned());
         }
         let words =
-            self.words(monotonic_ns()).unwrap_or_else(|| "the model is confirmed".to_owned());
+            self.message(monotonic_ns()).unwrap_or_else(|| "the model is confirmed".to_owned());
         (Answer::Done, format!("{:.3} mm from the model's prediction; {words}", 1e3 * off.length()))
     }
 
     /// Adds the trim's estimate of the model's error, once in each pose: repeated estimates at one
     /// pose contain no new information. `sigma_m` is the standard uncertainty per axis, of model
     /// and instrument together.
-    pub fn watch(&mut self, status: &Status, sigma_m: f64) {
+    pub fn add_trim_estimate(&mut self, status: &Status, sigma_m: f64) {
         let believed = [TrimState::Observing, TrimState::Trimming];
-        let is_near = self.watched_at.is_some_and(|at| {
-            at.iter().zip(status.q_command).all(|(at, q)| (q - at).abs() < APART)
+        let is_near = self.last_pose.is_some_and(|at| {
+            at.iter().zip(status.q_command).all(|(at, q)| (q - at).abs() < POSE_DISTANCE)
         });
         if is_near || !status.trim_state().is_ok_and(|state| believed.contains(&state)) {
             return;
         }
-        if self.ageing.take(DVec3::from_array(status.trim_found_m), sigma_m, status.t_ns) {
-            self.watched_at = Some(status.q_command);
+        if self.ageing.add_measurement(DVec3::from_array(status.trim_found_m), sigma_m, status.t_ns)
+        {
+            self.last_pose = Some(status.q_command);
         }
     }
 
     /// Writes the result into a status.
-    pub fn put(&self, status: &mut Status) {
+    pub fn write_status(&self, status: &mut Status) {
         status.model_broken_since_ns = self.ageing.broken_since_ns().unwrap_or(0);
         status.model_measurements = self.ageing.count();
         status.model_residual_m = self.ageing.residual_m();
     }
 
     /// Message for users at `now_ns`; `None` while the model holds.
-    pub fn words(&self, now_ns: u64) -> Option<String> {
+    pub fn message(&self, now_ns: u64) -> Option<String> {
         let since_ns = self.ageing.broken_since_ns()?;
         Some(format!(
             "the model has been outdated since {} ago: tool error {:.3} mm; record a measuring program and run `trued diagnose`",
-            span(now_ns.saturating_sub(since_ns)),
+            duration_text(now_ns.saturating_sub(since_ns)),
             1e3 * self.ageing.residual_m()
         ))
     }
@@ -91,7 +92,7 @@ fn predicted(model: &Model, request: &Request) -> DVec3 {
 }
 
 /// A duration in words.
-fn span(ns: u64) -> String {
+fn duration_text(ns: u64) -> String {
     let seconds = ns / 1_000_000_000;
     match seconds {
         0..120 => format!("{seconds} s"),
@@ -116,22 +117,24 @@ mod tests {
     #[test]
     fn what_the_trim_finds_counts_once_in_each_pose_and_tells_that_the_model_has_aged() {
         let sigma_m = 1e-4;
-        let mut age = Age::default();
+        let mut age = ModelAgeing::default();
         for _ in 0..1000 {
-            age.watch(&found(TrimState::Trimming, 1, 3e-4), sigma_m);
+            age.add_trim_estimate(&found(TrimState::Trimming, 1, 3e-4), sigma_m);
         }
         assert_eq!(age.ageing.count(), 1, "the same pose");
-        age.watch(&found(TrimState::Holding, 2, 3e-4), sigma_m);
+        age.add_trim_estimate(&found(TrimState::Holding, 2, 3e-4), sigma_m);
         assert_eq!(age.ageing.count(), 1, "nothing is measured");
         for k in 2..30 {
-            age.watch(&found(TrimState::Observing, k, 3e-4), sigma_m);
+            age.add_trim_estimate(&found(TrimState::Observing, k, 3e-4), sigma_m);
         }
-        assert!(age.words(40_000_000_000).is_some_and(|words| words.contains("has been outdated")));
+        assert!(
+            age.message(40_000_000_000).is_some_and(|words| words.contains("has been outdated"))
+        );
     }
 
     #[test]
     fn durations_have_a_readable_unit() {
-        let said = [5, 300, 10_000, 400_000].map(|s| span(s * 1_000_000_000));
+        let said = [5, 300, 10_000, 400_000].map(|s| duration_text(s * 1_000_000_000));
         assert_eq!(said, ["5 s", "5 min", "2 h", "4 days"]);
     }
 }

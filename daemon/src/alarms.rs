@@ -5,7 +5,7 @@
 
 use shm_schema::{Verdict, VibrationState};
 
-/// The alarms that have been reported.
+/// Active alarms that have been reported.
 #[derive(Debug, Default)]
 pub struct Alarms {
     /// Vibration events with an active alarm.
@@ -14,7 +14,7 @@ pub struct Alarms {
 
 impl Alarms {
     /// A description of the alarm that begins with this verdict; none if no alarm begins.
-    pub fn vibration(&mut self, verdict: &Verdict) -> Option<String> {
+    pub fn new_alarm(&mut self, verdict: &Verdict) -> Option<String> {
         let alarms =
             matches!(verdict.state(), Ok(VibrationState::Alarm | VibrationState::Confirmed));
         if verdict.state() == Ok(VibrationState::Over) {
@@ -39,12 +39,12 @@ mod tests {
     #[test]
     fn each_alarm_is_reported_once() {
         let mut alarms = Alarms::default();
-        assert_eq!(alarms.vibration(&verdict(1, VibrationState::Warn)), None);
-        let said = alarms.vibration(&verdict(1, VibrationState::Alarm)).expect("it begins");
+        assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Warn)), None);
+        let said = alarms.new_alarm(&verdict(1, VibrationState::Alarm)).expect("it begins");
         assert!(said.contains("684.0 Hz"), "{said}");
-        assert_eq!(alarms.vibration(&verdict(1, VibrationState::Confirmed)), None);
-        assert!(alarms.vibration(&verdict(2, VibrationState::Confirmed)).is_some(), "another");
-        assert_eq!(alarms.vibration(&verdict(1, VibrationState::Over)), None);
-        assert!(alarms.vibration(&verdict(1, VibrationState::Alarm)).is_some(), "again");
+        assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Confirmed)), None);
+        assert!(alarms.new_alarm(&verdict(2, VibrationState::Confirmed)).is_some(), "another");
+        assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Over)), None);
+        assert!(alarms.new_alarm(&verdict(1, VibrationState::Alarm)).is_some(), "again");
     }
 }

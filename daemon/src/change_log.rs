@@ -8,8 +8,8 @@
 use crate::exchange::Exchange;
 use crate::sender;
 use crate::status::{feed_fault, trim_fault};
-use crate::temperatures::places;
-use crate::throttle::{Budget, Tally};
+use crate::temperatures::place_names;
+use crate::throttle::{CountThrottle, MessageBudget};
 use shm_schema::{
     Answer, ForceFault, Health, Operation, Reason, Status, Verdict, VibrationState, WatchState,
 };
@@ -45,29 +45,29 @@ const REASONS: [(Reason, &str, bool); 10] = [
 /// Messages on health in a burst, and interval of further ones, ns.
 const HEALTH_BURST: u32 = 6;
 const HEALTH_EVERY_NS: u64 = 2_000_000_000;
-/// The same for requests.
+/// Likewise for requests.
 const REQUEST_BURST: u32 = 20;
 const REQUEST_EVERY_NS: u64 = 1_000_000_000;
 /// A repeated request with the same answer is logged again after this time, ns.
 const REQUEST_AGAIN_NS: u64 = 10_000_000_000;
 
-/// The same for sensors.
+/// Likewise for sensors.
 const SENSOR_BURST: u32 = 30;
 const SENSOR_EVERY_NS: u64 = 5_000_000_000;
 
-/// What was logged and still applies.
+/// States that were logged and still apply.
 #[derive(Debug)]
 pub struct ChangeLog {
     health: HealthLog,
-    sensors: Budget,
-    counted: [Tally; COUNTED.len()],
-    reasons: [Tally; REASONS.len()],
+    sensors: MessageBudget,
+    counted: [CountThrottle; COUNTED.len()],
+    reasons: [CountThrottle; REASONS.len()],
     faults: Vec<ForceFault>,
     stale_temperatures: u32,
     trim_fault: Option<&'static str>,
     feed_fault: Option<&'static str>,
     /// Vibration events with an alarm, and their last logged state.
-    ringing: Vec<(u64, VibrationState)>,
+    active_alarms: Vec<(u64, VibrationState)>,
     learning: bool,
     broken_since_ns: u64,
 }
@@ -76,14 +76,14 @@ impl Default for ChangeLog {
     fn default() -> Self {
         Self {
             health: HealthLog::default(),
-            sensors: Budget::new(SENSOR_BURST, SENSOR_EVERY_NS),
+            sensors: MessageBudget::new(SENSOR_BURST, SENSOR_EVERY_NS),
             counted: Default::default(),
             reasons: Default::default(),
             faults: Vec::new(),
             stale_temperatures: 0,
             trim_fault: None,
             feed_fault: None,
-            ringing: Vec::new(),
+            active_alarms: Vec::new(),
             learning: false,
             broken_since_ns: 0,
         }
@@ -132,11 +132,11 @@ impl ChangeLog {
         for ((tally, (name, words, is_normal)), total) in
             self.counted.iter_mut().zip(COUNTED).zip(totals)
         {
-            say(tally, (name, words, is_normal), total, status.t_ns);
+            log_count(tally, (name, words, is_normal), total, status.t_ns);
         }
         for (tally, (reason, words, is_normal)) in self.reasons.iter_mut().zip(REASONS) {
             let total = exchange.counters.reason(reason);
-            say(tally, (reason.name(), words, is_normal), total, status.t_ns);
+            log_count(tally, (reason.name(), words, is_normal), total, status.t_ns);
         }
     }
 
@@ -190,30 +190,30 @@ impl ChangeLog {
             return;
         }
         if begun != 0 {
-            warn!("temperatures are stale and treated as unknown: {}", places(begun));
+            warn!("temperatures are stale and treated as unknown: {}", place_names(begun));
         }
         if over != 0 {
-            info!("temperatures are no longer stale: {}", places(over));
+            info!("temperatures are no longer stale: {}", place_names(over));
         }
         self.stale_temperatures = stale;
     }
 
     fn log_verdict(&mut self, verdict: &Verdict) {
         let Ok(state) = verdict.state() else { return };
-        let known = self.ringing.iter().position(|(event, _)| *event == verdict.event);
+        let known = self.active_alarms.iter().position(|(event, _)| *event == verdict.event);
         match (state, known) {
             (VibrationState::Warn, _) | (VibrationState::Over, None) => {}
             (VibrationState::Over, Some(place)) => {
-                self.ringing.swap_remove(place);
+                self.active_alarms.swap_remove(place);
                 info!("{verdict}");
             }
-            (_, Some(place)) if self.ringing[place].1 == state => {}
+            (_, Some(place)) if self.active_alarms[place].1 == state => {}
             (_, Some(place)) => {
-                self.ringing[place].1 = state;
+                self.active_alarms[place].1 = state;
                 warn!("{verdict}");
             }
             (_, None) => {
-                self.ringing.push((verdict.event, state));
+                self.active_alarms.push((verdict.event, state));
                 warn!("{verdict}");
             }
         }
@@ -221,7 +221,12 @@ impl ChangeLog {
 }
 
 /// Logs a count that has grown, when due.
-fn say(tally: &mut Tally, (name, words, is_normal): (&str, &str, bool), total: u64, now_ns: u64) {
+fn log_count(
+    tally: &mut CountThrottle,
+    (name, words, is_normal): (&str, &str, bool),
+    total: u64,
+    now_ns: u64,
+) {
     let Some(count) = tally.due(total, now_ns) else { return };
     if is_normal {
         info!(reason = name, count, total, "{words}");
@@ -237,12 +242,12 @@ struct HealthLog {
     seen: Option<Health>,
     /// Changes since the last message.
     changes: u32,
-    budget: Budget,
+    budget: MessageBudget,
 }
 
 impl Default for HealthLog {
     fn default() -> Self {
-        let budget = Budget::new(HEALTH_BURST, HEALTH_EVERY_NS);
+        let budget = MessageBudget::new(HEALTH_BURST, HEALTH_EVERY_NS);
         Self { logged: None, seen: None, changes: 0, budget }
     }
 }
@@ -252,7 +257,7 @@ impl HealthLog {
         let Ok(health) = status.health() else { return };
         self.changes += u32::from(self.seen != Some(health));
         self.seen = Some(health);
-        // Changes in both directions between two messages show in the number of changes.
+        // Changes back and forth between two messages are included in the number of changes.
         if self.changes == 0 || !self.budget.take(status.t_ns) {
             return;
         }
@@ -271,7 +276,7 @@ impl HealthLog {
 
 /// A request as last logged.
 #[derive(Debug)]
-struct Logged {
+struct LoggedRequest {
     answer: Answer,
     words: String,
     pid: Option<u32>,
@@ -282,14 +287,14 @@ struct Logged {
 #[derive(Debug)]
 pub struct RequestLog {
     /// The last message of each operation.
-    last: [Option<Logged>; Operation::ALL.len()],
+    last: [Option<LoggedRequest>; Operation::ALL.len()],
     unlogged: u64,
-    budget: Budget,
+    budget: MessageBudget,
 }
 
 impl Default for RequestLog {
     fn default() -> Self {
-        let budget = Budget::new(REQUEST_BURST, REQUEST_EVERY_NS);
+        let budget = MessageBudget::new(REQUEST_BURST, REQUEST_EVERY_NS);
         Self { last: Default::default(), unlogged: 0, budget }
     }
 }
@@ -319,11 +324,11 @@ impl RequestLog {
             return;
         }
         if let Some(last) = last {
-            *last = Some(Logged { answer, words: words.to_owned(), pid, at_ns: now_ns });
+            *last = Some(LoggedRequest { answer, words: words.to_owned(), pid, at_ns: now_ns });
         }
         let name = known.map_or("unknown", Operation::name);
         let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
-        let by = sender::words(pid);
+        let by = sender::description(pid);
         if answer == Answer::Done {
             info!(%answer, words, by, unlogged, "request: {name}");
         } else {

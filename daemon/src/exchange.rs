@@ -1,20 +1,20 @@
 //! Data shared by the threads: bounded rings allocated at the start, atomically swapped values, counters.
 //!
-//! No thread waits for another; there are no locks; a full ring drops the newest entry and counts
+//! No thread waits for another; no locks; a full ring drops the newest entry and counts
 //! it.
 
 use crate::latency::Latency;
 use crate::position::Positions;
 use crate::process::MonitorInputs;
-use crate::sensor_inputs::Measured;
+use crate::sensor_inputs::MeasuredWrench;
+use crate::tool_motion::PathPoint;
 use crate::translate;
-use crate::travel::PathPoint;
 use corrector::{FeedReport, Mode, TrimReport};
 use crossbeam::queue::ArrayQueue;
 use envelope::OverrideLimits;
 use joint_dynamics::Filter;
 use physics::Model;
-use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
+use recording::mcap_recording::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
     Answer, Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, LeadState, Reason,
     RecorderAction, RecorderState, Status, Verdict,
@@ -23,22 +23,22 @@ use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Cycles that the recorder may lag behind.
-const CYCLES_KEPT: usize = 4096;
+const CYCLES_CAPACITY: usize = 4096;
 /// Force blocks that the recorder may lag behind; 24 kB each.
-const BLOCKS_KEPT: usize = 128;
+const BLOCKS_CAPACITY: usize = 128;
 /// A recorder without progress for this long is waiting for its disk, ns.
 const RECORDER_HANGS_NS: u64 = 1_000_000_000;
-const VERDICTS_KEPT: usize = 256;
+const VERDICTS_CAPACITY: usize = 256;
 /// Changes of the model that the recorder may lag behind.
-const MODELS_KEPT: usize = 16;
+const MODELS_CAPACITY: usize = 16;
 /// Log lines that the recorder may lag behind, or that wait for space on the disk.
-const LINES_KEPT: usize = 256;
+const LINES_CAPACITY: usize = 256;
 /// The same for states: as many seconds.
-const STATES_KEPT: usize = 64;
+const STATES_CAPACITY: usize = 64;
 /// Commanded points that the supervisor may lag behind; further ones are dropped without effect.
-const PATH_KEPT: usize = 256;
+const PATH_CAPACITY: usize = 256;
 /// Messages between supervisor and vibration thread that may wait: each replaces the previous ones.
-const LATEST_KEPT: usize = 4;
+const MAILBOX_CAPACITY: usize = 4;
 
 /// A model on its way to the cycle and, once replaced, back to the supervisor, which frees it.
 #[derive(Debug)]
@@ -103,7 +103,7 @@ pub struct RecorderAnswer {
     /// Done or refused.
     pub answer: Answer,
     /// Message, with the file.
-    pub says: String,
+    pub message: String,
 }
 
 /// All data that the threads exchange.
@@ -117,7 +117,7 @@ pub struct Exchange {
     /// Supervisor to cycle and vibration: ports of a new epoch.
     pub new_ports: [ArrayQueue<DaemonPorts>; 2],
     /// Vibration to cycle: the newest wrench.
-    pub newest_wrench: ArrayQueue<Measured>,
+    pub newest_wrench: ArrayQueue<MeasuredWrench>,
     /// Supervisor to vibration: state of the process.
     pub monitor_inputs: ArrayQueue<MonitorInputs>,
     /// Cycle to supervisor: the commanded path.
@@ -135,9 +135,9 @@ pub struct Exchange {
     /// All threads of the cell except the cycle, to recorder: log lines.
     pub lines: ArrayQueue<Box<LogRecord>>,
     /// Supervisor to recorder: requests.
-    pub recorder_asked: ArrayQueue<RecorderAction>,
+    pub recorder_requests: ArrayQueue<RecorderAction>,
     /// Recorder to supervisor: answers to requests.
-    pub recorder_answered: ArrayQueue<RecorderAnswer>,
+    pub recorder_answers: ArrayQueue<RecorderAnswer>,
     /// Supervisor to recorder: states of the daemon.
     pub states: ArrayQueue<Box<StatusRecord>>,
     /// Vibration to recorder.
@@ -155,12 +155,12 @@ pub struct Exchange {
     /// Supervisor to cycle: whether the correction is bypassed.
     pub bypassed: AtomicBool,
     /// Supervisor to cycle: opens a wrench gate that closed for its loop gain, as a new trial.
-    pub rearm: AtomicBool,
+    pub rearm_wrench: AtomicBool,
     /// Supervisor to cycle: accepts an instrument again after a jump.
-    pub believe_instrument: AtomicBool,
+    pub rearm_instrument: AtomicBool,
     mode: AtomicU32,
     recorder: AtomicU32,
-    records: bool,
+    has_recorder: bool,
 }
 
 /// Counters. Each has one writer.
@@ -168,7 +168,7 @@ pub struct Exchange {
 #[expect(missing_docs, reason = "each name is what shm_schema::Status documents")]
 pub struct Counters {
     /// Iterations of the cycle's loop, with or without a command; shows that it is running.
-    pub turns: AtomicU64,
+    pub iterations: AtomicU64,
     pub cycles: AtomicU64,
     pub missed_cycles: AtomicU64,
     pub commands: AtomicU64,
@@ -195,7 +195,7 @@ pub struct Counters {
     /// The limited correction for it, likewise.
     correction_bits: [AtomicU64; JOINTS_MAX],
     /// Status and reason of the last cycle: status in the upper half.
-    pub last_said: AtomicU64,
+    pub last_status_and_reason: AtomicU64,
     /// `CLOCK_MONOTONIC` of the last command, ns.
     pub last_command_ns: AtomicU64,
     /// `CLOCK_MONOTONIC` of the recorder's last turn, ns.
@@ -214,21 +214,21 @@ pub struct Counters {
 /// State of the lead as of the last cycle, for displays.
 #[derive(Debug, Default)]
 pub struct LeadCounters {
-    /// State, known points of the horizon and points that are used at most: 16, 24 and 24 bits.
+    /// State, number of known points of the horizon, and largest number of points used: 16, 24 and 24 bits.
     state: AtomicU64,
     refused: AtomicU64,
 }
 
 impl LeadCounters {
-    /// Takes the state of a cycle.
-    pub fn show(&self, state: LeadState, known: u32, used_at_most: u32, refused: u64) {
+    /// Stores the state of a cycle.
+    pub fn store(&self, state: LeadState, known: u32, used_at_most: u32, refused: u64) {
         let counts = u64::from(known & 0xff_ffff) << 24 | u64::from(used_at_most & 0xff_ffff);
         self.state.store(u64::from(state.code()) << 48 | counts, Relaxed);
         self.refused.store(refused, Relaxed);
     }
 
     /// Writes it into a status.
-    pub fn put(&self, status: &mut Status) {
+    pub fn write_status(&self, status: &mut Status) {
         let state = self.state.load(Relaxed);
         status.lead_state = (state >> 48) as u32;
         status.horizon_points = (state >> 24) as u32 & 0xff_ffff;
@@ -251,20 +251,20 @@ pub struct TrimCounters {
 
 impl TrimCounters {
     /// Stores a report.
-    pub fn show(&self, report: &TrimReport) {
+    pub fn store(&self, report: &TrimReport) {
         let (state, reason) = translate::trim(report);
         self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);
         let store = |to: &[AtomicU64; 3], from: [f64; 3]| {
             to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
         };
         store(&self.trim_bits, report.trim_m.to_array());
-        store(&self.found_bits, report.found_m.to_array());
+        store(&self.found_bits, report.model_error_m.to_array());
         self.measurements.store(report.measurements, Relaxed);
         self.refused.store(report.refused, Relaxed);
     }
 
     /// Writes it into a status.
-    pub fn put(&self, status: &mut Status) {
+    pub fn write_status(&self, status: &mut Status) {
         let load =
             |from: &[AtomicU64; 3]| from.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)));
         let state = self.state.load(Relaxed);
@@ -280,7 +280,7 @@ impl TrimCounters {
 pub struct FeedCounters {
     /// State in the upper half, reason in the lower.
     state: AtomicU64,
-    /// In the order of [`FeedCounters::put`].
+    /// In the order of [`FeedCounters::write_status`].
     numbers_bits: [AtomicU64; 11],
     refused: AtomicU64,
 }
@@ -299,12 +299,12 @@ impl Default for FeedCounters {
 
 impl FeedCounters {
     /// Stores a report, the bounds of the override, and its value without a daemon.
-    pub fn show(&self, report: &FeedReport, bounds: &OverrideLimits, hold_s: f64, lost: f64) {
+    pub fn store(&self, report: &FeedReport, bounds: &OverrideLimits, hold_s: f64, lost: f64) {
         let (state, reason) = translate::feed(report);
         self.state.store(u64::from(state.code()) << 32 | u64::from(reason.code()), Relaxed);
         let numbers = [
             report.feed_override,
-            report.wanted,
+            report.requested,
             report.force_n,
             report.programmed_force_n,
             report.limit_n,
@@ -322,7 +322,7 @@ impl FeedCounters {
     }
 
     /// Writes it into a status.
-    pub fn put(&self, status: &mut Status) {
+    pub fn write_status(&self, status: &mut Status) {
         let state = self.state.load(Relaxed);
         (status.feed_state, status.feed_reason) = ((state >> 32) as u32, state as u32);
         let bounds = &mut status.feed_bounds;
@@ -355,7 +355,7 @@ impl Counters {
     }
 
     /// Stores the last command and its correction, for the joints of the arm, for the status.
-    pub fn show(&self, q_command: &[f64], correction: &[f64]) {
+    pub fn store_command(&self, q_command: &[f64], correction: &[f64]) {
         let store = |to: &[AtomicU64; JOINTS_MAX], from: &[f64]| {
             to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
         };
@@ -383,8 +383,8 @@ impl Exchange {
     /// Creates all rings; `records`: whether a recorder drains its rings.
     pub fn new(mode: Mode, records: bool) -> Self {
         let kept = |n: usize| if records { n } else { 1 };
-        let empty_blocks = ArrayQueue::new(BLOCKS_KEPT);
-        for _ in 0..kept(BLOCKS_KEPT) {
+        let empty_blocks = ArrayQueue::new(BLOCKS_CAPACITY);
+        for _ in 0..kept(BLOCKS_CAPACITY) {
             let _ = empty_blocks.push(Box::default());
         }
         Self {
@@ -393,35 +393,35 @@ impl Exchange {
             retired_models: ArrayQueue::new(2),
             new_ports: [ArrayQueue::new(1), ArrayQueue::new(1)],
             newest_wrench: ArrayQueue::new(1),
-            monitor_inputs: ArrayQueue::new(LATEST_KEPT),
-            path: ArrayQueue::new(PATH_KEPT),
+            monitor_inputs: ArrayQueue::new(MAILBOX_CAPACITY),
+            path: ArrayQueue::new(PATH_CAPACITY),
             spindle_rpm_bits: AtomicU64::new(f64::NAN.to_bits()),
-            cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
-            blocks: ArrayQueue::new(BLOCKS_KEPT),
+            cycles: ArrayQueue::new(kept(CYCLES_CAPACITY)),
+            blocks: ArrayQueue::new(BLOCKS_CAPACITY),
             empty_blocks,
-            model_changes: ArrayQueue::new(MODELS_KEPT),
-            lines: ArrayQueue::new(kept(LINES_KEPT)),
-            recorder_asked: ArrayQueue::new(1),
-            recorder_answered: ArrayQueue::new(1),
-            states: ArrayQueue::new(kept(STATES_KEPT)),
-            verdicts: ArrayQueue::new(VERDICTS_KEPT),
-            new_verdicts: ArrayQueue::new(VERDICTS_KEPT),
-            sensor_status: ArrayQueue::new(LATEST_KEPT),
+            model_changes: ArrayQueue::new(MODELS_CAPACITY),
+            lines: ArrayQueue::new(kept(LINES_CAPACITY)),
+            recorder_requests: ArrayQueue::new(1),
+            recorder_answers: ArrayQueue::new(1),
+            states: ArrayQueue::new(kept(STATES_CAPACITY)),
+            verdicts: ArrayQueue::new(VERDICTS_CAPACITY),
+            new_verdicts: ArrayQueue::new(VERDICTS_CAPACITY),
+            sensor_status: ArrayQueue::new(MAILBOX_CAPACITY),
             latency: Latency::default(),
             counters: Counters::default(),
             positions: Positions::default(),
             bypassed: AtomicBool::new(false),
-            rearm: AtomicBool::new(false),
-            believe_instrument: AtomicBool::new(false),
+            rearm_wrench: AtomicBool::new(false),
+            rearm_instrument: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
             recorder: AtomicU32::new(RecorderState::Off.code()),
-            records,
+            has_recorder: records,
         }
     }
 
     /// Passes a cycle to the recorder, if there is one; counts it if the ring is full.
     pub fn record(&self, cycle: impl FnOnce() -> CycleRecord) {
-        if self.records && self.cycles.push(cycle()).is_err() {
+        if self.has_recorder && self.cycles.push(cycle()).is_err() {
             count(&self.counters.recorder_dropped);
         }
     }
@@ -429,28 +429,28 @@ impl Exchange {
     /// Passes a change of the model to the recorder, if there is one; if its ring is full, the
     /// oldest is dropped.
     pub fn record_model(&self, change: ModelChange) {
-        if self.records {
+        if self.has_recorder {
             self.model_changes.force_push(Box::new(change));
         }
     }
 
     /// Passes a log line to the recorder, if there is one; the oldest is dropped if too many wait.
-    pub fn note(&self, line: impl FnOnce() -> LogRecord) {
-        if self.records {
+    pub fn record_line(&self, line: impl FnOnce() -> LogRecord) {
+        if self.has_recorder {
             self.lines.force_push(Box::new(line()));
         }
     }
 
     /// Passes a state of the daemon to the recorder, likewise.
-    pub fn note_state(&self, state: StatusRecord) {
-        if self.records {
+    pub fn record_status(&self, state: StatusRecord) {
+        if self.has_recorder {
             self.states.force_push(Box::new(state));
         }
     }
 
     /// Passes a force block to the recorder, if there is one, in one of its empty blocks.
     pub fn record_block(&self, block: &ForceBlock) {
-        if !self.records {
+        if !self.has_recorder {
             return;
         }
         let handed_over = self.empty_blocks.pop().is_some_and(|mut empty| {
@@ -473,8 +473,8 @@ impl Exchange {
     }
 
     /// Whether there is a recorder.
-    pub fn records(&self) -> bool {
-        self.records
+    pub fn has_recorder(&self) -> bool {
+        self.has_recorder
     }
 
     /// Sets the state of the recorder.
@@ -483,7 +483,7 @@ impl Exchange {
     }
 
     /// Whether the threads continue.
-    pub fn runs(&self) -> bool {
+    pub fn is_running(&self) -> bool {
         !self.stop.load(Relaxed)
     }
 

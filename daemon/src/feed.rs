@@ -4,7 +4,7 @@
 //! are in `corrector::Feed`.
 
 use crate::exchange::FeedCounters;
-use corrector::{Corrector, Feed, FeedInput, FeedLimit, FeedSettings, World};
+use corrector::{Corrector, CycleInputs, Feed, FeedInput, FeedLimit, FeedSettings};
 use glam::DVec3;
 use physics::Model;
 use shm_schema::Command;
@@ -30,7 +30,7 @@ impl CellFeed {
     /// was refused.
     pub fn step(
         &mut self,
-        world: &World,
+        world: &CycleInputs,
         command: &Command,
         tool_m: Option<DVec3>,
         now_ns: u64,
@@ -60,8 +60,13 @@ impl CellFeed {
     }
 
     /// Publishes the state of the feed.
-    pub fn show(&self, counters: &FeedCounters, corrects: bool) {
+    pub fn publish(&self, counters: &FeedCounters, corrects: bool) {
         let FeedSettings { bounds, hold_s, .. } = self.feed.settings();
-        counters.show(self.feed.report(), bounds, *hold_s, self.feed.lost(corrects));
+        counters.store(
+            self.feed.report(),
+            bounds,
+            *hold_s,
+            self.feed.override_without_force(corrects),
+        );
     }
 }

@@ -26,17 +26,17 @@ impl Instrument {
     }
 
     /// Starts a cycle, without a new point.
-    pub fn begin(&mut self) {
+    pub fn begin_cycle(&mut self) {
         self.newest = None;
     }
 
     /// Adds a point received at `now_ns`.
-    pub fn take(&mut self, message: &MeasuredPoint, now_ns: u64) {
+    pub fn add_point(&mut self, message: &MeasuredPoint, now_ns: u64) {
         let stamped = message.has(MeasuredPoint::HAS_TIME);
         let assumed_ns = message.sent_ns.saturating_sub(self.latency_ns);
         let t_ns = if stamped { message.t_ns } else { assumed_ns };
         let sample = PointSample { point_m: DVec3::from_array(message.point_m), t_ns };
-        self.trim.take(&sample, now_ns);
+        self.trim.add_measurement(&sample, now_ns);
         self.newest = Some(MeasuredInBase { point_m: self.trim.in_base(&sample).to_array(), t_ns });
     }
 
@@ -46,14 +46,19 @@ impl Instrument {
     }
 
     /// Stores the tool pose predicted for what was sent at `now_ns`.
-    pub fn expect(&mut self, now_ns: u64, base_from_tool: Option<&Frame>, counters: &TrimCounters) {
-        self.trim.expect(now_ns, base_from_tool);
-        self.show(counters);
+    pub fn store_prediction(
+        &mut self,
+        now_ns: u64,
+        base_from_tool: Option<&Frame>,
+        counters: &TrimCounters,
+    ) {
+        self.trim.store_prediction(now_ns, base_from_tool);
+        self.publish(counters);
     }
 
     /// Publishes the state of the trim.
-    pub fn show(&self, counters: &TrimCounters) {
-        counters.show(self.trim.report());
+    pub fn publish(&self, counters: &TrimCounters) {
+        counters.store(self.trim.report());
     }
 
     /// A new model is active.

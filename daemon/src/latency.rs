@@ -80,13 +80,13 @@ impl Latency {
             max_ns,
             count,
             sum_ns: self.sum_ns.load(Relaxed),
-            counts: coarse(&counts),
+            counts: octave_counts(&counts),
         }
     }
 }
 
 /// The buckets of a status: each is an octave, hence a union of whole buckets of this histogram.
-fn coarse(counts: &[u64]) -> [u64; LATENCY_BUCKETS] {
+fn octave_counts(counts: &[u64]) -> [u64; LATENCY_BUCKETS] {
     let mut sums = [0; LATENCY_BUCKETS];
     let mut bucket = 0;
     for (index, count) in counts.iter().enumerate() {

@@ -1,10 +1,10 @@
-//! The lead: what is added to the commands of a robot in motion to compensate delay, lags and modes of its joints. Passes commands and the client's horizon to the filter of the model.
+//! Lead compensation: the values added to the commands of a robot in motion to compensate delay, lags and modes of its joints. Passes commands and the client's horizon to the filter of the model.
 //!
 //! Runs in the cycle, without allocation; a cell without `[dynamic]` computes nothing. The equations are in `joint_dynamics::Filter`.
 
 use crate::exchange::LeadCounters;
 use joint_dynamics::plant::Plants;
-use joint_dynamics::{Filter, Taps, TapsSettings};
+use joint_dynamics::{Filter, FilterTaps, TapsSettings};
 use physics::{JOINTS_MAX, Joints};
 use recording::model::RobotModel;
 use shm_schema::{Command, Horizon, LeadState};
@@ -16,7 +16,7 @@ const SETPOINT_TOLERANCE: f64 = 1e-3;
 /// Settings of the lead.
 #[derive(Clone, Copy, Debug)]
 pub struct LeadSettings {
-    /// Of the filter.
+    /// Settings of the filter.
     pub taps: TapsSettings,
     /// Between two commands, s; short enough for the bandwidth.
     pub period_s: f64,
@@ -29,7 +29,7 @@ impl LeadSettings {
     #[must_use]
     pub fn filter(&self, model: &RobotModel) -> Option<Box<Filter>> {
         let plants = Plants::of(model, self.taps.unstated);
-        let taps = Taps::new(&plants, self.period_s, &self.taps).ok()?;
+        let taps = FilterTaps::new(&plants, self.period_s, &self.taps).ok()?;
         let mut reach = [f64::INFINITY; JOINTS_MAX];
         for (reach, joint) in reach.iter_mut().zip(model.physics.arm.joints()) {
             *reach = self.jump_margin * joint.max_speed * self.period_s;
@@ -55,16 +55,16 @@ impl Lead {
     }
 
     /// Shows the state before the first command.
-    pub fn show(&self, filter: Option<&Filter>, counters: &LeadCounters) {
+    pub fn publish_initial(&self, filter: Option<&Filter>, counters: &LeadCounters) {
         let used_at_most = filter.map_or(0, Filter::commands_ahead) as u32;
         let state = if filter.is_some() { LeadState::NoHorizon } else { LeadState::NothingInTime };
-        counters.show(state, 0, used_at_most, self.refused);
+        counters.store(state, 0, used_at_most, self.refused);
     }
 
     /// Refuses a new horizon in which a joint moves faster than it can.
     pub fn check_horizon(&mut self, filter: Option<&Filter>) {
         let Some(filter) = filter else { return };
-        let jumps = |ends: &[Joints]| filter.jumps(&ends[0], &ends[1]);
+        let jumps = |ends: &[Joints]| filter.is_jump(&ends[0], &ends[1]);
         if self.horizon.points().windows(2).any(jumps) {
             self.refuse_horizon();
         }
@@ -75,7 +75,7 @@ impl Lead {
         self.refused += 1;
     }
 
-    /// What is added to `command`, rad or m.
+    /// The lead of `command`, rad or m.
     pub fn step(
         &mut self,
         filter: Option<&mut Filter>,
@@ -83,13 +83,13 @@ impl Lead {
         counters: &LeadCounters,
     ) -> Joints {
         let Some(filter) = filter else {
-            self.show(None, counters);
+            self.publish_initial(None, counters);
             return [0.0; JOINTS_MAX];
         };
         match self.last {
             Some((session, seq)) if session == command.session => {
                 if command.seq <= seq {
-                    // The corrector refuses it: it is no part of the path.
+                    // The corrector refuses it: it is not part of the path.
                     return [0.0; JOINTS_MAX];
                 }
             }
@@ -98,40 +98,40 @@ impl Lead {
         self.last = Some((command.session, command.seq));
         let mut q = [0.0; JOINTS_MAX];
         q[..command.joints().len()].copy_from_slice(command.joints());
-        self.drop_if_left(filter, command, &q);
-        let following = self.following(command);
+        self.check_command(filter, command, &q);
+        let following = self.upcoming_setpoints(command);
         let (lead, ahead) = filter.step(&q, command.t_ns, following);
         let state = match ahead.known {
-            _ if !ahead.is_enough() => LeadState::NoHorizon,
+            _ if !ahead.is_sufficient() => LeadState::NoHorizon,
             known if known < ahead.used_at_most => LeadState::ShortHorizon,
             _ => LeadState::Horizon,
         };
-        counters.show(state, ahead.known as u32, ahead.used_at_most as u32, self.refused);
+        counters.store(state, ahead.known as u32, ahead.used_at_most as u32, self.refused);
         lead
     }
 
     /// Number of commands since the horizon was stated, if it belongs to the command's run.
-    fn passed(&self, command: &Command) -> Option<usize> {
+    fn commands_since(&self, command: &Command) -> Option<usize> {
         let passed = command.seq.checked_sub(self.horizon.command_seq)?;
         let is_of_this_run = self.horizon.session == command.session;
         usize::try_from(passed).ok().filter(|_| is_of_this_run)
     }
 
     /// The setpoints that are known to follow a command.
-    fn following(&self, command: &Command) -> &[Joints] {
-        let passed = self.passed(command);
+    fn upcoming_setpoints(&self, command: &Command) -> &[Joints] {
+        let passed = self.commands_since(command);
         passed.and_then(|passed| self.horizon.points().get(passed..)).unwrap_or(&[])
     }
 
     /// Refuses the horizon if this command, at `q`, differs from the setpoint that it stated, or if no joint could move from here to the next one.
-    fn drop_if_left(&mut self, filter: &Filter, command: &Command, q: &Joints) {
-        let Some(passed) = self.passed(command) else { return };
+    fn check_command(&mut self, filter: &Filter, command: &Command, q: &Joints) {
+        let Some(passed) = self.commands_since(command) else { return };
         let points = self.horizon.points();
-        // A command without a number is refused elsewhere, and says nothing of the path.
+        // A non-finite command is refused by the corrector and contains no information on the path.
         let is_off = |(q, foretold): (&f64, &f64)| (q - foretold).abs() > SETPOINT_TOLERANCE;
         let foretold = passed.checked_sub(1).and_then(|place| points.get(place));
         let has_left = foretold.is_some_and(|foretold| q.iter().zip(foretold).any(is_off));
-        if has_left || points.get(passed).is_some_and(|next| filter.jumps(q, next)) {
+        if has_left || points.get(passed).is_some_and(|next| filter.is_jump(q, next)) {
             self.refuse_horizon();
         }
     }
@@ -140,7 +140,7 @@ impl Lead {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use joint_dynamics::plant::{Plant, Uncertain};
+    use joint_dynamics::plant::{Plant, UncertainValue};
     use shm_schema::Status;
 
     const PERIOD_NS: u64 = 4_000_000;
@@ -160,10 +160,11 @@ mod tests {
 
     /// The same for a joint that moves by at most `reach` from one command to the next.
     fn bench_of(reach: f64) -> Bench {
-        let delay = Uncertain { value: 0.02, sigma: 0.0 };
+        let delay = UncertainValue { value: 0.02, sigma: 0.0 };
         let plant = Plant { delays_s: vec![delay], ..Plant::default() };
         let plants = Plants { joints: vec![plant], left_out: Vec::new() };
-        let taps = Taps::new(&plants, 1e-9 * PERIOD_NS as f64, &TapsSettings::default()).unwrap();
+        let taps =
+            FilterTaps::new(&plants, 1e-9 * PERIOD_NS as f64, &TapsSettings::default()).unwrap();
         let filter = Filter::new(taps, [reach; JOINTS_MAX]);
         Bench { lead: Lead::default(), filter, counters: LeadCounters::default() }
     }
@@ -196,7 +197,7 @@ mod tests {
             };
             let lead = self.lead.step(Some(&mut self.filter), &command, &self.counters);
             let mut status = Status::default();
-            self.counters.put(&mut status);
+            self.counters.write_status(&mut status);
             (lead[0], status)
         }
     }
@@ -207,9 +208,9 @@ mod tests {
         for (filter, state) in
             [(Some(&filter), LeadState::NoHorizon), (None, LeadState::NothingInTime)]
         {
-            lead.show(filter, &counters);
+            lead.publish_initial(filter, &counters);
             let mut status = Status::default();
-            counters.put(&mut status);
+            counters.write_status(&mut status);
             assert_eq!(status.lead_state(), Ok(state));
         }
     }

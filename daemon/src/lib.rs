@@ -1,13 +1,13 @@
 //! The daemon (`trued run`): threads, shared memory, time, health, reload.
 //!
-//! | thread | does | rate |
+//! | thread | task | rate |
 //! | --- | --- | --- |
 //! | `cycle` ([`cycle`]) | receives commands, corrects, publishes | that of the commands |
-//! | `vibration` ([`vibration`]) | force blocks in, verdicts out, the newest wrench to the cycle | that of the blocks |
+//! | `vibration` ([`vibration`]) | analyses force blocks, publishes verdicts, passes the newest wrench to the cycle | that of the blocks |
 //! | `recorder` ([`recorder`]) | writes the rings to the recording | 20 per second |
-//! | `supervisor` ([`supervisor`]) | status, requests, reload, dead clients | 50 per second |
+//! | `supervisor` ([`supervisor`]) | status, requests, reload, cleanup after terminated clients | 50 per second |
 //!
-//! Each cell has its own four threads; the caller's thread waits for their end.
+//! Each cell has its own four threads; the caller's thread waits for them.
 //!
 //! Invariants: the daemon never makes the robot step, whatever fails; a start that fails leaves
 //! nothing behind. The cycle is one short file, [`cycle`].
@@ -15,7 +15,6 @@
 pub mod admission;
 pub mod ageing;
 pub mod alarms;
-pub mod at_rest;
 pub mod change_log;
 pub mod cycle;
 pub mod exchange;
@@ -23,13 +22,13 @@ pub mod feed;
 pub mod instrument;
 pub mod latency;
 pub mod lead;
-pub mod notebook;
 pub mod notify;
 pub mod pacer;
 pub mod position;
 pub mod process;
 pub mod realtime;
 pub mod recorder;
+pub mod recording_log;
 pub mod records;
 pub mod repair;
 pub mod retention;
@@ -38,20 +37,21 @@ pub mod sender;
 pub mod sensor_inputs;
 pub mod setup;
 pub(crate) mod spectra;
+pub mod stable_file;
 pub mod status;
 pub mod supervisor;
 pub mod temperatures;
 pub mod throttle;
+pub mod tool_motion;
 pub mod translate;
-pub mod travel;
 pub mod verdicts;
 pub mod vibration;
 
 use crate::cycle::Cycle;
 use crate::exchange::{Exchange, LoadedModel};
-use crate::notify::Manager;
+use crate::notify::ServiceManager;
 use crate::pacer::Pacer;
-use crate::realtime::Refused;
+use crate::realtime::RealtimeRefused;
 use crate::recorder::Recorder;
 use crate::robot::Robot;
 use crate::supervisor::Supervisor;
@@ -78,14 +78,14 @@ pub struct Options {
     pub config_name: String,
     /// Its text, for the recording.
     pub config_text: String,
-    /// Commands pace the cycle and carry the time: a replay.
+    /// Lockstep: the commands trigger the cycle and state the time (a replay).
     pub lockstep: bool,
 }
 
 /// Why the daemon did not start, or ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum DaemonError {
-    /// The model, or the configuration together with it.
+    /// The model, or its combination with the configuration, is invalid.
     #[error(transparent)]
     File(#[from] FileError),
     /// A limit of the envelope.
@@ -102,13 +102,13 @@ pub enum DaemonError {
     Port(#[from] PortError),
     /// A real-time setting that the configuration requires was refused.
     #[error("{0}; or set `[realtime] enforce = false` to continue without it")]
-    Refused(#[from] Refused),
+    Refused(#[from] RealtimeRefused),
     /// A thread could not be started, or did not end properly.
     #[error("thread `{name}`: {why}")]
     Thread {
-        /// Which.
+        /// Name of the thread.
         name: &'static str,
-        /// Why.
+        /// The error.
         why: String,
     },
 }
@@ -131,8 +131,8 @@ pub fn run(
     ready: impl FnOnce() + Send,
 ) -> Result<(), DaemonError> {
     let count = cells.len();
-    let over = Over { stop, ended: AtomicBool::new(false), several: count > 1 };
-    let manager = Mutex::new(Manager::of_environment(count));
+    let over = StopCondition { stop, ended: AtomicBool::new(false), several: count > 1 };
+    let manager = Mutex::new(ServiceManager::from_environment(count));
     let mut ready = Some(ready);
     std::thread::scope(|scope| {
         let mut supervisors = Vec::new();
@@ -158,7 +158,7 @@ pub fn run(
                 break;
             }
         }
-        // Cells after one that did not start never will.
+        // Cells after one that did not start are not started.
         (supervisors.len()..count).for_each(|place| lock(&manager).ended(place));
         if !over.ended.load(Relaxed) {
             lock(&manager).ready();
@@ -174,8 +174,8 @@ pub fn run(
     })
 }
 
-/// When the threads of a cell have to end.
-struct Over<'a> {
+/// Condition under which the threads of a cell end.
+struct StopCondition<'a> {
     /// Requested by the caller.
     stop: &'a AtomicBool,
     /// A cell of this daemon has ended.
@@ -184,22 +184,22 @@ struct Over<'a> {
     several: bool,
 }
 
-impl Over<'_> {
-    fn over(&self) -> bool {
+impl StopCondition<'_> {
+    fn is_met(&self) -> bool {
         self.stop.load(Relaxed) || self.ended.load(Relaxed)
     }
 }
 
 /// A supervisor that panicked ends the daemon, so an incomplete state is harmless.
-fn lock(manager: &Mutex<Manager>) -> MutexGuard<'_, Manager> {
+fn lock(manager: &Mutex<ServiceManager>) -> MutexGuard<'_, ServiceManager> {
     manager.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Serves one cell, in the thread of its supervisor, until it ends.
 fn serve(
     options: Options,
-    (manager, place): (&Mutex<Manager>, usize),
-    over: &Over<'_>,
+    (manager, place): (&Mutex<ServiceManager>, usize),
+    over: &StopCondition<'_>,
     ready: impl FnOnce(),
 ) -> Result<(), DaemonError> {
     let Options { config, config_name, config_text, lockstep } = options;
@@ -208,7 +208,7 @@ fn serve(
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
     if let Some(fault) = setup::deflection_limit_fault(&config, &model.physics) {
-        let mut faults = Faults::of(&config_name);
+        let mut faults = Faults::new(&config_name);
         faults.push(fault);
         return Err(FileError::from(faults).into());
     }
@@ -216,13 +216,13 @@ fn serve(
     let bounds = setup::bounds(&settings, arm);
     let force_processor = setup::force_processor(&config, &model)?;
     let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
-    notebook::open(&exchange);
+    recording_log::attach_thread(&exchange);
     let lead = setup::lead(&config, settings.jump_margin);
     log_model(&model, lead.is_some());
 
     let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
     if config.realtime.lock_memory {
-        tolerate(realtime::lock_memory(), config.realtime.enforce)?;
+        tolerate_refusal(realtime::lock_memory(), config.realtime.enforce)?;
     }
     let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds, lead)?;
     let threads = start_threads(
@@ -236,18 +236,24 @@ fn serve(
     )
     .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
-    lock(manager).says(place, 0, supervisor.words());
+    lock(manager).report_alive(place, 0, supervisor.summary());
     ready();
     let mut served = Ok(());
-    while served.is_ok() && !over.over() && threads.iter().all(|(_, thread)| !thread.is_finished())
+    while served.is_ok()
+        && !over.is_met()
+        && threads.iter().all(|(_, thread)| !thread.is_finished())
     {
-        served = supervisor.look(&exchange);
-        lock(manager).says(place, exchange.counters.turns.load(Relaxed), supervisor.words());
-        std::thread::sleep(supervisor::LOOK_EVERY);
+        served = supervisor.run_period(&exchange);
+        lock(manager).report_alive(
+            place,
+            exchange.counters.iterations.load(Relaxed),
+            supervisor.summary(),
+        );
+        std::thread::sleep(supervisor::PERIOD);
     }
     exchange.stop();
     lock(manager).ended(place);
-    supervisor.tell(&exchange);
+    supervisor.publish_status(&exchange);
     let ended = threads.into_iter().try_for_each(|(name, thread)| finish(name, thread));
     change_log::summarise(&config.cell, &exchange);
     ended?;
@@ -257,7 +263,7 @@ fn serve(
 /// Name of the thread that neither logs nor allocates.
 const CYCLE: &str = "cycle";
 /// Time limit for the threads to end.
-const END_PATIENCE: Duration = Duration::from_secs(5);
+const END_TIMEOUT: Duration = Duration::from_secs(5);
 
 type Thread = JoinHandle<Result<(), DaemonError>>;
 
@@ -273,7 +279,7 @@ fn start_threads(
 ) -> Result<Vec<(&'static str, Thread)>, DaemonError> {
     let ports = supervisor.domain.ports();
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
-    let below_cycle = below(config.realtime);
+    let below_cycle = below_cycle_priority(config.realtime);
     let rules = setup::block_rules(config, settings.lockstep);
     let overview = setup::overview(config);
     let vibration = start("vibration", exchange, move |exchange, started| {
@@ -294,7 +300,7 @@ fn start_threads(
         })?;
         threads.push(("recorder", recorder));
     }
-    supervisor.tell(exchange);
+    supervisor.publish_status(exchange);
     supervisor.domain.announce()?;
     Ok(threads)
 }
@@ -307,13 +313,13 @@ fn start_cycle(
     exchange: &Arc<Exchange>,
 ) -> Result<Thread, DaemonError> {
     let (ports, realtime) = (ports.clone(), config.realtime);
-    let pacer = Pacer::new(setup::wait(config), settings.period_ns);
+    let pacer = Pacer::new(setup::wait_mode(config), settings.period_ns);
     let sensor_inputs = setup::sensor_inputs(config, settings.lockstep);
     let lead = setup::lead(config, settings.jump_margin);
     let filter = lead.and_then(|lead| lead.filter(model));
     let loaded = Box::new(LoadedModel { filter, ..LoadedModel::new(model.physics, 1) });
     start(CYCLE, exchange, move |exchange, started| {
-        realtime::sleep_exactly();
+        realtime::minimize_timer_slack();
         apply_realtime(realtime)?;
         let mut cycle = Cycle {
             robot: Robot::join(&ports, pacer)?,
@@ -342,7 +348,7 @@ fn start(
         .name(name.to_owned())
         .spawn(move || {
             if name != CYCLE {
-                notebook::open(&shared);
+                recording_log::attach_thread(&shared);
             }
             body(&shared, &|| {
                 // The receiver waits for this message.
@@ -363,7 +369,7 @@ fn start(
 fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
     let since = Instant::now();
     while !thread.is_finished() {
-        if since.elapsed() > END_PATIENCE {
+        if since.elapsed() > END_TIMEOUT {
             return Err(DaemonError::thread(name, "it does not respond; unwritten data are lost"));
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -375,24 +381,27 @@ fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
 }
 
 /// Applies the configured real-time settings to the calling thread.
-fn apply_realtime(realtime: Realtime) -> Result<(), Refused> {
+fn apply_realtime(realtime: Realtime) -> Result<(), RealtimeRefused> {
     if let Some(core) = realtime.core {
-        tolerate(realtime::pin_to(core), realtime.enforce)?;
+        tolerate_refusal(realtime::pin_to(core), realtime.enforce)?;
     }
     if let Some(priority) = realtime.fifo_priority {
-        tolerate(realtime::set_fifo(priority), realtime.enforce)?;
+        tolerate_refusal(realtime::set_fifo(priority), realtime.enforce)?;
     }
     Ok(())
 }
 
 /// Settings of a thread that must not preempt the cycle: a priority below it, on any core.
-fn below(realtime: Realtime) -> Realtime {
+fn below_cycle_priority(realtime: Realtime) -> Realtime {
     let priority = realtime.fifo_priority.map(|priority| priority.saturating_sub(1));
     Realtime { fifo_priority: priority.filter(|priority| *priority > 0), core: None, ..realtime }
 }
 
 /// A refusal ends the start if the configuration requires the settings; otherwise it is logged.
-fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
+fn tolerate_refusal(
+    done: Result<(), RealtimeRefused>,
+    enforce: bool,
+) -> Result<(), RealtimeRefused> {
     match done {
         Err(refused) if enforce => Err(refused),
         Err(refused) => {

@@ -13,11 +13,11 @@ use tracing::warn;
 
 /// The service manager that started this process, if any.
 #[derive(Debug)]
-pub struct Manager {
+pub struct ServiceManager {
     to: Option<(UnixDatagram, SocketAddr)>,
     /// The watchdog's time limit.
-    patience: Option<Duration>,
-    fed: Instant,
+    watchdog: Option<Duration>,
+    triggered_at: Instant,
     cells: Vec<CellState>,
 }
 
@@ -25,28 +25,28 @@ pub struct Manager {
 #[derive(Clone, Debug, Default)]
 struct CellState {
     /// Iterations of its cycle: now, and when the watchdog was last triggered.
-    turns: u64,
-    fed: u64,
+    iterations: u64,
+    iterations_at_trigger: u64,
     /// One line for users.
-    words: String,
+    summary: String,
     has_ended: bool,
 }
 
-impl Manager {
+impl ServiceManager {
     /// From this process's environment (`NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`), for a
     /// number of cells.
     #[must_use]
-    pub fn of_environment(cells: usize) -> Self {
+    pub fn from_environment(cells: usize) -> Self {
         let words = |key: &str| std::env::var(key).ok();
         let ours = words("WATCHDOG_PID").is_none_or(|pid| pid.parse() == Ok(std::process::id()));
         let microseconds = words("WATCHDOG_USEC").and_then(|us| us.parse().ok());
         let patience = microseconds.filter(|us| ours && *us > 0).map(Duration::from_micros);
-        Self::at(std::env::var_os("NOTIFY_SOCKET").as_deref(), patience, cells)
+        Self::with_socket(std::env::var_os("NOTIFY_SOCKET").as_deref(), patience, cells)
     }
 
-    /// The manager at that socket: a path, or an abstract name behind an `@`.
+    /// The manager at this socket: a path, or an abstract name after an `@`.
     #[must_use]
-    pub fn at(socket: Option<&OsStr>, patience: Option<Duration>, cells: usize) -> Self {
+    pub fn with_socket(socket: Option<&OsStr>, patience: Option<Duration>, cells: usize) -> Self {
         let address = socket.map(|name| match name.as_bytes() {
             [b'@', name @ ..] => SocketAddr::from_abstract_name(name),
             _ => SocketAddr::from_pathname(name),
@@ -57,36 +57,39 @@ impl Manager {
         });
         Self {
             to: to.ok().flatten(),
-            patience,
-            fed: Instant::now(),
+            watchdog: patience,
+            triggered_at: Instant::now(),
             cells: vec![CellState::default(); cells],
         }
     }
 
     /// The daemon is ready.
     pub fn ready(&self) {
-        self.tell(&format!("READY=1\nSTATUS={}", self.words()));
+        self.send(&format!("READY=1\nSTATUS={}", self.status_text()));
     }
 
     /// Cell `place` is alive. The manager is notified two to three times within the watchdog's time
     /// limit, and only if `turns`, counted by the cycle, has changed in every cell. `words` is one
     /// line for users.
-    pub fn says(&mut self, place: usize, turns: u64, words: &str) {
+    pub fn report_alive(&mut self, place: usize, turns: u64, words: &str) {
         let Some(cell) = self.cells.get_mut(place) else { return };
-        cell.turns = turns;
-        words.clone_into(&mut cell.words);
-        let Some(patience) = self.patience else { return };
-        let stands = self.cells.iter().any(|cell| !cell.has_ended && cell.turns == cell.fed);
-        if stands || self.fed.elapsed() < patience / 3 {
+        cell.iterations = turns;
+        words.clone_into(&mut cell.summary);
+        let Some(patience) = self.watchdog else { return };
+        let stands = self
+            .cells
+            .iter()
+            .any(|cell| !cell.has_ended && cell.iterations == cell.iterations_at_trigger);
+        if stands || self.triggered_at.elapsed() < patience / 3 {
             return;
         }
-        self.fed = Instant::now();
-        self.cells.iter_mut().for_each(|cell| cell.fed = cell.turns);
-        self.tell(&format!("WATCHDOG=1\nSTATUS={}", self.words()));
+        self.triggered_at = Instant::now();
+        self.cells.iter_mut().for_each(|cell| cell.iterations_at_trigger = cell.iterations);
+        self.send(&format!("WATCHDOG=1\nSTATUS={}", self.status_text()));
     }
 
-    fn words(&self) -> String {
-        let all: Vec<_> = self.cells.iter().map(|cell| one_line(&cell.words)).collect();
+    fn status_text(&self) -> String {
+        let all: Vec<_> = self.cells.iter().map(|cell| one_line(&cell.summary)).collect();
         all.join("; ")
     }
 
@@ -101,13 +104,13 @@ impl Manager {
 
     /// The process ends.
     pub fn stopping(&self) {
-        self.tell("STOPPING=1");
+        self.send("STOPPING=1");
     }
 
-    fn tell(&self, message: &str) {
+    fn send(&self, message: &str) {
         let Some((socket, address)) = &self.to else { return };
-        // A manager that has gone or lags behind does not affect the cell: it acts if it receives
-        // nothing.
+        // A manager that has terminated or lags does not affect the cell; a manager acts when the
+        // notifications stop.
         let _ = socket.set_nonblocking(true);
         let _ = socket.send_to_addr(message.as_bytes(), address);
     }
@@ -128,24 +131,31 @@ mod tests {
         Some(String::from_utf8_lossy(&bytes[..length]).into_owned())
     }
 
-    fn manager(name: &str, patience: Duration, cells: usize) -> (UnixDatagram, Manager) {
+    fn manager(name: &str, patience: Duration, cells: usize) -> (UnixDatagram, ServiceManager) {
         let name = format!("trued-notify-{}-{name}", std::process::id());
         let address = SocketAddr::from_abstract_name(&name).unwrap();
         let socket = UnixDatagram::bind_addr(&address).unwrap();
         socket.set_nonblocking(true).unwrap();
-        (socket, Manager::at(Some(OsStr::new(&format!("@{name}"))), Some(patience), cells))
+        (
+            socket,
+            ServiceManager::with_socket(
+                Some(OsStr::new(&format!("@{name}"))),
+                Some(patience),
+                cells,
+            ),
+        )
     }
 
     #[test]
     fn a_stopped_cycle_does_not_trigger_the_watchdog() {
         let (socket, mut daemon) = manager("stands", Duration::from_nanos(3), 1);
-        daemon.says(0, 0, "ready");
+        daemon.report_alive(0, 0, "ready");
         daemon.ready();
         assert_eq!(heard(&socket).unwrap(), "READY=1\nSTATUS=ready");
         for turns in 1..=3 {
-            daemon.says(0, turns, "it\nruns");
+            daemon.report_alive(0, turns, "it\nruns");
             assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=it runs");
-            daemon.says(0, turns, "it runs");
+            daemon.report_alive(0, turns, "it runs");
             assert_eq!(heard(&socket), None, "the cycle has not gone on");
         }
         daemon.ended(0);
@@ -159,7 +169,7 @@ mod tests {
         daemon.ended(1);
         daemon.ended(0);
         assert_eq!(heard(&socket), None, "a cell is left");
-        daemon.says(2, 1, "c runs");
+        daemon.report_alive(2, 1, "c runs");
         assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=; ; c runs");
         daemon.ended(2);
         daemon.ended(2);
@@ -170,30 +180,31 @@ mod tests {
     #[test]
     fn one_stopped_cycle_of_several_does_not_trigger_the_watchdog() {
         let (socket, mut daemon) = manager("several", Duration::from_nanos(3), 2);
-        (1..100).for_each(|turns| daemon.says(0, turns, "a runs"));
+        (1..100).for_each(|turns| daemon.report_alive(0, turns, "a runs"));
         assert_eq!(heard(&socket), None, "the second has not gone on");
-        daemon.says(1, 1, "b runs");
+        daemon.report_alive(1, 1, "b runs");
         assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=a runs; b runs");
-        (1..100).for_each(|_| daemon.says(1, 1, "b stands"));
-        daemon.says(0, 101, "a runs");
+        (1..100).for_each(|_| daemon.report_alive(1, 1, "b stands"));
+        daemon.report_alive(0, 101, "a runs");
         assert_eq!(heard(&socket), None, "the second stands");
     }
 
     #[test]
     fn the_watchdog_is_not_fed_more_often_than_it_needs() {
         let (socket, mut daemon) = manager("often", Duration::from_secs(3600), 1);
-        (1..1000).for_each(|turns| daemon.says(0, turns, ""));
+        (1..1000).for_each(|turns| daemon.report_alive(0, turns, ""));
         assert_eq!(heard(&socket), None);
     }
 
     #[test]
     fn without_a_manager_nothing_happens() {
         let patience = Some(Duration::from_nanos(1));
-        let mut alone = Manager::at(None, patience, 1);
+        let mut alone = ServiceManager::with_socket(None, patience, 1);
         alone.ready();
-        alone.says(0, 1, "");
-        let mut gone = Manager::at(Some(OsStr::new("/nowhere/at/all")), patience, 1);
-        gone.says(0, 1, "");
+        alone.report_alive(0, 1, "");
+        let mut gone =
+            ServiceManager::with_socket(Some(OsStr::new("/nowhere/at/all")), patience, 1);
+        gone.report_alive(0, 1, "");
         gone.stopping();
     }
 }

@@ -1,7 +1,7 @@
-//! Waits for the next command: the only place where the cycle spends time.
+//! Waits for the next command: the only place where the cycle waits.
 //!
-//! A wait ends at its deadline at the latest; between the calls of `look` it either spins or sleeps
-//! to absolute times, and never allocates, locks or logs.
+//! A wait ends at its deadline at the latest; between two polls it either spins or sleeps
+//! until absolute times, and never allocates, locks or logs.
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and polls every
@@ -13,10 +13,10 @@ use rustix::time::{ClockId, Timespec};
 use shm_schema::monotonic_ns;
 
 /// Polling interval of a sleeping wait, ns.
-const LOOK_EVERY_NS: u64 = 50_000;
+const POLL_EVERY_NS: u64 = 50_000;
 /// Polling interval if no command has arrived for [`LATE_PERIODS_MAX`], ns: faster polling would
-/// take a fifth of a core for nothing.
-const IDLE_LOOK_EVERY_NS: u64 = 1_000_000;
+/// occupy a fifth of a core without benefit.
+const IDLE_POLL_EVERY_NS: u64 = 1_000_000;
 /// A sleeping wait starts to spin this long before the next command is due, ns: allowance for a
 /// late wake-up.
 const SPIN_BEFORE_NS: u64 = 300_000;
@@ -30,15 +30,15 @@ const SPIN_AFTER_NS: u64 = 200_000;
 const FOLLOW_SHARE: u64 = 256;
 /// After this many consecutive commands that arrive after it has gone back to sleep, the sender is
 /// taken to have restarted at another phase of its period.
-const LATE_ROW: u32 = 16;
+const LATE_IN_A_ROW: u32 = 16;
 /// Number of periods after which a late command counts as the first of a new sequence.
 const LATE_PERIODS_MAX: u64 = 100;
 /// Polls between two readings of the clock while spinning: a poll takes less time.
-const LOOKS_PER_CLOCK: u32 = 8;
+const POLLS_PER_CLOCK: u32 = 8;
 
 /// How the cycle waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
+pub enum WaitMode {
     /// Without sleeping.
     Spin,
     /// With sleeps.
@@ -48,7 +48,7 @@ pub enum Wait {
 /// Waits for commands that arrive about every `period_ns`.
 #[derive(Debug)]
 pub struct Pacer {
-    wait: Wait,
+    wait: WaitMode,
     period_ns: u64,
     /// When the next command is due; zero before the first.
     due_ns: u64,
@@ -60,7 +60,7 @@ pub struct Pacer {
 
 impl Pacer {
     /// Before the first command.
-    pub fn new(wait: Wait, period_ns: u64) -> Self {
+    pub fn new(wait: WaitMode, period_ns: u64) -> Self {
         Self { wait, period_ns, due_ns: 0, last_ns: 0, late: (0, u64::MAX) }
     }
 
@@ -91,7 +91,7 @@ impl Pacer {
                 }
                 None => {
                     std::hint::spin_loop();
-                    LOOKS_PER_CLOCK
+                    POLLS_PER_CLOCK
                 }
             };
         }
@@ -101,7 +101,7 @@ impl Pacer {
     fn next_due_ns(&mut self, now_ns: u64) -> u64 {
         match now_ns.checked_sub(self.due_ns) {
             Some(late_ns) if late_ns < LATE_PERIODS_MAX * self.period_ns => {
-                self.due_ns + self.period_ns + self.made_up_ns(late_ns)
+                self.due_ns + self.period_ns + self.lateness_share_ns(late_ns)
             }
             _ => now_ns + self.period_ns,
         }
@@ -109,13 +109,13 @@ impl Pacer {
 
     /// The part of a command's lateness that is expected of the next ones too: a small share, or
     /// all that a sequence of them had.
-    fn made_up_ns(&mut self, late_ns: u64) -> u64 {
+    fn lateness_share_ns(&mut self, late_ns: u64) -> u64 {
         let (row, least_ns) = self.late;
         self.late = match late_ns > SPIN_AFTER_NS {
             true => (row + 1, least_ns.min(late_ns)),
             false => (0, u64::MAX),
         };
-        if self.late.0 < LATE_ROW {
+        if self.late.0 < LATE_IN_A_ROW {
             return late_ns / FOLLOW_SHARE;
         }
         std::mem::replace(&mut self.late, (0, u64::MAX)).1
@@ -123,7 +123,7 @@ impl Pacer {
 
     /// When to wake next; `None`: poll again at once.
     fn sleep_until_ns(&self, now_ns: u64) -> Option<u64> {
-        if self.wait == Wait::Spin {
+        if self.wait == WaitMode::Spin {
             return None;
         }
         let due_ns = self.due_ns;
@@ -132,10 +132,10 @@ impl Pacer {
         if now_ns < spin_from_ns {
             return Some(spin_from_ns);
         }
-        // Behind a late command, others may be waiting.
+        // Further commands may be queued behind a late one.
         let spin_to_ns = due_ns.max(self.last_ns) + SPIN_AFTER_NS;
         let idles = now_ns > spin_to_ns + LATE_PERIODS_MAX * self.period_ns;
-        let every_ns = if idles { IDLE_LOOK_EVERY_NS } else { LOOK_EVERY_NS };
+        let every_ns = if idles { IDLE_POLL_EVERY_NS } else { POLL_EVERY_NS };
         (now_ns > spin_to_ns).then_some(now_ns + every_ns)
     }
 }
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_wait_without_a_command_ends_at_its_deadline() {
-        for wait in [Wait::Spin, Wait::Sleep] {
+        for wait in [WaitMode::Spin, WaitMode::Sleep] {
             let deadline_ns = monotonic_ns() + 2_000_000;
             let found: Option<((), u64)> =
                 Pacer::new(wait, 1_000_000).wait_for(deadline_ns, || None);
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn a_sleeping_wait_sleeps_through_a_part_of_the_shortest_period() {
         let pacer = Pacer {
-            wait: Wait::Sleep,
+            wait: WaitMode::Sleep,
             period_ns: 100_000,
             due_ns: 10_100_000,
             last_ns: 10_000_000,
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn commands_after_a_stall_are_found_without_sleep_and_a_drifting_sender_is_followed() {
-        let at = |due_ns| Pacer { due_ns, ..Pacer::new(Wait::Sleep, 1_000_000) };
+        let at = |due_ns| Pacer { due_ns, ..Pacer::new(WaitMode::Sleep, 1_000_000) };
         let mut pacer = at(100_000_000);
         // Ten periods late, then all at once.
         for k in 0..9 {
@@ -202,19 +202,19 @@ mod tests {
     fn a_sender_that_restarts_amid_the_period_is_expected_there_soon() {
         // At 25 Hz, 13 ms after the old phase: until then found by the polls in between, at each of
         // which a sleeping cycle wakes.
-        let mut pacer = Pacer { due_ns: 1_000_000_000, ..Pacer::new(Wait::Sleep, 40_000_000) };
+        let mut pacer = Pacer { due_ns: 1_000_000_000, ..Pacer::new(WaitMode::Sleep, 40_000_000) };
         let came_ns = |k: u64| 1_013_000_000 + 40_000_000 * k;
-        for k in 0..u64::from(LATE_ROW) {
+        for k in 0..u64::from(LATE_IN_A_ROW) {
             assert!(pacer.due_ns < came_ns(k) - SPIN_AFTER_NS, "one that is late moves it little");
             pacer.due_ns = pacer.next_due_ns(came_ns(k));
         }
-        let late_ns = came_ns(u64::from(LATE_ROW)) - pacer.due_ns;
+        let late_ns = came_ns(u64::from(LATE_IN_A_ROW)) - pacer.due_ns;
         assert!(late_ns < SPIN_AFTER_NS, "{late_ns}");
     }
 
     #[test]
     fn a_result_has_a_time_between_call_and_return() {
-        for wait in [Wait::Spin, Wait::Sleep] {
+        for wait in [WaitMode::Spin, WaitMode::Sleep] {
             let (before_ns, mut looks) = (monotonic_ns(), 0);
             let found = Pacer::new(wait, 1_000_000).wait_for(u64::MAX, || {
                 looks += 1;
@@ -228,7 +228,7 @@ mod tests {
     #[test]
     fn a_sleeping_wait_spins_only_around_the_time_a_command_is_due() {
         let pacer = Pacer {
-            wait: Wait::Sleep,
+            wait: WaitMode::Sleep,
             period_ns: 1_000_000,
             due_ns: 11_000_000,
             last_ns: 10_000_000,

@@ -1,31 +1,31 @@
 //! Newest known position of the arm: written by the cycle, read by the supervisor.
 //!
-//! No waiting; each joint's value is consistent, but the joints of one reading can be from two
+//! Lock-free; each joint's value is consistent, but the joints of one reading can be from two
 //! adjacent cycles. Plausibility is not checked.
 
 use shm_schema::JOINTS_MAX;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-/// The joint positions that one source reported last.
+/// The joint positions last reported by one source.
 #[derive(Debug, Default)]
-pub struct Position {
+pub struct ReportedPosition {
     q: [AtomicU64; JOINTS_MAX],
     joints: AtomicU32,
     at_ns: AtomicU64,
 }
 
-/// A reading of a [`Position`].
+/// A reading of a [`ReportedPosition`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reading {
+pub struct PositionReading {
     /// Joint positions, rad or m.
     pub q: Vec<f64>,
     /// When they were reported, ns, by the cycle's clock.
     pub at_ns: u64,
 }
 
-impl Position {
+impl ReportedPosition {
     /// Records a report of the joints' positions.
-    pub fn tell(&self, q: &[f64], at_ns: u64) {
+    pub fn store(&self, q: &[f64], at_ns: u64) {
         for (slot, q) in self.q.iter().zip(q) {
             slot.store(q.to_bits(), Relaxed);
         }
@@ -35,10 +35,10 @@ impl Position {
 
     /// The newest report; `None` before the first.
     #[must_use]
-    pub fn reading(&self) -> Option<Reading> {
+    pub fn reading(&self) -> Option<PositionReading> {
         let joints = self.joints.load(Relaxed) as usize;
         let q = self.q.iter().take(joints).map(|q| f64::from_bits(q.load(Relaxed))).collect();
-        (joints > 0).then(|| Reading { q, at_ns: self.at_ns.load(Relaxed) })
+        (joints > 0).then(|| PositionReading { q, at_ns: self.at_ns.load(Relaxed) })
     }
 }
 
@@ -46,9 +46,9 @@ impl Position {
 #[derive(Debug, Default)]
 pub struct Positions {
     /// By the newest command.
-    pub commanded: Position,
+    pub commanded: ReportedPosition,
     /// By the newest measurement.
-    pub measured: Position,
+    pub measured: ReportedPosition,
 }
 
 /// A report that is older than another by more than this is ignored, ns.
@@ -57,8 +57,8 @@ const OUTDATED_NS: u64 = 1_000_000_000;
 impl Positions {
     /// The positions that are up to date, each with the name of its source.
     #[must_use]
-    pub fn newest(&self) -> Vec<(&'static str, Reading)> {
-        let mut reading: Vec<(&str, Reading)> =
+    pub fn newest(&self) -> Vec<(&'static str, PositionReading)> {
+        let mut reading: Vec<(&str, PositionReading)> =
             [("commanded", &self.commanded), ("measured", &self.measured)]
                 .into_iter()
                 .filter_map(|(word, position)| Some((word, position.reading()?)))
@@ -77,10 +77,10 @@ mod tests {
     fn an_outdated_command_or_measurement_is_ignored() {
         let positions = Positions::default();
         assert!(positions.newest().is_empty());
-        positions.commanded.tell(&[1.0, 2.0], 5_000_000_000);
-        positions.measured.tell(&[1.1, 2.1], 5_900_000_000);
+        positions.commanded.store(&[1.0, 2.0], 5_000_000_000);
+        positions.measured.store(&[1.1, 2.1], 5_900_000_000);
         assert_eq!(positions.newest().len(), 2);
-        positions.measured.tell(&[1.2, 2.2], 6_100_000_000);
+        positions.measured.store(&[1.2, 2.2], 6_100_000_000);
         let [(word, reading)] = &positions.newest()[..] else { panic!("one of them") };
         assert_eq!((*word, &reading.q[..]), ("measured", &[1.2, 2.2][..]));
     }

@@ -1,16 +1,16 @@
-//! State of the cutting process, from the cell's report, the commanded path or the configuration, in this order.
+//! State of the cutting process, from the cell's report, the commanded path or the configuration, in this order of precedence.
 //!
 //! Runs in the supervisor's thread. An expired report is no longer used, and this is logged;
 //! unknown values are reported as unknown. The spindle is never commanded.
 
 use crate::exchange::Exchange;
 use crate::setup;
-use crate::travel::{Motion, Travel};
+use crate::tool_motion::{PathTracker, ToolMotion};
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
-use recording::series::Frame;
+use recording::series::CoordinateFrame;
 use shm_schema::{Answer, InCut, Request};
-use spectrum::{MODES_MAX, Mode, ProcessState, WHEELS_MAX, Wheel};
+use spectrum::{GEAR_FREQUENCIES_MAX, GearFrequency, MODES_MAX, Mode, ProcessState};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tracing::info;
@@ -21,30 +21,30 @@ pub struct MonitorInputs {
     /// Spindle, teeth, feed, cut.
     pub state: ProcessState,
     /// Gear shafts along the present path.
-    pub wheels: [Option<Wheel>; WHEELS_MAX],
+    pub wheels: [Option<GearFrequency>; GEAR_FREQUENCIES_MAX],
     /// The model's natural frequencies.
     pub modes: [Option<Mode>; MODES_MAX],
 }
 
 /// The cell's last report. Unknown values are NaN, 0 or `None`.
 #[derive(Clone, Copy, Debug)]
-struct Reported {
+struct ProcessReport {
     state: ProcessState,
     until: Option<Instant>,
 }
 
 /// State of the process from all sources.
 #[derive(Debug)]
-pub struct Process {
+pub struct ProcessTracker {
     configured: ProcessState,
-    frame: Frame,
-    reported: Option<Reported>,
-    travel: Travel,
+    frame: CoordinateFrame,
+    reported: Option<ProcessReport>,
+    travel: PathTracker,
     modes: [Option<Mode>; MODES_MAX],
     state: ProcessState,
 }
 
-impl Process {
+impl ProcessTracker {
     /// From the configuration and the model.
     pub fn new(config: &CellConfig, model: &RobotModel) -> Self {
         let configured =
@@ -57,17 +57,17 @@ impl Process {
             configured,
             frame: config.wrench.frame,
             reported: None,
-            travel: Travel::default(),
+            travel: PathTracker::default(),
             modes: [None; MODES_MAX],
             state: configured,
         };
-        process.take(model);
+        process.set_model(model);
         process
     }
 
     /// A new model is active.
-    pub fn take(&mut self, model: &RobotModel) {
-        self.travel.stop();
+    pub fn set_model(&mut self, model: &RobotModel) {
+        self.travel.clear();
         self.modes = [None; MODES_MAX];
         for (place, mode) in self.modes.iter_mut().zip(setup::modes(model, self.frame)) {
             *place = Some(mode);
@@ -80,7 +80,7 @@ impl Process {
     }
 
     /// Stores a report of the cell.
-    pub fn tell(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
+    pub fn add_report(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
         let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
         let possible = |x: f64| x.is_nan() || (0.0..f64::INFINITY).contains(&x);
         if !possible(spindle_rpm) || !possible(feed_mm_s) {
@@ -99,7 +99,7 @@ impl Process {
         let holds = Duration::from_millis(u64::from(request.holds_ms));
         let until = (request.holds_ms > 0).then(|| Instant::now() + holds);
         let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut };
-        self.reported = Some(Reported { state, until });
+        self.reported = Some(ProcessReport { state, until });
         exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
         let words = format!(
             "spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s, in {cut}",
@@ -109,13 +109,13 @@ impl Process {
     }
 
     /// Updates from the commanded path, drops expired reports, and informs the monitor.
-    pub fn look(&mut self, model: &RobotModel, exchange: &Exchange, commands_come: bool) {
+    pub fn update(&mut self, model: &RobotModel, exchange: &Exchange, commands_come: bool) {
         let arm = &model.physics.arm;
         while let Some(point) = exchange.path.pop() {
-            self.travel.take(arm, &point);
+            self.travel.add(arm, &point);
         }
         if !commands_come {
-            self.travel.stop();
+            self.travel.clear();
         }
         if self
             .reported
@@ -126,26 +126,29 @@ impl Process {
             exchange.spindle_rpm_bits.store(f64::NAN.to_bits(), Relaxed);
         }
         let motion = self.travel.motion(arm);
-        self.state = self.known(motion.as_ref());
-        let mut known =
-            MonitorInputs { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
+        self.state = self.merged(motion.as_ref());
+        let mut known = MonitorInputs {
+            state: self.state,
+            wheels: [None; GEAR_FREQUENCIES_MAX],
+            modes: self.modes,
+        };
         let turning = motion.map_or_else(Vec::new, |motion| {
-            model.file.gear_cycles(&motion.turns_per_mm, Wheel::new).collect()
+            model.file.gear_cycles(&motion.turns_per_mm, GearFrequency::new).collect()
         });
         // Verdicts name shafts: only their rotations are monitored, not their teeth.
         let shafts = turning.into_iter().filter(|wheel| wheel.teeth == 1);
         for (place, wheel) in known.wheels.iter_mut().zip(shafts) {
             *place = Some(wheel);
         }
-        // A monitor that lags behind takes the next one.
+        // If the ring is full, the monitor receives the next one.
         let _ = exchange.monitor_inputs.push(known);
     }
 
     /// A report takes precedence over derived values, and these over configured ones.
-    fn known(&self, motion: Option<&Motion>) -> ProcessState {
+    fn merged(&self, motion: Option<&ToolMotion>) -> ProcessState {
         let derived_mm_s = motion.map_or(0.0, |motion| motion.feed_mm_s);
         let configured = self.configured;
-        let Some(Reported { state, .. }) = self.reported else {
+        let Some(ProcessReport { state, .. }) = self.reported else {
             return ProcessState { feed_mm_s: derived_mm_s, ..configured };
         };
         let or = |reported: f64, other: f64| if reported.is_nan() { other } else { reported };
@@ -165,12 +168,12 @@ mod tests {
     use recording::model::presets::preset;
     use shm_schema::Operation;
 
-    fn process() -> (Process, Exchange, RobotModel) {
+    fn process() -> (ProcessTracker, Exchange, RobotModel) {
         let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[force]\nrate_Hz = 1000\n\
                     [vibration]\nspindle_rpm = 6000\nteeth = 3\n";
         let config = CellConfig::parse("cell.toml", text).unwrap();
         let model = preset("irb1600-6-145-thesis").unwrap().model().unwrap();
-        (Process::new(&config, &model), Exchange::new(Correction::Full, false), model)
+        (ProcessTracker::new(&config, &model), Exchange::new(Correction::Full, false), model)
     }
 
     fn word() -> Request {
@@ -190,14 +193,14 @@ mod tests {
         let configured = process.state();
         assert_eq!((configured.spindle_rpm, configured.teeth), (6000.0, 3));
         let brief = Request { holds_ms: 30, ..word() };
-        assert_eq!(process.tell(&exchange, &brief).0, Answer::Done);
-        process.look(&model, &exchange, true);
+        assert_eq!(process.add_report(&exchange, &brief).0, Answer::Done);
+        process.update(&model, &exchange, true);
         let reported = process.state();
         assert_eq!((reported.spindle_rpm, reported.teeth, reported.feed_mm_s), (28_000.0, 2, 5.0));
         assert_eq!(reported.in_cut, Some(true));
         assert_eq!(exchange.monitor_inputs.pop().unwrap().state, reported);
         std::thread::sleep(Duration::from_millis(40));
-        process.look(&model, &exchange, true);
+        process.update(&model, &exchange, true);
         assert_eq!(process.state(), configured);
         assert!(f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)).is_nan());
     }
@@ -206,8 +209,8 @@ mod tests {
     fn values_missing_in_a_report_come_from_other_sources() {
         let (mut process, exchange, model) = process();
         let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..word() };
-        process.tell(&exchange, &partly);
-        process.look(&model, &exchange, true);
+        process.add_report(&exchange, &partly);
+        process.update(&model, &exchange, true);
         let state = process.state();
         assert_eq!((state.spindle_rpm, state.teeth, state.feed_mm_s), (6000.0, 3, 0.0));
     }
@@ -221,9 +224,9 @@ mod tests {
             Request { in_cut: 7, ..word() },
         ];
         for request in refused {
-            assert_eq!(process.tell(&exchange, &request).0, Answer::Refused);
+            assert_eq!(process.add_report(&exchange, &request).0, Answer::Refused);
         }
-        process.look(&model, &exchange, true);
+        process.update(&model, &exchange, true);
         assert_eq!(process.state().spindle_rpm, 6000.0);
     }
 
@@ -231,8 +234,8 @@ mod tests {
     fn the_watch_is_given_the_modes_of_the_model_in_use() {
         let (mut process, exchange, mut model) = process();
         model.file.modes.truncate(1);
-        process.take(&model);
-        process.look(&model, &exchange, true);
+        process.set_model(&model);
+        process.update(&model, &exchange, true);
         let modes = exchange.monitor_inputs.pop().unwrap().modes;
         assert_eq!(modes.iter().flatten().count(), 1);
     }

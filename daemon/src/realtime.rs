@@ -15,7 +15,7 @@ use thread_priority::{
 
 /// A setting that the system refused.
 #[derive(Debug, thiserror::Error)]
-pub enum Refused {
+pub enum RealtimeRefused {
     /// `SCHED_FIFO`.
     #[error(
         "SCHED_FIFO priority {priority} was denied: {why}; it requires an RTPRIO limit of {priority} or more (LimitRTPRIO={priority} in a \
@@ -50,17 +50,17 @@ pub enum Refused {
 ///
 /// # Errors
 /// If the system refuses.
-pub fn lock_memory() -> Result<(), Refused> {
+pub fn lock_memory() -> Result<(), RealtimeRefused> {
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
-        .map_err(|why| Refused::Memory { why: why.into() })
+        .map_err(|why| RealtimeRefused::Memory { why: why.into() })
 }
 
 /// Gives the calling thread `SCHED_FIFO` at `priority` (1 to 99).
 ///
 /// # Errors
 /// If the system refuses.
-pub fn set_fifo(priority: u8) -> Result<(), Refused> {
-    let refused = |why: io::Error| Refused::Policy { priority, why };
+pub fn set_fifo(priority: u8) -> Result<(), RealtimeRefused> {
+    let refused = |why: io::Error| RealtimeRefused::Policy { priority, why };
     let value =
         ThreadPriorityValue::try_from(priority).map_err(|why| refused(io::Error::other(why)))?;
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
@@ -74,7 +74,7 @@ pub fn set_fifo(priority: u8) -> Result<(), Refused> {
 /// Sets the timer slack of the calling thread to the least value; the default is 50 µs. Without
 /// effect under a real-time policy, which has no slack; after a refusal, sleeps are only less
 /// exact.
-pub fn sleep_exactly() {
+pub fn minimize_timer_slack() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
@@ -82,12 +82,12 @@ pub fn sleep_exactly() {
 ///
 /// # Errors
 /// If the system refuses, or the core does not exist.
-pub fn pin_to(core: usize) -> Result<(), Refused> {
+pub fn pin_to(core: usize) -> Result<(), RealtimeRefused> {
     if core >= CpuSet::MAX_CPU {
         let why = io::Error::from(io::ErrorKind::InvalidInput);
-        return Err(Refused::Core { core, why });
+        return Err(RealtimeRefused::Core { core, why });
     }
     let mut set = CpuSet::new();
     set.set(core);
-    sched_setaffinity(None, &set).map_err(|why| Refused::Core { core, why: why.into() })
+    sched_setaffinity(None, &set).map_err(|why| RealtimeRefused::Core { core, why: why.into() })
 }

@@ -10,10 +10,10 @@ use crate::alarms::Alarms;
 use crate::exchange::{CycleRecord, Exchange, RecorderAnswer};
 use crate::{records, repair, retention};
 use physics::JointKind;
-use recording::blackbox::{
-    self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange,
-};
 use recording::cell::Recorder as Settings;
+use recording::mcap_recording::{
+    self, Clocks, ForceRecord, Header, InlineVec, McapRecordingError, McapWriter, ModelChange,
+};
 use shm_schema::{
     Answer, Command, Corrected, CorrectionStatus, Reason, RecorderAction, RecorderState,
     monotonic_ns,
@@ -33,7 +33,7 @@ const FLUSH_EVERY: Duration = Duration::from_millis(400);
 /// Waiting time after a failure before a new file is tried: recording resumes within a second after
 /// the failure ends.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
-/// A recording that ended within this time of an alarm is kept too. Chosen: a minute of cutting before a chatter alarm shows what led to it.
+/// A recording that ended within this time before an alarm is kept too. Chosen: a minute of cutting before a chatter alarm shows its cause.
 const BEFORE_ALARM: Duration = Duration::from_secs(60);
 /// The recording that begins within this time after an alarm is kept too. Chosen: an operator reacts within half a minute.
 const AFTER_ALARM: Duration = Duration::from_secs(30);
@@ -43,9 +43,9 @@ pub struct Recorder {
     settings: Settings,
     header: Header,
     joints: usize,
-    file: Option<BlackBox>,
-    /// A recording that is to be kept once its repair has ended.
-    keep_earlier: Option<PathBuf>,
+    file: Option<McapWriter>,
+    /// The previous recording, to be kept once its repair has ended.
+    previous_to_keep: Option<PathBuf>,
     /// The running repair of recordings that were not closed.
     repairing: Option<JoinHandle<()>>,
     /// Whether a file should be written: recording may have been stopped on request.
@@ -67,7 +67,7 @@ impl Recorder {
         Self {
             joints,
             file: None,
-            keep_earlier: None,
+            previous_to_keep: None,
             repairing: None,
             is_on: settings.starts_recording,
             alarms: Alarms::default(),
@@ -89,23 +89,23 @@ impl Recorder {
             self.repairing = repair::start(dir, cell, PathBuf::new());
             self.may_repair = false;
         }
-        while exchange.runs() {
-            self.turn(exchange);
+        while exchange.is_running() {
+            self.run_once(exchange);
             std::thread::sleep(DRAIN_EVERY);
         }
-        self.turn(exchange);
+        self.run_once(exchange);
         self.finish();
     }
 
     /// Closes the file with its index; returns whether it could be written.
     fn finish(&mut self) -> bool {
-        let Some(Err(fault)) = self.file.take().map(BlackBox::finish) else { return true };
+        let Some(Err(fault)) = self.file.take().map(McapWriter::finish) else { return true };
         warn!(%fault, "a recording has no index but can still be read");
         self.may_repair = true;
         false
     }
 
-    fn turn(&mut self, exchange: &Exchange) {
+    fn run_once(&mut self, exchange: &Exchange) {
         exchange.counters.recorder_turn_ns.store(monotonic_ns(), Relaxed);
         self.begin_file(exchange);
         if let Err(fault) = self.drain(exchange) {
@@ -114,15 +114,15 @@ impl Recorder {
             (self.file, self.may_repair) = (None, true);
             self.retry_at = Some(Instant::now() + RETRY_AFTER);
         }
-        if let Some(action) = exchange.recorder_asked.pop() {
+        if let Some(action) = exchange.recorder_requests.pop() {
             self.answer(exchange, action);
         }
-        self.keep_what_came_before();
+        self.keep_previous();
     }
 
     /// Carries out a request.
     fn answer(&mut self, exchange: &Exchange, action: RecorderAction) {
-        let done = |says: String| RecorderAnswer { answer: Answer::Done, says };
+        let done = |says: String| RecorderAnswer { answer: Answer::Done, message: says };
         let answer = match action {
             RecorderAction::Start => {
                 self.is_on = true;
@@ -148,7 +148,7 @@ impl Recorder {
             }
             RecorderAction::Keep => self.keep("asked for"),
         };
-        exchange.recorder_answered.force_push(answer);
+        exchange.recorder_answers.force_push(answer);
     }
 
     /// Keeps the present recording, the one just before it, and the one that follows.
@@ -157,7 +157,7 @@ impl Recorder {
         let Some(file) = &mut self.file else { return refused("nothing is being recorded") };
         let all = retention::recordings(dir, &self.header.cell);
         let mut count = all.iter().filter(|path| retention::is_kept(path)).count();
-        let earlier = retention::before(dir, &self.header.cell, file.path());
+        let earlier = retention::previous_recording(dir, &self.header.cell, file.path());
         if !retention::is_kept(file.path()) {
             if count >= *kept_files_max {
                 return refused(&format!(
@@ -165,7 +165,7 @@ impl Recorder {
                     dir.display()
                 ));
             }
-            let kept = retention::kept(file.path());
+            let kept = retention::kept_path(file.path());
             if let Err(fault) = file.rename(&kept) {
                 return refused(&fault.to_string());
             }
@@ -174,28 +174,28 @@ impl Recorder {
         }
         self.keep_until = Some(Instant::now() + AFTER_ALARM);
         let says = format!("{} is kept", file.path().display());
-        let is_wanted = |path: &PathBuf| !retention::is_kept(path) && ended_lately(path);
+        let is_wanted = |path: &PathBuf| !retention::is_kept(path) && ended_recently(path);
         if count < *kept_files_max {
-            self.keep_earlier = earlier.filter(is_wanted);
-            self.keep_what_came_before();
+            self.previous_to_keep = earlier.filter(is_wanted);
+            self.keep_previous();
         }
-        RecorderAnswer { answer: Answer::Done, says }
+        RecorderAnswer { answer: Answer::Done, message: says }
     }
 
     /// Keeps the recording before the present one, once its repair has ended.
-    fn keep_what_came_before(&mut self) {
+    fn keep_previous(&mut self) {
         if self.repairing.as_ref().is_some_and(|repairing| !repairing.is_finished()) {
             return;
         }
-        if let Some(path) = self.keep_earlier.take() {
+        if let Some(path) = self.previous_to_keep.take() {
             keep_closed(&path);
         }
     }
 
     /// Keeps the recording that follows a kept one. Only one: short files would use up the allowed
     /// number.
-    fn keep_what_follows(&mut self) {
-        let RecorderAnswer { answer, says } = self.keep("it follows one that is kept");
+    fn keep_following(&mut self) {
+        let RecorderAnswer { answer, message: says } = self.keep("it follows one that is kept");
         self.keep_until = None;
         if answer != Answer::Done {
             warn!(says, "the recording after a kept one is not kept");
@@ -207,7 +207,7 @@ impl Recorder {
         if !self.settings.keeps_alarms || self.file.is_none() {
             return;
         }
-        let RecorderAnswer { answer, says } = self.keep(why);
+        let RecorderAnswer { answer, message: says } = self.keep(why);
         if answer != Answer::Done {
             warn!(why, says, "the recording of an alarm is not kept");
         }
@@ -218,7 +218,7 @@ impl Recorder {
         if !self.is_on || self.retry_at.is_some_and(|at| Instant::now() < at) {
             return;
         }
-        let full = |file: &BlackBox| file.bytes() >= self.settings.max_file_bytes;
+        let full = |file: &McapWriter| file.bytes() >= self.settings.max_file_bytes;
         if self.file.as_ref().is_some_and(|file| !full(file)) {
             return;
         }
@@ -236,7 +236,7 @@ impl Recorder {
                 }
                 (self.file, self.retry_at) = (Some(file), None);
                 if self.keep_until.take().is_some_and(|until| Instant::now() < until) {
-                    self.keep_what_follows();
+                    self.keep_following();
                 }
             }
             Err(fault) => {
@@ -249,18 +249,18 @@ impl Recorder {
         }
     }
 
-    fn create(&mut self) -> Result<BlackBox, BlackBoxError> {
+    fn create(&mut self) -> Result<McapWriter, McapRecordingError> {
         let dir = &self.settings.dir;
-        fs::create_dir_all(dir).map_err(|source| BlackBoxError::Io {
+        fs::create_dir_all(dir).map_err(|source| McapRecordingError::Io {
             action: "create the folder",
             path: dir.clone(),
             source,
         })?;
-        BlackBox::create(&retention::next(dir, &self.header.cell), &self.header, clocks())
+        McapWriter::create(&retention::next_path(dir, &self.header.cell), &self.header, clocks())
     }
 
     /// Stores a change of the model: new files begin with it, and it is written to the open one.
-    fn change_model(&mut self, change: ModelChange) -> Result<(), BlackBoxError> {
+    fn change_model(&mut self, change: ModelChange) -> Result<(), McapRecordingError> {
         let Header { cell, config, .. } = std::mem::take(&mut self.header);
         self.header = Header { cell, config, ..change.header };
         match &mut self.file {
@@ -278,7 +278,7 @@ impl Recorder {
 
     /// Empties the rings. Without a file, their content is dropped, and counted if there should be
     /// one.
-    fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+    fn drain(&mut self, exchange: &Exchange) -> Result<(), McapRecordingError> {
         while let Some(change) = exchange.model_changes.pop() {
             self.change_model(*change)?;
         }
@@ -297,7 +297,7 @@ impl Recorder {
             }
         }
         while let Some(verdict) = exchange.verdicts.pop() {
-            if let Some(why) = self.alarms.vibration(&verdict) {
+            if let Some(why) = self.alarms.new_alarm(&verdict) {
                 self.alarm(&why);
             }
             match &mut self.file {
@@ -305,7 +305,7 @@ impl Recorder {
                 None => self.count_dropped(exchange),
             }
         }
-        self.drain_words(exchange)?;
+        self.drain_log(exchange)?;
         if self.flushed.elapsed() >= FLUSH_EVERY {
             self.flush()?;
         }
@@ -314,7 +314,7 @@ impl Recorder {
 
     /// Writes log lines and states. Without a file they wait in their rings, so that the next file
     /// contains what happened meanwhile.
-    fn drain_words(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+    fn drain_log(&mut self, exchange: &Exchange) -> Result<(), McapRecordingError> {
         let Some(file) = &mut self.file else { return Ok(()) };
         while let Some(state) = exchange.states.pop() {
             file.write_status(&state)?;
@@ -326,12 +326,12 @@ impl Recorder {
     }
 
     /// Flushes the file to protect it from a kill, and checks that it still exists.
-    fn flush(&mut self) -> Result<(), BlackBoxError> {
+    fn flush(&mut self) -> Result<(), McapRecordingError> {
         self.flushed = Instant::now();
         let Some(file) = &mut self.file else { return Ok(()) };
         file.set_clocks(clocks())?;
         file.flush()?;
-        if !file.is_in_a_folder() {
+        if !file.is_linked() {
             warn!(file = %file.path().display(), "the recording was removed; a new one is started");
             self.file = None;
         }
@@ -340,11 +340,11 @@ impl Recorder {
 }
 
 fn refused(says: &str) -> RecorderAnswer {
-    RecorderAnswer { answer: Answer::Refused, says: says.to_owned() }
+    RecorderAnswer { answer: Answer::Refused, message: says.to_owned() }
 }
 
 /// Whether a recording ended less than [`BEFORE_ALARM`] ago.
-fn ended_lately(path: &Path) -> bool {
+fn ended_recently(path: &Path) -> bool {
     let changed = fs::metadata(path).and_then(|file| file.modified());
     // If the clock was set back since, its end is in the future: this also counts as recent.
     changed.is_ok_and(|at| at.elapsed().unwrap_or_default() < BEFORE_ALARM)
@@ -352,7 +352,7 @@ fn ended_lately(path: &Path) -> bool {
 
 /// Keeps a recording that is already closed.
 fn keep_closed(path: &Path) {
-    match fs::rename(path, retention::kept(path)) {
+    match fs::rename(path, retention::kept_path(path)) {
         Ok(()) => info!(file = %path.display(), "the previous recording is kept too"),
         Err(why) => {
             warn!(%why, file = %path.display(), "the previous recording could not be kept");
@@ -395,13 +395,13 @@ pub fn header(
     }
 }
 
-fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
+fn cycle_record(cycle: &CycleRecord, joints: usize) -> mcap_recording::CycleRecord {
     let (command, corrected): (&Command, &Corrected) = (&cycle.command, &cycle.corrected);
     let warmth = &cycle.celsius[..=joints];
     let known = warmth.iter().any(|celsius| !celsius.is_nan());
     let (trim, measured) = (cycle.trim, cycle.trim.and_then(|(_, newest)| newest));
     let wrench_is_known = !cycle.wrench[0].is_nan();
-    blackbox::CycleRecord {
+    mcap_recording::CycleRecord {
         t_ns: command.t_ns,
         seq: command.seq,
         session: command.session,
@@ -411,21 +411,28 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         reason: corrected.reason,
         segment: 0,
         steps: corrected.iterations,
-        q_command: Few::of(command.joints()),
-        q_corrected: Few::of(&corrected.added_to(command.joints())[..command.joints().len()]),
-        q_measured: Few::NONE,
-        tau: Few::NONE,
-        wrench_used: if wrench_is_known { Few::of(&cycle.wrench) } else { Few::NONE },
+        q_command: InlineVec::from_slice(command.joints()),
+        q_corrected: InlineVec::from_slice(
+            &corrected.added_to(command.joints())[..command.joints().len()],
+        ),
+        q_measured: InlineVec::EMPTY,
+        tau: InlineVec::EMPTY,
+        wrench_used: if wrench_is_known {
+            InlineVec::from_slice(&cycle.wrench)
+        } else {
+            InlineVec::EMPTY
+        },
         wrench_in_base: u8::from(cycle.wrench_in_base),
-        temperature_c: if known { Few::of(warmth) } else { Few::NONE },
+        temperature_c: if known { InlineVec::from_slice(warmth) } else { InlineVec::EMPTY },
         residual_m: corrected.residual_m,
         residual_rad: corrected.residual_rad,
         spindle_rpm: f64::NAN,
         feed_m_s: f64::NAN,
         model_epoch: corrected.model_epoch,
-        q_wanted: Few::of(&corrected.wanted[..joints.min(corrected.wanted.len())]),
-        trim_m: trim.map_or(Few::NONE, |(trim_m, _)| Few::of(&trim_m)),
-        measured_m: measured.map_or(Few::NONE, |point| Few::of(&point.point_m)),
+        q_wanted: InlineVec::from_slice(&corrected.wanted[..joints.min(corrected.wanted.len())]),
+        trim_m: trim.map_or(InlineVec::EMPTY, |(trim_m, _)| InlineVec::from_slice(&trim_m)),
+        measured_m: measured
+            .map_or(InlineVec::EMPTY, |point| InlineVec::from_slice(&point.point_m)),
         measured_ns: measured.map_or(0, |point| point.t_ns),
         feed_override: corrected.feed_override,
     }
@@ -470,24 +477,24 @@ mod tests {
         let kept = || {
             retention::recordings(&dir, "a").iter().filter(|path| retention::is_kept(path)).count()
         };
-        recorder.turn(&exchange);
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
+        recorder.run_once(&exchange);
         assert_eq!(kept(), 0);
         let state = VibrationState::Alarm.code();
         exchange.verdicts.push(Verdict { event: 1, state, ..Verdict::default() }).unwrap();
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
         assert_eq!(kept(), 2, "with the one before it");
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
         assert_eq!(kept(), 3, "what follows");
         for _ in 0..4 {
-            recorder.turn(&exchange);
+            recorder.run_once(&exchange);
         }
         assert_eq!(kept(), 3, "one that follows, no more");
         let all = retention::recordings(&dir, "a").len();
         assert_eq!(all, 5, "the others are removed as ever");
         assert_eq!(recorder.keep("asked for").answer, Answer::Done);
         assert_eq!(kept(), 4, "as many as are allowed: without the one before it");
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
         assert_eq!(recorder.keep("asked for").answer, Answer::Refused);
         assert_eq!(kept(), 4);
         fs::remove_dir_all(&dir).unwrap();
@@ -499,7 +506,7 @@ mod tests {
         recorder.is_on = false;
         let exchange = Exchange::new(corrector::Mode::Full, true);
         exchange.verdicts.push(Verdict::default()).unwrap();
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
         assert!(!dir.exists() && exchange.verdicts.is_empty());
         assert_eq!(exchange.counters.recorder_dropped.load(Relaxed), 0);
         recorder.answer(&exchange, RecorderAction::Start);
@@ -513,20 +520,20 @@ mod tests {
     fn the_recording_before_is_kept_once_its_repair_has_ended() {
         let (dir, mut recorder) = of_short_files("repairing");
         let exchange = Exchange::new(corrector::Mode::Full, true);
-        recorder.turn(&exchange);
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
+        recorder.run_once(&exchange);
         let [earlier, _] = retention::recordings(&dir, "a").try_into().unwrap();
         let (end, ended) = std::sync::mpsc::channel::<()>();
         recorder.repairing = Some(std::thread::spawn(move || _ = ended.recv()));
         assert_eq!(recorder.keep("asked for").answer, Answer::Done);
-        recorder.keep_what_came_before();
+        recorder.keep_previous();
         assert!(earlier.exists(), "it is being repaired");
         end.send(()).unwrap();
         while recorder.repairing.as_ref().is_some_and(|repairing| !repairing.is_finished()) {
             std::thread::yield_now();
         }
-        recorder.keep_what_came_before();
-        assert!(!earlier.exists() && retention::kept(&earlier).exists());
+        recorder.keep_previous();
+        assert!(!earlier.exists() && retention::kept_path(&earlier).exists());
         fs::remove_dir_all(&dir).unwrap();
     }
 
@@ -534,8 +541,8 @@ mod tests {
     fn a_recording_that_ended_long_ago_did_not_lead_to_an_alarm() {
         let (dir, mut recorder) = of_short_files("long-ago");
         let exchange = Exchange::new(corrector::Mode::Full, true);
-        recorder.turn(&exchange);
-        recorder.turn(&exchange);
+        recorder.run_once(&exchange);
+        recorder.run_once(&exchange);
         let [earlier, _] = retention::recordings(&dir, "a").try_into().unwrap();
         let long_ago = SystemTime::now() - BEFORE_ALARM - Duration::from_secs(1);
         fs::File::open(&earlier).unwrap().set_modified(long_ago).unwrap();

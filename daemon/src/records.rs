@@ -1,6 +1,6 @@
 //! Conversion of shared-memory messages to the messages of recordings and live views.
 
-use recording::blackbox::{StatusRecord, VerdictRecord};
+use recording::mcap_recording::{StatusRecord, VerdictRecord};
 use shm_schema::{
     Health, JOINTS_MAX, Mode, Status, Verdict, VibrationClass, VibrationState, channel_name,
 };

@@ -4,15 +4,15 @@
 //! files of other cells are not touched. A file that cannot be repaired is left unchanged, with a
 //! warning in the log. The recorder does not wait for this thread.
 
-use crate::{notebook, retention};
-use recording::blackbox::{Repair, is_closed, repair};
+use crate::{recording_log, retention};
+use recording::mcap_recording::{Repair, is_closed, repair};
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 use tracing::{info, warn};
 
 /// Repairs this cell's recordings in the folder, except the `current` one.
-pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
+pub fn repair_unclosed(dir: &Path, cell: &str, current: &Path) {
     retention::remove_unfinished(dir, cell);
     for path in retention::recordings(dir, cell) {
         if path == current || is_being_written(&path) || is_closed(&path).unwrap_or(true) {
@@ -43,10 +43,10 @@ fn is_being_written(path: &Path) -> bool {
 /// The same in a separate thread; `None` if the system refuses one.
 #[must_use]
 pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<()>> {
-    let book = notebook::of_this_thread();
+    let book = recording_log::attached_exchange();
     let body = move || {
-        book.iter().for_each(notebook::open);
-        unclosed(&dir, &cell, &current);
+        book.iter().for_each(recording_log::attach_thread);
+        repair_unclosed(&dir, &cell, &current);
     };
     std::thread::Builder::new()
         .name("repair".to_owned())
@@ -60,7 +60,7 @@ pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use recording::blackbox::{BlackBox, Clocks, CycleRecord, Header, read};
+    use recording::mcap_recording::{Clocks, CycleRecord, Header, McapWriter, read};
 
     #[test]
     fn what_a_kill_left_is_whole_again_and_what_is_written_now_is_not_touched() {
@@ -68,7 +68,7 @@ mod tests {
         fs::create_dir_all(&dir).unwrap();
         let file = |count: u32| dir.join(format!("a-0000000001-{count:04}.mcap"));
         let write = |path: &Path| {
-            let mut made = BlackBox::create(path, &Header::default(), Clocks::default()).unwrap();
+            let mut made = McapWriter::create(path, &Header::default(), Clocks::default()).unwrap();
             made.write_cycle(&CycleRecord::default()).unwrap();
             made.flush().unwrap();
             made
@@ -84,7 +84,7 @@ mod tests {
         // Started since, and still empty.
         let begun = File::create(file(5)).unwrap();
         begun.lock().unwrap();
-        unclosed(&dir, "a", &file(4));
+        repair_unclosed(&dir, "a", &file(4));
         assert_eq!(fs::read(file(1)).unwrap(), whole);
         let mended = read(&file(2)).unwrap();
         assert_eq!((mended.records.len(), mended.cut), (1, None));

@@ -4,7 +4,7 @@
 //! even if the system's clock was set back; the file being written and files of other cells are
 //! never removed. This module does not write files.
 
-use recording::blackbox::UNFINISHED;
+use recording::mcap_recording::UNFINISHED;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -12,19 +12,19 @@ use tracing::warn;
 
 /// When a file was started, s since 1970, and its number within that second: the sort key of its
 /// name.
-type Number = (u64, u32);
+type FileNumber = (u64, u32);
 
 /// Suffix of a recording.
-const END: &str = ".mcap";
+const EXTENSION: &str = ".mcap";
 /// Suffix of a kept recording.
-const KEPT: &str = ".kept.mcap";
+const KEPT_EXTENSION: &str = ".kept.mcap";
 
 /// Path of the next file of this cell: sorts after all existing ones.
-pub fn next(dir: &Path, cell: &str) -> PathBuf {
+pub fn next_path(dir: &Path, cell: &str) -> PathBuf {
     let now_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let newest = files(dir, cell).last().map(|(number, _)| *number);
-    let (seconds, count) = after(newest, now_s);
-    dir.join(format!("{cell}-{seconds:010}-{count:04}{END}"))
+    let (seconds, count) = next_number(newest, now_s);
+    dir.join(format!("{cell}-{seconds:010}-{count:04}{EXTENSION}"))
 }
 
 /// This cell's files, oldest first.
@@ -37,7 +37,7 @@ pub fn remove_unfinished(dir: &Path, cell: &str) {
     for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
         let name = entry.file_name();
         let of_file = name.to_str().and_then(|name| name.strip_suffix(UNFINISHED));
-        if of_file.is_some_and(|name| number_of(name, cell).is_some()) {
+        if of_file.is_some_and(|name| file_number(name, cell).is_some()) {
             // If removal fails, the next repair overwrites the file.
             let _ = fs::remove_file(entry.path());
         }
@@ -46,16 +46,18 @@ pub fn remove_unfinished(dir: &Path, cell: &str) {
 
 /// Whether a recording is kept.
 pub fn is_kept(path: &Path) -> bool {
-    path.file_name().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with(KEPT))
+    path.file_name()
+        .and_then(|name| name.to_str())
+        .is_some_and(|name| name.ends_with(KEPT_EXTENSION))
 }
 
 /// The name of a recording once it is kept.
-pub fn kept(path: &Path) -> PathBuf {
-    if is_kept(path) { path.to_owned() } else { path.with_extension(&KEPT[1..]) }
+pub fn kept_path(path: &Path) -> PathBuf {
+    if is_kept(path) { path.to_owned() } else { path.with_extension(&KEPT_EXTENSION[1..]) }
 }
 
 /// The recording of this cell before `current`, if any.
-pub fn before(dir: &Path, cell: &str, current: &Path) -> Option<PathBuf> {
+pub fn previous_recording(dir: &Path, cell: &str, current: &Path) -> Option<PathBuf> {
     let recordings = recordings(dir, cell);
     let place = recordings.iter().position(|path| path == current)?;
     recordings.get(place.checked_sub(1)?).cloned()
@@ -73,7 +75,7 @@ pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
     }
 }
 
-fn after(newest: Option<Number>, now_s: u64) -> Number {
+fn next_number(newest: Option<FileNumber>, now_s: u64) -> FileNumber {
     match newest {
         Some((seconds, count)) if seconds >= now_s => (seconds, count.saturating_add(1)),
         _ => (now_s, 1),
@@ -81,9 +83,9 @@ fn after(newest: Option<Number>, now_s: u64) -> Number {
 }
 
 /// This cell's files, oldest first.
-fn files(dir: &Path, cell: &str) -> Vec<(Number, PathBuf)> {
+fn files(dir: &Path, cell: &str) -> Vec<(FileNumber, PathBuf)> {
     let Ok(entries) = fs::read_dir(dir) else { return Vec::new() };
-    let numbered = |path: PathBuf| Some((number_of(path.file_name()?.to_str()?, cell)?, path));
+    let numbered = |path: PathBuf| Some((file_number(path.file_name()?.to_str()?, cell)?, path));
     let mut files: Vec<_> = entries.flatten().filter_map(|entry| numbered(entry.path())).collect();
     files.sort();
     files
@@ -91,9 +93,10 @@ fn files(dir: &Path, cell: &str) -> Vec<(Number, PathBuf)> {
 
 /// Parses a name `CELL-SECONDS-COUNT.mcap`, kept or not; the name of another cell may have the same
 /// beginning.
-fn number_of(name: &str, cell: &str) -> Option<Number> {
+fn file_number(name: &str, cell: &str) -> Option<FileNumber> {
     let numbers = name.strip_prefix(cell)?.strip_prefix('-')?;
-    let numbers = numbers.strip_suffix(KEPT).or_else(|| numbers.strip_suffix(END))?;
+    let numbers =
+        numbers.strip_suffix(KEPT_EXTENSION).or_else(|| numbers.strip_suffix(EXTENSION))?;
     let (seconds, count) = numbers.split_once('-')?;
     Some((seconds.parse().ok()?, count.parse().ok()?))
 }
@@ -104,17 +107,17 @@ mod tests {
 
     #[test]
     fn a_clock_set_back_does_not_make_the_next_file_the_oldest() {
-        assert_eq!(after(None, 5), (5, 1));
-        assert_eq!(after(Some((4, 7)), 5), (5, 1));
-        assert_eq!(after(Some((5, 1)), 5), (5, 2), "two within a second");
-        assert_eq!(after(Some((9_000_000_000, 1)), 5), (9_000_000_000, 2), "from the future");
+        assert_eq!(next_number(None, 5), (5, 1));
+        assert_eq!(next_number(Some((4, 7)), 5), (5, 1));
+        assert_eq!(next_number(Some((5, 1)), 5), (5, 2), "two within a second");
+        assert_eq!(next_number(Some((9_000_000_000, 1)), 5), (9_000_000_000, 2), "from the future");
     }
 
     #[test]
     fn files_of_a_cell_whose_name_begins_alike_are_not_ours() {
-        assert_eq!(number_of("a-0000000005-0002.mcap", "a"), Some((5, 2)));
+        assert_eq!(file_number("a-0000000005-0002.mcap", "a"), Some((5, 2)));
         for foreign in ["a-b-0000000005-0002.mcap", "a-0000000005.mcap", "a-0000000005-0002.csv"] {
-            assert_eq!(number_of(foreign, "a"), None, "{foreign}");
+            assert_eq!(file_number(foreign, "a"), None, "{foreign}");
         }
     }
 
@@ -127,13 +130,13 @@ mod tests {
         for path in [&first, &second, &third] {
             fs::write(path, "").unwrap();
         }
-        let first_kept = kept(&first);
+        let first_kept = kept_path(&first);
         fs::rename(&first, &first_kept).unwrap();
-        assert_eq!(kept(&first_kept), first_kept, "once more changes nothing");
+        assert_eq!(kept_path(&first_kept), first_kept, "once more changes nothing");
         assert_eq!(recordings(&dir, "a"), [first_kept.clone(), second.clone(), third.clone()]);
-        assert_eq!(before(&dir, "a", &second), Some(first_kept.clone()));
-        assert_eq!(before(&dir, "a", &first_kept), None);
-        assert_eq!(next(&dir, "a").extension(), third.extension());
+        assert_eq!(previous_recording(&dir, "a", &second), Some(first_kept.clone()));
+        assert_eq!(previous_recording(&dir, "a", &first_kept), None);
+        assert_eq!(next_path(&dir, "a").extension(), third.extension());
         remove_oldest(&dir, "a", 1, &third);
         assert_eq!(recordings(&dir, "a"), [first_kept, third]);
         fs::remove_dir_all(&dir).unwrap();

@@ -20,7 +20,7 @@ pub trait Link {
     fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)>;
     /// The newest measurement of the robot itself, if there is a new one.
     fn take_state(&mut self) -> Option<RobotState>;
-    /// Reads the newest horizon, if there is a new one, as [`Horizon::copy_into`] does. None of a link without horizons.
+    /// Reads the newest horizon, if there is a new one, as [`Horizon::copy_into`] does. False for a link without horizons.
     fn take_horizon(&mut self, _into: &mut Horizon) -> bool {
         false
     }
@@ -41,20 +41,20 @@ pub trait Link {
 /// Shared memory.
 #[derive(Debug)]
 pub struct Ports {
-    inputs: Inputs,
+    inputs: InputPorts,
     targets: Publisher<Corrected>,
     pacer: Pacer,
 }
 
 #[derive(Debug)]
-struct Inputs {
+struct InputPorts {
     commands: Subscriber<Command>,
     states: Subscriber<RobotState>,
     horizons: Subscriber<Horizon>,
     measured: Subscriber<MeasuredPoint>,
 }
 
-impl Inputs {
+impl InputPorts {
     fn open(ports: &DaemonPorts) -> Result<Self, PortError> {
         Ok(Self {
             commands: ports.subscriber()?,
@@ -92,7 +92,7 @@ impl Link for Ports {
     }
 
     fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError> {
-        let inputs = Inputs::open(ports)?;
+        let inputs = InputPorts::open(ports)?;
         self.targets = ports.publisher()?;
         self.inputs = inputs;
         Ok(())
@@ -114,15 +114,15 @@ impl Robot {
     /// # Errors
     /// If the transport refuses a port.
     pub fn join(ports: &DaemonPorts, pacer: Pacer) -> Result<Self, PortError> {
-        let inputs = Inputs::open(ports)?;
+        let inputs = InputPorts::open(ports)?;
         let targets = ports.publisher()?;
-        Ok(Self::over(Ports { inputs, targets, pacer }))
+        Ok(Self::with_link(Ports { inputs, targets, pacer }))
     }
 }
 
 impl<L: Link> Robot<L> {
     /// With this link.
-    pub fn over(link: L) -> Self {
+    pub fn with_link(link: L) -> Self {
         Self { link, published: 0, last_seq: (0, 0) }
     }
 
@@ -154,7 +154,7 @@ impl<L: Link> Robot<L> {
         self.link.take_state().filter(|state| state.check().is_ok())
     }
 
-    /// Reads the newest horizon, if there is a new one that can be read; otherwise `into` has no points that are set, or is as it was.
+    /// Reads the newest horizon, if there is a new one that can be read; otherwise `into` is unchanged, or its number of points is zero.
     pub fn newest_horizon(&mut self, exchange: &Exchange, into: &mut Horizon) -> bool {
         if !self.link.take_horizon(into) {
             return false;
@@ -178,7 +178,7 @@ impl<L: Link> Robot<L> {
         None
     }
 
-    /// Publishes a target; `made` has everything but number and time.
+    /// Publishes a target; number and time are set here.
     pub fn publish(&mut self, exchange: &Exchange, made: &mut Corrected) {
         self.published += 1;
         made.seq = self.published;
@@ -228,7 +228,7 @@ mod tests {
         let count = Horizon { seq: 4, count: u32::MAX, ..good };
         let exchange = Exchange::new(Mode::Shadow, false);
         for (refused, bad) in [not_finite, layout, count].into_iter().enumerate() {
-            let mut robot = Robot::over(Horizons(vec![bad, good]));
+            let mut robot = Robot::with_link(Horizons(vec![bad, good]));
             let mut newest = Horizon::default();
             assert!(robot.newest_horizon(&exchange, &mut newest));
             assert_eq!((newest.seq, newest.points().len()), (1, 3));

@@ -1,13 +1,13 @@
 //! Sensor inputs of the cycle: the newest wrench, temperatures, spindle speed.
 //!
-//! The newest value is used; its age is always available. It never waits.
+//! The newest value of each is used, with its age. It never waits.
 
 use crate::exchange::Exchange;
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::lead::Lead;
 use crate::temperatures::Temperatures;
-use corrector::{World, WrenchSample};
+use corrector::{CycleInputs, WrenchSample};
 use glam::DVec3;
 use physics::{JOINTS_MAX, Wrench};
 use shm_schema::{Command, RobotState};
@@ -15,7 +15,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 /// A wrench with its time.
 #[derive(Clone, Copy, Debug)]
-pub struct Measured {
+pub struct MeasuredWrench {
     /// Force N, moment Nm, at the TCP.
     pub wrench: [f64; 6],
     /// In base axes; otherwise in tool axes.
@@ -41,7 +41,7 @@ pub enum WrenchSource {
 #[derive(Debug)]
 pub struct SensorInputs {
     source: WrenchSource,
-    measured: Option<Measured>,
+    measured: Option<MeasuredWrench>,
     temperatures: Temperatures,
     /// The instrument that measures the tool, if the cell has one.
     pub instrument: Option<Box<Instrument>>,
@@ -90,37 +90,37 @@ impl SensorInputs {
 
     /// Takes new values and returns the inputs valid at `now_ns` (`CLOCK_MONOTONIC`, or the
     /// command's time in lockstep).
-    pub fn world(
+    pub fn cycle_inputs(
         &mut self,
         exchange: &Exchange,
         state: Option<&RobotState>,
         command: &Command,
         now_ns: u64,
-    ) -> World {
+    ) -> CycleInputs {
         if let Some(state) = state {
             if state.has(RobotState::HAS_TEMPERATURE) {
-                self.temperatures.take(&state.temperature_c, now_ns);
+                self.temperatures.update(&state.temperature_c, now_ns);
             }
             if state.has(RobotState::HAS_Q) {
                 let joints = (state.joints as usize).min(JOINTS_MAX);
-                exchange.positions.measured.tell(&state.q_measured[..joints], now_ns);
+                exchange.positions.measured.store(&state.q_measured[..joints], now_ns);
             }
         }
         if command.has(Command::HAS_TEMPERATURE) {
-            self.temperatures.take(&command.temperature_c, now_ns);
+            self.temperatures.update(&command.temperature_c, now_ns);
         }
-        exchange.positions.commanded.tell(command.joints(), now_ns);
+        exchange.positions.commanded.store(command.joints(), now_ns);
         self.take_wrench(exchange, command, now_ns);
-        let celsius = *self.temperatures.known(now_ns);
+        let celsius = *self.temperatures.valid_at(now_ns);
         exchange.counters.stale_temperatures.store(self.temperatures.stale(), Relaxed);
         let mut joint_celsius = [f64::NAN; JOINTS_MAX];
         joint_celsius.copy_from_slice(&celsius[1..]);
-        World {
+        CycleInputs {
             wrench: self.measured.map(|measured| sample(&measured, now_ns)),
             ambient_celsius: celsius[0],
             joint_celsius,
             spindle_rpm: f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)),
-            ..World::default()
+            ..CycleInputs::default()
         }
     }
 
@@ -143,15 +143,19 @@ impl SensorInputs {
             }
             WrenchSource::Command if command.has(Command::HAS_WRENCH) => {
                 let in_base = command.has(Command::WRENCH_IN_BASE);
-                self.measured =
-                    Some(Measured { wrench: command.wrench, in_base, t_ns: now_ns, faulty: false });
+                self.measured = Some(MeasuredWrench {
+                    wrench: command.wrench,
+                    in_base,
+                    t_ns: now_ns,
+                    faulty: false,
+                });
             }
             WrenchSource::Command | WrenchSource::None => {}
         }
     }
 }
 
-fn sample(measured: &Measured, now_ns: u64) -> WrenchSample {
+fn sample(measured: &MeasuredWrench, now_ns: u64) -> WrenchSample {
     let [fx, fy, fz, mx, my, mz] = measured.wrench;
     WrenchSample {
         wrench: Wrench { force: DVec3::new(fx, fy, fz), moment: DVec3::new(mx, my, mz) },

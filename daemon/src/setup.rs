@@ -7,12 +7,12 @@ pub mod check;
 use crate::feed::CellFeed;
 use crate::instrument::Instrument;
 use crate::lead::LeadSettings;
-use crate::pacer::Wait;
+use crate::pacer::WaitMode;
 use crate::sensor_inputs::{SensorInputs, WrenchSource};
-use crate::vibration::{BlockRules, Clock, ForceProcessor};
+use crate::vibration::{BlockRules, ClockTolerance, ForceProcessor};
 use corrector::{
-    DELAYS, FEED_DELAYS, FeedLimit, FeedRules, FeedSettings, Mode, Settings, Task, Trim, TrimRules,
-    TrimSettings, WrenchSettings,
+    FEED_TIME_CONSTANT_DELAYS, FeedLimit, FeedRules, FeedSettings, Mode, Settings,
+    TRIM_TIME_CONSTANT_DELAYS, Task, Trim, TrimRules, TrimSettings, WrenchSettings,
 };
 use envelope::{Limits, LimitsError, OverrideLimits};
 use glam::DVec3;
@@ -21,9 +21,9 @@ use physics::{Arm, Inputs, JOINTS_MAX, JointKind, Memories, Model, Wrench};
 use recording::cell::{self, CellConfig};
 use recording::faults::Fault;
 use recording::model::RobotModel;
-use recording::series::Frame;
+use recording::series::CoordinateFrame;
 use shm_schema::{FORCE_SAMPLES_MAX, JointBounds, SPECTRUM_BINS_MAX};
-use spectrum::{ConfigError, Overview, Stream, Watch, WatchConfig};
+use spectrum::{ConfigError, DisplaySpectrum, MonitorConfig, SensorStream, VibrationMonitor};
 
 /// Settings of the corrector.
 ///
@@ -83,9 +83,9 @@ pub fn force_processor(
     let Some(force) = config.force else { return Ok(ForceProcessor::None) };
     let sensor = sensor(config, force);
     let Some(vibration) = config.vibration else {
-        return Ok(ForceProcessor::Sensor(Box::new(Stream::new(&sensor))));
+        return Ok(ForceProcessor::Sensor(Box::new(SensorStream::new(&sensor))));
     };
-    let watch = Watch::new(WatchConfig {
+    let watch = VibrationMonitor::new(MonitorConfig {
         modes: modes(model, config.wrench.frame).collect(),
         least_amplitude_n: vibration.least_amplitude_n,
         least_amplitude_nm: vibration.least_amplitude_nm,
@@ -96,15 +96,15 @@ pub fn force_processor(
 }
 
 /// Spectra for displays: of the monitored band, or of the monitor's default one.
-pub(crate) fn overview(config: &CellConfig) -> Option<Box<Overview>> {
+pub(crate) fn overview(config: &CellConfig) -> Option<Box<DisplaySpectrum>> {
     let sensor = sensor(config, config.force?);
-    Some(Box::new(Overview::new(&sensor, SPECTRUM_BINS_MAX)))
+    Some(Box::new(DisplaySpectrum::new(&sensor, SPECTRUM_BINS_MAX)))
 }
 
-fn sensor(config: &CellConfig, force: cell::Force) -> WatchConfig {
-    let standard = WatchConfig::default();
+fn sensor(config: &CellConfig, force: cell::Force) -> MonitorConfig {
+    let standard = MonitorConfig::default();
     let band_hz = config.vibration.map_or(standard.band_hz, |v| [v.band_hz.0, v.band_hz.1]);
-    WatchConfig {
+    MonitorConfig {
         rate_hz: force.rate_hz,
         channels: force.channels,
         full_scale_n: force.full_scale_n,
@@ -119,7 +119,7 @@ fn sensor(config: &CellConfig, force: cell::Force) -> WatchConfig {
 pub fn block_rules(config: &CellConfig, lockstep: bool) -> BlockRules {
     let live = config.force.filter(|_| !lockstep);
     BlockRules {
-        clock: live.map(|force| Clock {
+        clock: live.map(|force| ClockTolerance {
             ahead_ns: nanoseconds(force.ahead_s),
             late_ns: nanoseconds(force.late_s),
         }),
@@ -129,11 +129,11 @@ pub fn block_rules(config: &CellConfig, lockstep: bool) -> BlockRules {
 
 /// The model's natural frequencies. Their directions are in base axes, so they apply to the force
 /// channels only if these are too.
-pub fn modes(model: &RobotModel, frame: Frame) -> impl Iterator<Item = spectrum::Mode> {
+pub fn modes(model: &RobotModel, frame: CoordinateFrame) -> impl Iterator<Item = spectrum::Mode> {
     model.file.modes.iter().map(move |mode| spectrum::Mode {
         frequency_hz: mode.frequency_hz,
         damping: mode.damping_ratio.unwrap_or(0.0),
-        direction: mode.direction.filter(|_| frame == Frame::Base).unwrap_or([0.0; 3]),
+        direction: mode.direction.filter(|_| frame == CoordinateFrame::Base).unwrap_or([0.0; 3]),
     })
 }
 
@@ -190,7 +190,7 @@ fn feed(config: &CellConfig) -> Option<Box<CellFeed>> {
         hold_s: feed.hold_s,
         stale_s: config.wrench.stale_s,
         delay_s: feed.latency_s,
-        time_constant_s: feed.time_constant_s.unwrap_or(FEED_DELAYS * feed.latency_s),
+        time_constant_s: feed.time_constant_s.unwrap_or(FEED_TIME_CONSTANT_DELAYS * feed.latency_s),
         exponent: feed.exponent,
         relief: feed.relief,
         rules: FeedRules::default(),
@@ -244,16 +244,17 @@ fn instrument(config: &CellConfig) -> Option<Box<Instrument>> {
         limit_m: measured.limit_m,
         rules: TrimRules::default(),
     };
-    settings.time_constant_s = measured.time_constant_s.unwrap_or(DELAYS * settings.delay_s());
+    settings.time_constant_s =
+        measured.time_constant_s.unwrap_or(TRIM_TIME_CONSTANT_DELAYS * settings.delay_s());
     let trim = Trim::new(settings);
     Some(Box::new(Instrument::new(trim, nanoseconds(measured.latency_s))))
 }
 
 /// How the cycle waits.
-pub fn wait(config: &CellConfig) -> Wait {
+pub fn wait_mode(config: &CellConfig) -> WaitMode {
     match config.cycle.wait {
-        cell::Wait::Sleep => Wait::Sleep,
-        cell::Wait::Spin => Wait::Spin,
+        cell::WaitMode::Sleep => WaitMode::Sleep,
+        cell::WaitMode::Spin => WaitMode::Spin,
     }
 }
 
@@ -279,7 +280,7 @@ pub fn mode_max(config: &CellConfig) -> shm_schema::Mode {
 
 fn envelope(config: &CellConfig, arm: &Arm) -> Result<[Limits; JOINTS_MAX], LimitsError> {
     let of_joint = |i: usize, kind| {
-        let (angle, rate, jerk) = config.envelope.of_joint(i, kind);
+        let (angle, rate, jerk) = config.envelope.limits_of_joint(i, kind);
         Limits::new(angle, rate, jerk)
     };
     let mut limits = [of_joint(0, arm.joints()[0].kind)?; JOINTS_MAX];

@@ -1,9 +1,9 @@
-//! Spectra of the force for displays (`/spectrum`), while somebody reads them.
+//! Force spectra for displays (`/spectrum`), while they are read.
 //!
-//! Part of the thread `vibration`. No verdict is made from them; without a reader a block costs one look at the number of readers.
+//! Part of the thread `vibration`. Verdicts do not use them; without a reader each block costs one check of the number of readers.
 
 use shm_schema::{DaemonPorts, PortError, Publisher, SendOutcome, Spectrum, monotonic_ns};
-use spectrum::{Block, Overview};
+use spectrum::{Block, DisplaySpectrum};
 
 /// Least time between two spectra, ns.
 const EVERY_NS: u64 = 100_000_000;
@@ -12,7 +12,7 @@ const EVERY_NS: u64 = 100_000_000;
 pub(crate) struct Spectra {
     port: Publisher<Spectrum>,
     /// `None`: the cell has no force stream of a known rate.
-    overview: Option<Box<Overview>>,
+    overview: Option<Box<DisplaySpectrum>>,
     message: Box<Spectrum>,
     due_ns: u64,
 }
@@ -21,7 +21,7 @@ impl Spectra {
     /// Creates the port, in the thread that will use it.
     pub(crate) fn join(
         ports: &DaemonPorts,
-        overview: Option<Box<Overview>>,
+        overview: Option<Box<DisplaySpectrum>>,
     ) -> Result<Self, PortError> {
         let bins = overview.as_ref().map(|overview| overview.bins());
         let message = bins.map_or_else(Spectrum::default, |bins| Spectrum {
@@ -35,7 +35,7 @@ impl Spectra {
     }
 
     /// Continues on the ports of another epoch.
-    pub(crate) fn move_to(&mut self, port: Publisher<Spectrum>) {
+    pub(crate) fn rejoin(&mut self, port: Publisher<Spectrum>) {
         self.port = port;
     }
 
@@ -45,7 +45,7 @@ impl Spectra {
     }
 
     /// Takes a block that the sensor's checks have accepted.
-    pub(crate) fn take(&mut self, block: &Block<'_>) {
+    pub(crate) fn push_block(&mut self, block: &Block<'_>) {
         let Some(overview) = &mut self.overview else { return };
         if self.port.has_reader() {
             overview.push(block);
@@ -54,7 +54,7 @@ impl Spectra {
         }
     }
 
-    /// Sends a spectrum if one is due and there are samples for it; the time of the last sample of the one before must have passed.
+    /// Sends a spectrum if one is due and there are new samples since the previous one.
     pub(crate) fn send_if_due(&mut self, now_ns: u64) {
         let Some(overview) = &mut self.overview else { return };
         if now_ns < self.due_ns || overview.end_ns() == self.message.t_ns {
@@ -67,7 +67,7 @@ impl Spectra {
         self.message.t_ns = overview.end_ns();
         self.message.made_ns = monotonic_ns();
         self.message.seq += 1;
-        // The last reader may have left since: then nobody misses it.
+        // The last reader may have disconnected since: then it is not counted.
         if self.port.send(&self.message) == SendOutcome::NoReader {
             self.message.seq -= 1;
         }

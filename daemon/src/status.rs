@@ -1,13 +1,13 @@
 //! The status of the daemon, from the counters and the state of the vibration thread.
 //!
-//! A status can be generated at any time without waiting; every fault of the force stream is
-//! included.
+//! A status can be composed at any time without waiting; it includes every fault of the force
+//! stream.
 
-use crate::ageing::Age;
+use crate::ageing::ModelAgeing;
 use crate::exchange::{Exchange, SensorStatus};
 use crate::lead::LeadSettings;
 use crate::setup;
-use crate::temperatures::places;
+use crate::temperatures::place_names;
 use crate::verdicts::faults;
 use corrector::Mode;
 use joint_dynamics::plant::Plants;
@@ -25,9 +25,9 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 /// A daemon without a command for this long is idle, ns.
 const IDLE_AFTER_NS: u64 = 500_000_000;
 
-/// Values that rarely change.
+/// Composes the status: constants of cell and model, and the newest sensor status.
 #[derive(Debug)]
-pub struct Constants {
+pub struct StatusBuilder {
     started_ns: u64,
     joints: u32,
     model_hash: u64,
@@ -37,7 +37,7 @@ pub struct Constants {
     uncompensated: u32,
     /// Settings of the compensation of delay, lags and modes; `None` if it is off.
     pub lead: Option<LeadSettings>,
-    /// Whether the model has effects that depend on a temperature.
+    /// Whether the model has temperature-dependent effects.
     is_thermal: bool,
     bounds: JointBounds,
     /// Share of the position limit in the mode that corrects.
@@ -52,12 +52,12 @@ pub struct Constants {
     pub mode_by: Option<String>,
     /// Time without force blocks after which silence is reported, ns; `None` without a stream.
     silent_after_ns: Option<u64>,
-    watches: bool,
+    monitors_vibration: bool,
     sensor_status: Option<SensorStatus>,
     seq: u64,
 }
 
-impl Constants {
+impl StatusBuilder {
     /// For this cell, model and limits.
     pub fn new(
         config: &CellConfig,
@@ -83,16 +83,16 @@ impl Constants {
             bypassed_by: None,
             mode_by: None,
             silent_after_ns: setup::silent_after_ns(config),
-            watches: config.vibration.is_some() && config.force.is_some(),
+            monitors_vibration: config.vibration.is_some() && config.force.is_some(),
             sensor_status: None,
             seq: 0,
         };
-        constants.take(model);
+        constants.set_model(model);
         constants
     }
 
     /// A new model is active.
-    pub fn take(&mut self, model: &RobotModel) {
+    pub fn set_model(&mut self, model: &RobotModel) {
         self.joints = model.physics.arm.count() as u32;
         self.model_hash = model.hash;
         self.geometry_hash = model.file.identity().geometry_hash();
@@ -115,12 +115,12 @@ impl Constants {
         bounds
     }
 
-    /// The present status, with this state of the process and this age of the model.
+    /// The present status, with the state of the process and the result of the ageing test.
     pub fn status(
         &mut self,
         exchange: &Exchange,
         process: &ProcessState,
-        age: &Age,
+        age: &ModelAgeing,
         now_ns: u64,
     ) -> Status {
         self.seq += 1;
@@ -168,20 +168,20 @@ impl Constants {
             bounds: self.bounds(exchange.mode()),
             q_command: counters.q_command(),
             correction: counters.correction(),
-            robot_maker: name(self.robot.maker.as_deref()),
-            robot_type: name(self.robot.kind.as_deref()),
-            robot_serial: name(self.robot.serial.as_deref()),
+            robot_maker: robot_name(self.robot.maker.as_deref()),
+            robot_type: robot_name(self.robot.kind.as_deref()),
+            robot_serial: robot_name(self.robot.serial.as_deref()),
             ..Status::default()
         };
         self.add_sensor_status(exchange, process, &mut status);
-        age.put(&mut status);
-        counters.trim.put(&mut status);
-        counters.feed.put(&mut status);
-        counters.lead.put(&mut status);
+        age.write_status(&mut status);
+        counters.trim.write_status(&mut status);
+        counters.feed.write_status(&mut status);
+        counters.lead.write_status(&mut status);
         let health = self.health(exchange, &status);
         status.health = health.code();
-        let aged = age.words(status.t_ns);
-        status.message = Text::new(&self.words(exchange, health, &status, aged.as_deref()));
+        let aged = age.message(status.t_ns);
+        status.message = Text::new(&self.summary(exchange, health, &status, aged.as_deref()));
         status
     }
 
@@ -198,7 +198,7 @@ impl Constants {
         .code();
         let SensorStatus { health, clock_faults, line } = self.sensor_status.unwrap_or_default();
         let silent = self.is_silent(exchange, status.t_ns);
-        let watch = match (self.watches, self.sensor_status) {
+        let watch = match (self.monitors_vibration, self.sensor_status) {
             (false, _) => WatchState::Off,
             (true, Some(_)) if !health.learning => WatchState::Watching,
             (true, _) => WatchState::Learning,
@@ -221,11 +221,11 @@ impl Constants {
     }
 
     fn health(&self, exchange: &Exchange, status: &Status) -> Health {
-        if !exchange.runs() {
+        if !exchange.is_running() {
             Health::Stopping
         } else if status.force_faults().next().is_some() || recorder_fault(status).is_some() {
             Health::Degraded
-        } else if !commands_come(exchange, status.t_ns) {
+        } else if !commands_arrive(exchange, status.t_ns) {
             Health::Idle
         } else if self.last_reason(exchange).is_some()
             || status.model_broken_since_ns > 0
@@ -239,16 +239,16 @@ impl Constants {
         }
     }
 
-    /// Why the last target was not simply corrected, if it should be reported.
+    /// Why the status of the last target is not `corrected`, if this is to be reported.
     fn last_reason(&self, exchange: &Exchange) -> Option<Reason> {
-        let said = exchange.counters.last_said.load(Relaxed) as u32;
+        let said = exchange.counters.last_status_and_reason.load(Relaxed) as u32;
         let reason = Reason::try_from(said).ok()?;
         let quiet = [Reason::None, Reason::Starting, Reason::ShadowMode, Reason::Bypass];
         (!quiet.contains(&reason)).then_some(reason)
     }
 
     /// Summary for users, most urgent first.
-    fn words(
+    fn summary(
         &self,
         exchange: &Exchange,
         health: Health,
@@ -267,7 +267,7 @@ impl Constants {
         if let (Some(by), Ok(mode)) = (&self.mode_by, status.mode()) {
             add(format_args!("mode {mode} {by}"));
         }
-        if commands_come(exchange, status.t_ns)
+        if commands_arrive(exchange, status.t_ns)
             && let Some(reason) = self.last_reason(exchange)
         {
             add(format_args!("{reason}"));
@@ -282,7 +282,7 @@ impl Constants {
             add(format_args!("{fault}"));
         }
         if self.is_thermal && status.stale_temperatures != 0 {
-            let stale = places(status.stale_temperatures);
+            let stale = place_names(status.stale_temperatures);
             add(format_args!("temperatures are stale and treated as unknown: {stale}"));
         }
         if let Some(fault) = recorder_fault(status) {
@@ -304,7 +304,7 @@ impl Constants {
 }
 
 /// A name of the robot for a message; empty if the model does not state it.
-fn name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
+fn robot_name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
     Text::new(name.unwrap_or_default())
 }
 
@@ -373,13 +373,13 @@ fn recorder_fault(status: &Status) -> Option<&'static str> {
 }
 
 /// Whether commands arrived recently.
-pub fn commands_come(exchange: &Exchange, now_ns: u64) -> bool {
+pub fn commands_arrive(exchange: &Exchange, now_ns: u64) -> bool {
     let last_ns = exchange.counters.last_command_ns.load(Relaxed);
     last_ns != 0 && now_ns.saturating_sub(last_ns) <= IDLE_AFTER_NS
 }
 
 /// Conversion of a mode for the corrector.
-pub fn mode_of(mode: shm_schema::Mode) -> Mode {
+pub fn corrector_mode(mode: shm_schema::Mode) -> Mode {
     match mode {
         shm_schema::Mode::Shadow => Mode::Shadow,
         shm_schema::Mode::Limited => Mode::Limited,

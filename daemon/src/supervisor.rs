@@ -1,20 +1,20 @@
-//! Supervision: status, requests, reload of the model, dead clients.
+//! Supervision: status, requests, reload of the model, cleanup after terminated clients.
 //!
 //! Thread of [`crate::run`], 50 times a second. A model that cannot be loaded has no effect, and
 //! its errors are reported; a valid one is activated between two cycles. The cycle never waits for
 //! this thread.
 
-use crate::ageing::Age;
+use crate::ageing::ModelAgeing;
 use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel, RecorderAnswer};
 use crate::lead::LeadSettings;
-use crate::notebook::States;
-use crate::process::Process;
-use crate::{admission, at_rest, log_model, recorder, sender, status};
+use crate::process::ProcessTracker;
+use crate::recording_log::StatusFilter;
+use crate::{admission, log_model, recorder, sender, stable_file, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
-use recording::blackbox::{LogRecord, ModelChange};
 use recording::cell::CellConfig;
+use recording::mcap_recording::{LogRecord, ModelChange};
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
@@ -26,19 +26,19 @@ use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
 /// Period of the supervisor.
-pub const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Periods between two messages on `/status`.
+pub const PERIOD: Duration = Duration::from_millis(20);
+/// Number of periods between two messages on `/status`.
 const STATUS_EVERY: u32 = 2;
 /// Time limit for closing a recording, in which its disk writes outstanding data.
-const CLOSING_MAX: Duration = Duration::from_secs(3);
+const CLOSING_TIMEOUT: Duration = Duration::from_secs(3);
 /// Time limit for adopting a model, or for threads to switch to a new epoch.
-const PATIENCE: Duration = Duration::from_millis(500);
+const HANDOVER_TIMEOUT: Duration = Duration::from_millis(500);
 /// Least time between two epochs, so that repeated rejoin requests or damage to the cell's files do
 /// not move all clients continually.
 const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// Level of markers in the recording's log.
-const MARK: &str = "mark";
+const MARKER_LEVEL: &str = "mark";
 
 /// State of the supervisor.
 #[derive(Debug)]
@@ -50,18 +50,18 @@ pub struct Supervisor {
     model_path: PathBuf,
     model: RobotModel,
     model_epoch: u64,
-    constants: status::Constants,
-    process: Process,
-    age: Age,
+    constants: status::StatusBuilder,
+    process: ProcessTracker,
+    age: ModelAgeing,
     /// Standard uncertainty of the model by its validation, m; `None`: the trim's estimate is not
     /// compared with it.
     model_sigma_m: Option<f64>,
     change_log: ChangeLog,
-    states: States,
+    states: StatusFilter,
     requests: RequestLog,
-    looks: u32,
+    periods: u32,
     /// Summary of the last status.
-    said: Text<512>,
+    last_message: Text<512>,
     renewed: Option<Instant>,
 }
 
@@ -83,15 +83,15 @@ impl Supervisor {
             control: ports.control()?,
             model_path: config.model.clone(),
             model_epoch: 1,
-            constants: status::Constants::new(config, &model, bounds, lead, monotonic_ns()),
-            process: Process::new(config, &model),
-            age: Age::default(),
+            constants: status::StatusBuilder::new(config, &model, bounds, lead, monotonic_ns()),
+            process: ProcessTracker::new(config, &model),
+            age: ModelAgeing::default(),
             model_sigma_m: config.measured.and_then(|measured| measured.model_sigma_m),
             change_log: ChangeLog::default(),
-            states: States::default(),
+            states: StatusFilter::default(),
             requests: RequestLog::default(),
-            looks: 0,
-            said: Text::new("starting"),
+            periods: 0,
+            last_message: Text::new("starting"),
             renewed: None,
             domain,
             model,
@@ -102,18 +102,18 @@ impl Supervisor {
     ///
     /// # Errors
     /// [`DomainError::AlreadyServed`] if another daemon has taken over this cell.
-    pub fn look(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
+    pub fn run_period(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         free_retired(exchange);
         self.serve(exchange);
-        let commands_come = status::commands_come(exchange, monotonic_ns());
-        self.process.look(&self.model, exchange, commands_come);
+        let commands_come = status::commands_arrive(exchange, monotonic_ns());
+        self.process.update(&self.model, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
             info!(clients = found.cleaned, "cleaned up after terminated clients");
         }
-        let wanted = found.knocked || found.torn;
+        let wanted = found.epoch_requested || found.files_damaged;
         if wanted && self.renewed.is_none_or(|at| at.elapsed() > RENEW_AGAIN_AFTER) {
-            let why = if found.torn {
+            let why = if found.files_damaged {
                 "its shared-memory files were removed or changed"
             } else {
                 "a client cannot join"
@@ -122,39 +122,40 @@ impl Supervisor {
             self.renewed = Some(Instant::now());
             self.renew(exchange)?;
         }
-        if self.looks.is_multiple_of(STATUS_EVERY) {
-            self.tell(exchange);
+        if self.periods.is_multiple_of(STATUS_EVERY) {
+            self.publish_status(exchange);
         }
-        self.looks = self.looks.wrapping_add(1);
+        self.periods = self.periods.wrapping_add(1);
         Ok(())
     }
 
     /// Publishes the present status and logs changes.
-    pub fn tell(&mut self, exchange: &Exchange) {
+    pub fn publish_status(&mut self, exchange: &Exchange) {
         let process = self.process.state();
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         if let Some(sigma_m) = self.model_sigma_m {
-            self.age.watch(&message, sigma_m);
+            self.age.add_trim_estimate(&message, sigma_m);
         }
-        self.said = message.message;
-        if let Some(state) = self.states.take(&message) {
-            exchange.note_state(state);
+        self.last_message = message.message;
+        if let Some(state) = self.states.select(&message) {
+            exchange.record_status(state);
         }
         self.change_log.log(exchange, &message);
     }
 
     /// Summary of the last status.
     #[must_use]
-    pub fn words(&self) -> &str {
-        self.said.as_str()
+    pub fn summary(&self) -> &str {
+        self.last_message.as_str()
     }
 
     fn serve(&mut self, exchange: &Exchange) {
         let Self { control, model_path, model, model_epoch, constants, process, age, .. } = self;
         let requests = &mut self.requests;
-        while control.serve_known(|request, pid| {
-            let mut desk = Desk { model_path, model, model_epoch, constants, process, age, pid };
+        while control.serve_with_pid(|request, pid| {
+            let mut desk =
+                RequestHandler { model_path, model, model_epoch, constants, process, age, pid };
             let (answer, words) = desk.answer(exchange, request);
             requests.log(request.operation, answer, &words, pid, monotonic_ns());
             Response::to(request, answer, &words)
@@ -179,14 +180,14 @@ impl Supervisor {
         }
         let since = Instant::now();
         let taken = || exchange.new_ports.iter().all(ArrayQueue::is_empty);
-        while !taken() && since.elapsed() < PATIENCE {
+        while !taken() && since.elapsed() < HANDOVER_TIMEOUT {
             std::thread::sleep(Duration::from_millis(1));
         }
         match (ports.publisher(), ports.control()) {
             (Ok(status), Ok(control)) => (self.status, self.control) = (status, control),
             _ => warn!("no status or control service in the new epoch"),
         }
-        self.tell(exchange);
+        self.publish_status(exchange);
         if let Err(fault) = self.domain.announce() {
             warn!(%fault, "the new epoch could not be announced");
         }
@@ -195,18 +196,18 @@ impl Supervisor {
 }
 
 /// Answers requests.
-struct Desk<'a> {
+struct RequestHandler<'a> {
     model_path: &'a mut PathBuf,
     model: &'a mut RobotModel,
     model_epoch: &'a mut u64,
-    constants: &'a mut status::Constants,
-    process: &'a mut Process,
-    age: &'a mut Age,
+    constants: &'a mut status::StatusBuilder,
+    process: &'a mut ProcessTracker,
+    age: &'a mut ModelAgeing,
     /// The requesting process.
     pid: Option<u32>,
 }
 
-impl Desk<'_> {
+impl RequestHandler<'_> {
     fn answer(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
         let Ok(operation) = request.operation() else {
             return (Answer::Malformed, format!("unknown operation {}", request.operation));
@@ -217,11 +218,11 @@ impl Desk<'_> {
             Operation::Reload => self.reload(exchange, request),
             Operation::Bypass => self.bypass(exchange, on),
             Operation::Arm => self.arm(exchange, on),
-            Operation::ProcessState => self.process.tell(exchange, request),
-            Operation::Measured => self.age.tell(&self.model.physics, request),
-            Operation::Mode => self.go_to(exchange, request.on),
+            Operation::ProcessState => self.process.add_report(exchange, request),
+            Operation::Measured => self.age.add_measurement(&self.model.physics, request),
+            Operation::Mode => self.request_mode(exchange, request.on),
             Operation::Mark => self.mark(exchange, request.path.as_str()),
-            Operation::Record => record(exchange, request.on),
+            Operation::Record => request_recorder(exchange, request.on),
         }
     }
 
@@ -234,22 +235,26 @@ impl Desk<'_> {
             );
             return (Answer::Refused, words);
         }
-        let says = format!("{text} (by {})", sender::words(self.pid));
-        exchange.note(|| LogRecord { t_ns: monotonic_ns(), level: MARK.to_owned(), says });
+        let says = format!("{text} (by {})", sender::description(self.pid));
+        exchange.record_line(|| LogRecord {
+            t_ns: monotonic_ns(),
+            level: MARKER_LEVEL.to_owned(),
+            says,
+        });
         (Answer::Done, "marked".to_owned())
     }
 
     fn bypass(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
         let was = exchange.bypassed.swap(on, Relaxed);
         if was != on {
-            self.constants.bypassed_by = on.then(|| sender::words_of_now(self.pid));
+            self.constants.bypassed_by = on.then(|| sender::description_with_time(self.pid));
         }
         let words = if on { "the correction ramps out" } else { "the correction ramps in" };
         (Answer::Done, words.to_owned())
     }
 
     /// Sets a mode; the corrector and the client's limiter ramp the change.
-    fn go_to(&mut self, exchange: &Exchange, code: u32) -> (Answer, String) {
+    fn request_mode(&mut self, exchange: &Exchange, code: u32) -> (Answer, String) {
         let Ok(mode) = shm_schema::Mode::try_from(code) else {
             return (Answer::Malformed, format!("unknown mode {code}"));
         };
@@ -266,21 +271,21 @@ impl Desk<'_> {
             shm_schema::Mode::Limited => "limited: corrections up to a tenth of the limits",
             shm_schema::Mode::Full => "full: corrections up to the limits",
         };
-        self.set_mode(exchange, status::mode_of(mode));
+        self.set_mode(exchange, status::corrector_mode(mode));
         (Answer::Done, words.to_owned())
     }
 
     fn set_mode(&mut self, exchange: &Exchange, mode: Mode) {
         if mode != exchange.mode() {
-            self.constants.mode_by = Some(sender::words_of_now(self.pid));
+            self.constants.mode_by = Some(sender::description_with_time(self.pid));
         }
         exchange.set_mode(mode);
-        exchange.rearm.store(mode != Mode::Shadow, Relaxed);
+        exchange.rearm_wrench.store(mode != Mode::Shadow, Relaxed);
     }
 
     fn arm(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
         // Independent of the configured mode: the registration of the instrument was checked.
-        exchange.believe_instrument.store(on, Relaxed);
+        exchange.rearm_instrument.store(on, Relaxed);
         let (mode, words) = match (on, self.constants.armed_mode) {
             (false, _) => (Mode::Shadow, "shadow: commands pass unchanged"),
             (true, Some(mode)) => (mode, "armed: corrections are applied"),
@@ -298,11 +303,11 @@ impl Desk<'_> {
     fn reload(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
         let path = request.path.as_str();
         let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
-        let next = match at_rest::read(&path) {
+        let next = match stable_file::read(&path) {
             Ok(next) => next,
-            Err(fault) => return (Answer::Refused, brief(&fault)),
+            Err(fault) => return (Answer::Refused, shortened(&fault)),
         };
-        let asked = admission::Request {
+        let asked = admission::ReloadRequest {
             other_robot: request.other_robot != 0,
             in_shadow: exchange.mode() == Mode::Shadow,
         };
@@ -316,11 +321,11 @@ impl Desk<'_> {
         log_model(&next, self.constants.lead.is_some());
         let header = recorder::header("", &next, *self.model_epoch, String::new());
         exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
-        self.constants.take(&next);
-        self.process.take(&next);
-        *self.age = Age::default();
+        self.constants.set_model(&next);
+        self.process.set_model(&next);
+        *self.age = ModelAgeing::default();
         (*self.model_path, *self.model) = (path, next);
-        (Answer::Done, brief(&words))
+        (Answer::Done, shortened(&words))
     }
 
     /// Activates the model between two cycles and waits until the cycle has it.
@@ -328,15 +333,15 @@ impl Desk<'_> {
         let epoch = *self.model_epoch + 1;
         let filter = self.constants.lead.and_then(|lead| lead.filter(next));
         let loaded = Box::new(LoadedModel { filter, ..LoadedModel::new(next.physics, epoch) });
-        // Several requests may arrive in one period: the cycle must always find room for the model
-        // that it returns.
+        // Several requests may arrive in one period: the ring must always have space for the model
+        // that the cycle returns.
         free_retired(exchange);
         if exchange.next_model.push(loaded).is_err() {
             return false;
         }
         let since = Instant::now();
         while !exchange.next_model.is_empty() {
-            if since.elapsed() > PATIENCE && exchange.next_model.pop().is_some() {
+            if since.elapsed() > HANDOVER_TIMEOUT && exchange.next_model.pop().is_some() {
                 return false;
             }
             std::thread::sleep(Duration::from_micros(200));
@@ -347,26 +352,26 @@ impl Desk<'_> {
 }
 
 /// Passes a request to the recorder, and returns its answer.
-fn record(exchange: &Exchange, code: u32) -> (Answer, String) {
+fn request_recorder(exchange: &Exchange, code: u32) -> (Answer, String) {
     let Ok(action) = RecorderAction::try_from(code) else {
         return (Answer::Malformed, format!("unknown recorder request {code}"));
     };
-    if !exchange.records() {
+    if !exchange.has_recorder() {
         let words = "this cell has no recorder; add a table [recorder] to its configuration";
         return (Answer::Refused, words.to_owned());
     }
-    // Late answers of a slow recorder.
-    while exchange.recorder_answered.pop().is_some() {}
-    exchange.recorder_asked.force_push(action);
+    // Discards late answers of a slow recorder.
+    while exchange.recorder_answers.pop().is_some() {}
+    exchange.recorder_requests.force_push(action);
     let since = Instant::now();
-    while since.elapsed() < CLOSING_MAX {
-        if let Some(RecorderAnswer { answer, says }) = exchange.recorder_answered.pop() {
-            return (answer, brief(&says));
+    while since.elapsed() < CLOSING_TIMEOUT {
+        if let Some(RecorderAnswer { answer, message: says }) = exchange.recorder_answers.pop() {
+            return (answer, shortened(&says));
         }
         std::thread::sleep(Duration::from_millis(1));
     }
-    // A request that nobody waits for any more is withdrawn.
-    let words = match exchange.recorder_asked.pop() {
+    // After the timeout the request is withdrawn.
+    let words = match exchange.recorder_requests.pop() {
         Some(_) => "the recorder does not respond; check its disk. Nothing was done",
         None => "the recorder is slow and still working; see `trued status`",
     };
@@ -379,6 +384,6 @@ fn free_retired(exchange: &Exchange) {
 }
 
 /// Shortens a message to the length of an answer: its first lines.
-fn brief(words: &str) -> String {
-    words.chars().take(admission::WORDS_MAX).collect()
+fn shortened(words: &str) -> String {
+    words.chars().take(admission::MESSAGE_BYTES_MAX).collect()
 }

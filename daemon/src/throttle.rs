@@ -10,19 +10,19 @@ const LONGEST_NS: u64 = 600_000_000_000;
 
 /// A count that is logged.
 #[derive(Clone, Copy, Debug)]
-pub struct Tally {
+pub struct CountThrottle {
     logged: u64,
     last_ns: Option<u64>,
     every_ns: u64,
 }
 
-impl Default for Tally {
+impl Default for CountThrottle {
     fn default() -> Self {
         Self { logged: 0, last_ns: None, every_ns: FIRST_NS }
     }
 }
 
-impl Tally {
+impl CountThrottle {
     /// Growth of a count since its last message, if another one is due.
     pub fn due(&mut self, total: u64, now_ns: u64) -> Option<u64> {
         let grown = total.saturating_sub(self.logged);
@@ -30,7 +30,7 @@ impl Tally {
         if grown == 0 || since_ns.is_some_and(|since_ns| since_ns < self.every_ns) {
             return None;
         }
-        // No growth for as long again: it had stopped.
+        // If nothing was counted for a further interval, the growth had stopped.
         let goes_on = since_ns.is_some_and(|since_ns| since_ns < 2 * self.every_ns);
         self.every_ns = if goes_on { (2 * self.every_ns).min(LONGEST_NS) } else { FIRST_NS };
         (self.logged, self.last_ns) = (total, Some(now_ns));
@@ -40,14 +40,14 @@ impl Tally {
 
 /// Rate limit of messages: a burst, then one per interval.
 #[derive(Clone, Copy, Debug)]
-pub struct Budget {
+pub struct MessageBudget {
     most: u32,
     every_ns: u64,
     left: u32,
     refilled_ns: u64,
 }
 
-impl Budget {
+impl MessageBudget {
     /// `most` messages at once, and one more per `every_ns`.
     #[must_use]
     pub fn new(most: u32, every_ns: u64) -> Self {
@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn a_count_is_logged_at_once_then_as_a_sum_and_less_and_less_often() {
-        let mut tally = Tally::default();
+        let mut tally = CountThrottle::default();
         let lines: Vec<(u64, u64)> =
             (0..200_u64).filter_map(|s| Some((s, tally.due(s * 1000 + 1, s * S)?))).collect();
         assert_eq!(lines, [(0, 1), (10, 10_000), (30, 20_000), (70, 40_000), (150, 80_000)]);
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn after_a_pause_the_next_one_is_logged_at_once_again() {
-        let mut tally = Tally::default();
+        let mut tally = CountThrottle::default();
         assert_eq!(tally.due(5, 0), Some(5));
         assert_eq!(tally.due(6, 9 * S), None);
         assert_eq!(tally.due(6, 10 * S), Some(1));
@@ -96,8 +96,9 @@ mod tests {
 
     #[test]
     fn a_budget_gives_a_burst_and_then_one_each_so_often() {
-        let mut budget = Budget::new(3, 2 * S);
-        let given = |budget: &mut Budget, s: u64| (0..10).filter(|_| budget.take(s * S)).count();
+        let mut budget = MessageBudget::new(3, 2 * S);
+        let given =
+            |budget: &mut MessageBudget, s: u64| (0..10).filter(|_| budget.take(s * S)).count();
         assert_eq!([0, 1, 2, 3, 4, 20].map(|s| given(&mut budget, s)), [3, 0, 1, 0, 1, 3]);
     }
 }

@@ -1,9 +1,9 @@
 //! Conversion between messages and corrector types: the only file of the daemon that uses both.
 //!
-//! Numbers of other processes are copied unchecked, for the corrector to validate; codes have the
-//! same names on both sides (tested).
+//! Numbers from other processes are copied without a check; the corrector validates them. Codes have
+//! the same names on both sides (tested).
 
-use corrector::{FeedReport, Gate, Outcome, TrimReport};
+use corrector::{FeedReport, GateState, Outcome, TrimReport};
 use physics::JOINTS_MAX;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, FeedReason, FeedState, Reason, TrimReason, TrimState,
@@ -42,7 +42,7 @@ pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
         correction: outcome.correction,
         correction_rate: outcome.correction_rate,
         correction_acceleration: outcome.correction_acceleration,
-        wanted: outcome.wanted,
+        wanted: outcome.requested,
         residual_m: outcome.residual.m,
         residual_rad: outcome.residual.rad,
         feed_override: 1.0,
@@ -131,14 +131,14 @@ pub fn feed(report: &FeedReport) -> (FeedState, FeedReason) {
     (state, reason)
 }
 
-fn gate(gate: Gate) -> WrenchGate {
+fn gate(gate: GateState) -> WrenchGate {
     match gate {
-        Gate::Absent => WrenchGate::Absent,
-        Gate::Open => WrenchGate::Open,
-        Gate::Partly => WrenchGate::Ramping,
-        Gate::GainTooHigh => WrenchGate::GainTooHigh,
-        Gate::Stale => WrenchGate::Stale,
-        Gate::Off => WrenchGate::Off,
-        Gate::SensorFault => WrenchGate::SensorFault,
+        GateState::Absent => WrenchGate::Absent,
+        GateState::Open => WrenchGate::Open,
+        GateState::Partly => WrenchGate::Ramping,
+        GateState::GainTooHigh => WrenchGate::GainTooHigh,
+        GateState::Stale => WrenchGate::Stale,
+        GateState::Off => WrenchGate::Off,
+        GateState::SensorFault => WrenchGate::SensorFault,
     }
 }

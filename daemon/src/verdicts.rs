@@ -1,6 +1,6 @@
 //! Conversion of the vibration monitor's verdicts and faults to messages.
 //!
-//! Complete; codes have the same names on both sides (tested). No allocation.
+//! Codes have the same names on both sides (tested). No allocation.
 
 use shm_schema::{Advice, SensorFault, Verdict, VibrationClass, VibrationState, monotonic_ns};
 use spectrum::{Fault, Faults, Health, NearestLine};
@@ -15,9 +15,9 @@ pub fn verdict(verdict: &spectrum::Verdict, health: &Health, seq: u64) -> Verdic
     let (nearest_mode_hz, mode_distance_hz) = at(verdict.mode);
     let (nearest_harmonic_hz, harmonic_distance_hz) = at(verdict.harmonic);
     let (nearest_alias_hz, alias_distance_hz) = at(verdict.alias);
-    let rivals = verdict.rivals.iter().fold(0, |bits, rival| bits | 1 << class(rival).code());
+    let rivals = verdict.alternatives.iter().fold(0, |bits, rival| bits | 1 << class(rival).code());
     let channel = verdict.axis.channel();
-    let advice = Advised::of(&verdict.advice);
+    let advice = AdviceFields::new(&verdict.advice);
     Verdict {
         seq,
         t_ns: verdict.t_ns,
@@ -88,15 +88,15 @@ fn class(class: spectrum::Class) -> VibrationClass {
 }
 
 /// An advice with its values.
-struct Advised {
+struct AdviceFields {
     code: Advice,
     rpm: f64,
     lobe: u32,
     gear: (u32, u32),
 }
 
-impl Advised {
-    fn of(advice: &spectrum::Advice) -> Self {
+impl AdviceFields {
+    fn new(advice: &spectrum::Advice) -> Self {
         use spectrum::Advice as From;
         let plain = |code| Self { code, rpm: f64::NAN, lobe: 0, gear: (0, 0) };
         match *advice {

@@ -6,25 +6,25 @@
 
 use crate::exchange::{Exchange, SensorStatus, count};
 use crate::pacer::sleep_until;
-use crate::sensor_inputs::Measured;
+use crate::sensor_inputs::MeasuredWrench;
 use crate::spectra::Spectra;
 use crate::verdicts;
 use shm_schema::{
     DaemonPorts, FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher,
     SensorFault, Subscriber, Verdict, monotonic_ns,
 };
-use spectrum::{Block, Health, Overview, State, Stream, Verdicts, Watch};
+use spectrum::{Block, DisplaySpectrum, Health, SensorStream, State, Verdicts, VibrationMonitor};
 use std::sync::atomic::Ordering::Relaxed;
 
 /// Polling interval of the thread, ns.
-const LOOK_EVERY_NS: u64 = 500_000;
+const POLL_EVERY_NS: u64 = 500_000;
 /// Polling interval if no block has arrived for [`SILENT_AFTER_NS`], ns.
-const SILENT_LOOK_EVERY_NS: u64 = 5_000_000;
+const SILENT_POLL_EVERY_NS: u64 = 5_000_000;
 /// A sensor without blocks for this long counts as silent, ns.
 const SILENT_AFTER_NS: u64 = 1_000_000_000;
-/// Limit on blocks taken in one poll: a sender without pause must not keep the thread from its
-/// orders.
-const BLOCKS_PER_LOOK: usize = 64;
+/// Largest number of blocks taken in one poll: a sender without pauses must not keep the thread from
+/// requests of the supervisor.
+const BLOCKS_PER_POLL: usize = 64;
 /// Interval of the sensor status, ns.
 const STATUS_EVERY_NS: u64 = 20_000_000;
 
@@ -33,14 +33,14 @@ pub enum ForceProcessor {
     /// No force stream: a wrench is passed on unchanged.
     None,
     /// Sensor and stream are monitored.
-    Sensor(Box<Stream>),
+    Sensor(Box<SensorStream>),
     /// Vibrations are monitored too.
-    Watch(Box<Watch>),
+    Watch(Box<VibrationMonitor>),
 }
 
 impl ForceProcessor {
     /// Takes a block; returns whether it was valid, and new verdicts.
-    fn take(&mut self, block: &Block<'_>) -> (bool, Verdicts) {
+    fn push(&mut self, block: &Block<'_>) -> (bool, Verdicts) {
         match self {
             Self::None => (block.channels > 0 && block.rate_hz > 0.0, Verdicts::default()),
             Self::Sensor(stream) => (stream.push(block), Verdicts::default()),
@@ -70,14 +70,14 @@ const NO_MEASUREMENT: [spectrum::Fault; 2] = [spectrum::Fault::Stuck, spectrum::
 
 /// Largest difference between the stamps of blocks and this machine's `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug)]
-pub struct Clock {
+pub struct ClockTolerance {
     /// Ahead of it, ns.
     pub ahead_ns: u64,
     /// From the last sample to the block's arrival, ns.
     pub late_ns: u64,
 }
 
-impl Clock {
+impl ClockTolerance {
     /// The fault of the stamps of a block that arrived at `now_ns`.
     fn fault(&self, t_ns: u64, length_ns: u64, now_ns: u64) -> Option<SensorFault> {
         if t_ns > now_ns.saturating_add(self.ahead_ns) {
@@ -94,7 +94,7 @@ impl Clock {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BlockRules {
     /// `None`: blocks carry a recording's time.
-    pub clock: Option<Clock>,
+    pub clock: Option<ClockTolerance>,
     /// The wrench is used although a channel is stuck or saturated.
     pub use_faulty_channels: bool,
 }
@@ -109,7 +109,7 @@ pub struct VibrationThread {
     /// Recent faults of the clock, each with the time until which it is reported.
     clock_faults: [(SensorFault, u64); 2],
     interleaved: Vec<f64>,
-    said: u64,
+    verdicts_sent: u64,
     status_due_ns: u64,
 }
 
@@ -121,7 +121,7 @@ impl VibrationThread {
     pub fn join(
         ports: &DaemonPorts,
         force_processor: ForceProcessor,
-        overview: Option<Box<Overview>>,
+        overview: Option<Box<DisplaySpectrum>>,
     ) -> Result<Self, PortError> {
         Ok(Self {
             blocks: ports.subscriber()?,
@@ -131,7 +131,7 @@ impl VibrationThread {
             rules: BlockRules::default(),
             clock_faults: [(SensorFault::InFuture, 0), (SensorFault::Late, 0)],
             interleaved: vec![0.0; FORCE_CHANNELS_MAX * FORCE_SAMPLES_MAX],
-            said: 0,
+            verdicts_sent: 0,
             status_due_ns: 0,
         })
     }
@@ -151,13 +151,13 @@ impl VibrationThread {
     /// Runs until the exchange is stopped.
     pub fn run(&mut self, exchange: &Exchange) {
         let mut heard_ns = 0;
-        while exchange.runs() {
-            self.take_orders(exchange);
+        while exchange.is_running() {
+            self.take_requests(exchange);
             let mut blocks = 0;
-            while blocks < BLOCKS_PER_LOOK
+            while blocks < BLOCKS_PER_POLL
                 && let Some(block) = self.blocks.take_next()
             {
-                self.listen(exchange, &block);
+                self.process_block(exchange, &block);
                 blocks += 1;
             }
             self.send_sensor_status(exchange);
@@ -165,18 +165,18 @@ impl VibrationThread {
             self.spectra.send_if_due(now_ns);
             heard_ns = if blocks > 0 { now_ns } else { heard_ns };
             let silent = now_ns - heard_ns > SILENT_AFTER_NS;
-            if blocks < BLOCKS_PER_LOOK {
-                sleep_until(now_ns + if silent { SILENT_LOOK_EVERY_NS } else { LOOK_EVERY_NS });
+            if blocks < BLOCKS_PER_POLL {
+                sleep_until(now_ns + if silent { SILENT_POLL_EVERY_NS } else { POLL_EVERY_NS });
             }
         }
     }
 
-    fn take_orders(&mut self, exchange: &Exchange) {
+    fn take_requests(&mut self, exchange: &Exchange) {
         while let Some(known) = exchange.monitor_inputs.pop() {
             if let ForceProcessor::Watch(watch) = &mut self.force_processor {
-                watch.process_state(known.state);
-                watch.wheels(known.wheels.into_iter().flatten());
-                watch.modes(known.modes.into_iter().flatten());
+                watch.set_process_state(known.state);
+                watch.set_gear_frequencies(known.wheels.into_iter().flatten());
+                watch.set_modes(known.modes.into_iter().flatten());
             }
         }
         if let Some(ports) = exchange.new_ports[1].pop()
@@ -184,11 +184,11 @@ impl VibrationThread {
                 (ports.subscriber(), ports.publisher(), ports.publisher())
         {
             (self.blocks, self.verdicts) = (blocks, verdicts);
-            self.spectra.move_to(spectra);
+            self.spectra.rejoin(spectra);
         }
     }
 
-    fn listen(&mut self, exchange: &Exchange, block: &ForceBlock) {
+    fn process_block(&mut self, exchange: &Exchange, block: &ForceBlock) {
         let now_ns = monotonic_ns();
         exchange.counters.last_block_ns.store(now_ns, Relaxed);
         let readable = block.check().is_ok();
@@ -212,14 +212,14 @@ impl VibrationThread {
             channels,
             samples: &self.interleaved[..channels * samples],
         };
-        let (is_good, news) = self.force_processor.take(&samples);
+        let (is_good, news) = self.force_processor.push(&samples);
         if is_good {
-            self.spectra.take(&samples);
+            self.spectra.push_block(&samples);
         }
-        self.say(exchange, &news);
+        self.publish_verdicts(exchange, &news);
         if is_good {
             count(&exchange.counters.force_blocks);
-            exchange.newest_wrench.force_push(self.measured(block, now_ns));
+            exchange.newest_wrench.force_push(self.wrench_of(block, now_ns));
         }
         if readable {
             exchange.record_block(block);
@@ -227,9 +227,9 @@ impl VibrationThread {
     }
 
     /// The wrench of a block, and whether it may be used.
-    fn measured(&mut self, block: &ForceBlock, now_ns: u64) -> Measured {
-        let mut measured = mean(block);
-        let Some(clock) = &self.rules.clock else { return self.judged(measured) };
+    fn wrench_of(&mut self, block: &ForceBlock, now_ns: u64) -> MeasuredWrench {
+        let mut measured = mean_wrench(block);
+        let Some(clock) = &self.rules.clock else { return self.with_channel_faults(measured) };
         let length_ns = (1e9 * f64::from(block.samples) / block.rate_hz) as u64;
         let fault = clock.fault(block.t_ns, length_ns, now_ns);
         for (known, until_ns) in &mut self.clock_faults {
@@ -237,14 +237,14 @@ impl VibrationThread {
                 *until_ns = now_ns.saturating_add(CLOCK_FAULT_HELD_NS);
             }
         }
-        // Whatever its clock says, it was measured before it arrived.
+        // A block cannot have been measured after its arrival, whatever its time stamp.
         measured.t_ns = measured.t_ns.min(now_ns);
         measured.faulty = fault.is_some();
-        self.judged(measured)
+        self.with_channel_faults(measured)
     }
 
-    /// The same, marked by the state of its channels.
-    fn judged(&self, measured: Measured) -> Measured {
+    /// The same, marked as faulty if a channel has a fault.
+    fn with_channel_faults(&self, measured: MeasuredWrench) -> MeasuredWrench {
         if self.rules.use_faulty_channels {
             return measured;
         }
@@ -252,19 +252,19 @@ impl VibrationThread {
         let no_measurement =
             |faults: &spectrum::Faults| NO_MEASUREMENT.iter().any(|fault| faults.contains(*fault));
         let faulty = measured.faulty || health.channel.iter().any(no_measurement);
-        Measured { faulty, ..measured }
+        MeasuredWrench { faulty, ..measured }
     }
 
-    fn say(&mut self, exchange: &Exchange, news: &Verdicts) {
+    fn publish_verdicts(&mut self, exchange: &Exchange, news: &Verdicts) {
         if news.is_empty() {
             return;
         }
         let health = self.force_processor.health();
         for verdict in news {
-            self.said += 1;
-            let message = verdicts::verdict(verdict, &health, self.said);
+            self.verdicts_sent += 1;
+            let message = verdicts::verdict(verdict, &health, self.verdicts_sent);
             self.verdicts.send(&message);
-            // Rings may be full: what is lost there was published anyway.
+            // If a ring is full, the verdict is missing there; it has been published.
             let _ = exchange.new_verdicts.push(message);
             let _ = exchange.verdicts.push(message);
         }
@@ -284,7 +284,7 @@ impl VibrationThread {
             ForceProcessor::Watch(watch) => most_advanced(&watch.lines()),
             ForceProcessor::None | ForceProcessor::Sensor(_) => None,
         };
-        let line = line.map(|line| verdicts::verdict(&line, &health, self.said));
+        let line = line.map(|line| verdicts::verdict(&line, &health, self.verdicts_sent));
         let new_verdicts = self.clock_faults.iter().filter(|(_, until_ns)| *until_ns > now_ns);
         let clock_faults = new_verdicts.fold(0, |set, (fault, _)| set | fault.bit());
         let _ = exchange.sensor_status.push(SensorStatus { health, clock_faults, line });
@@ -302,7 +302,7 @@ fn most_advanced(lines: &Verdicts) -> Option<spectrum::Verdict> {
 }
 
 /// The block's mean, at its middle: the wrench for the cycle.
-fn mean(block: &ForceBlock) -> Measured {
+fn mean_wrench(block: &ForceBlock) -> MeasuredWrench {
     let mut wrench = [0.0; FORCE_CHANNELS_MAX];
     for (channel, mean) in wrench.iter_mut().enumerate() {
         let samples = block.channel(channel);
@@ -312,5 +312,5 @@ fn mean(block: &ForceBlock) -> Measured {
     }
     let half_ns = (0.5e9 * f64::from(block.samples) / block.rate_hz) as u64;
     let in_base = block.flags & ForceBlock::IN_BASE != 0;
-    Measured { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns), faulty: false }
+    MeasuredWrench { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns), faulty: false }
 }

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use physics::{JOINTS_MAX, Joints};
 use recording::outputs::Outputs;
-use recording::series::{Recording, about_path};
+use recording::series::{Recording, metadata_path};
 use report::Provenance;
 use trued_client::{
     Client, ForceSamples, ForceSource, Samples, Setpoint, WrenchFrame, monotonic_ns,
@@ -23,24 +23,24 @@ use world::joint_path::JointPath;
 
 use crate::PAGE;
 use crate::error::Error;
-use crate::log::{Log, keeps_invariants};
-use crate::measure::measured;
-use crate::outcome::{Again, Report, Swap, Told};
+use crate::log::{CellLog, keeps_invariants};
+use crate::measure::measuring_recording;
+use crate::outcome::{DiagnosisOutcome, ModelChange, RepeatRun, Report};
 use crate::page;
 use crate::run::check;
 use crate::scene::{Scene, TICK_S};
-use crate::standing::Standing;
+use crate::standstill::Standstill;
 
 /// How long the cell waits for the daemon at the start.
-const JOIN_WITHIN: Duration = Duration::from_secs(5);
+const JOIN_TIMEOUT: Duration = Duration::from_secs(5);
 /// How long it waits for an answer in each tick; the rest of the tick is the robot's.
-const ANSWER_WITHIN: Duration = Duration::from_micros(800);
+const ANSWER_TIMEOUT: Duration = Duration::from_micros(800);
 /// How old an answer may be: as long as the daemon takes commands for fresh, on a machine that is no controller.
-const FRESH: Duration = Duration::from_millis(50);
+const ANSWER_AGE_MAX: Duration = Duration::from_millis(50);
 /// How long before a tick is due it begins to spin.
 const SPIN_BEFORE_NS: u64 = 120_000;
 /// Ticks between two signs of life.
-const TELL_EVERY: usize = 100;
+const PROGRESS_EVERY: usize = 100;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 
 /// Runs the cell `name` as the child process of [`crate::Demo::run`], with its standard streams; the page states `provenance`.
@@ -54,49 +54,51 @@ pub fn run_cell(
     provenance: Provenance,
     stop: &AtomicBool,
 ) -> Result<(), Error> {
-    let heard = listen();
-    let mut loop_ = Loop::join(name, scene)?;
-    loop_.play(scene, &scene.path, stop)?;
-    loop_.hear_out();
+    let heard = read_instructions();
+    let mut loop_ = CellLoop::join(name, scene)?;
+    loop_.mill(scene, &scene.path, stop)?;
+    loop_.drain_verdicts();
     let rejected = loop_.rejected();
     let milled = loop_.log.milled(scene, rejected);
-    put(&out.join("recording.csv"), &loop_.log.recording(scene))?;
-    tell(&format!("milled {}", json(&milled)?))?;
-    put(&out.join("measured.csv"), &measured(scene))?;
-    tell("measured")?;
+    write_recording(&out.join("recording.csv"), &loop_.log.recording(scene))?;
+    print_line(&format!("milled {}", json(&milled)?))?;
+    write_recording(&out.join("measured.csv"), &measuring_recording(scene))?;
+    print_line("measured")?;
     let first = loop_.renew_log(scene)?;
     loop_.client.start_anew();
-    let (told, swap) = loop_.stand(scene, &heard, stop)?;
+    let (told, swap) = loop_.wait_for_diagnosis(scene, &heard, stop)?;
     let (mut again, mut second) = (None, None);
     if let Some(swap) = swap {
         let stood = loop_.renew_log(scene)?;
-        loop_.play(scene, &scene.work, stop)?;
+        loop_.mill(scene, &scene.work, stop)?;
         let rejected = loop_.rejected();
         let mut counts = loop_.log.counts(rejected);
         counts.invariants_broken += stood.broken;
-        again = Some(Again { error_mm: loop_.log.error_mm(0), counts, swap });
+        again = Some(RepeatRun { error_mm: loop_.log.error_mm(0), counts, swap });
         second = Some(loop_.log);
     }
     let report = Report::new(milled, told, again);
     let page = page::render(scene, &report, &first, second.as_ref());
-    write([(out.join(PAGE), page.provenance(provenance).render().into_bytes())])?;
-    tell(&format!("again {}", json(&again)?))
+    write_files([(out.join(PAGE), page.provenance(provenance).render().into_bytes())])?;
+    print_line(&format!("again {}", json(&again)?))
 }
 
-fn put(csv: &Path, recording: &Recording) -> Result<(), Error> {
-    let about = (about_path(csv), recording.about_toml().into_bytes());
-    write([about, (csv.to_owned(), recording.to_csv())])
+fn write_recording(csv: &Path, recording: &Recording) -> Result<(), Error> {
+    let about = (metadata_path(csv), recording.about_toml().into_bytes());
+    write_files([about, (csv.to_owned(), recording.to_csv())])
 }
 
 /// Writes files whose paths the demo has checked before it began.
-fn write(files: impl IntoIterator<Item = (std::path::PathBuf, Vec<u8>)>) -> Result<(), Error> {
+fn write_files(
+    files: impl IntoIterator<Item = (std::path::PathBuf, Vec<u8>)>,
+) -> Result<(), Error> {
     let mut outputs = Outputs::new(true);
     files.into_iter().for_each(|(path, bytes)| outputs.put(&path, bytes));
     Ok(outputs.write()?)
 }
 
 /// Lines from standard input, read by another thread.
-fn listen() -> Receiver<String> {
+fn read_instructions() -> Receiver<String> {
     let (say, heard) = channel();
     std::thread::spawn(move || {
         // If the receiver is gone, the loop has ended.
@@ -109,22 +111,23 @@ fn json(value: &impl serde::Serialize) -> Result<String, Error> {
     serde_json::to_string(value).map_err(Error::system)
 }
 
-struct Loop {
+struct CellLoop {
     client: Client,
     force: ForceSource,
     cell: Cell,
-    log: Log,
+    log: CellLog,
     start_ns: u64,
     before: Option<(Joints, u64)>,
 }
 
-impl Loop {
+impl CellLoop {
     fn join(name: &str, scene: &Scene) -> Result<Self, Error> {
-        let mut client = Client::connect(name, JOIN_WITHIN).map_err(Error::system)?;
-        client.set_fresh(FRESH);
-        let force = ForceSource::connect(name, JOIN_WITHIN).map_err(Error::system)?;
-        let cell = Cell::new(&scene.truth, Setup::quiet(scene.standing(), scene.seed));
-        let log = Log::new(scene.path.samples.len()).map_err(Error::system)?;
+        let mut client = Client::connect(name, JOIN_TIMEOUT).map_err(Error::system)?;
+        client.set_fresh(ANSWER_AGE_MAX);
+        let force = ForceSource::connect(name, JOIN_TIMEOUT).map_err(Error::system)?;
+        let cell =
+            Cell::new(&scene.truth, Setup::without_chatter(scene.standstill_path(), scene.seed));
+        let log = CellLog::new(scene.path.samples.len()).map_err(Error::system)?;
         Ok(Self { client, force, cell, log, start_ns: 0, before: None })
     }
 
@@ -133,46 +136,48 @@ impl Loop {
     }
 
     /// Mills along `path`.
-    fn play(&mut self, scene: &Scene, path: &JointPath, stop: &AtomicBool) -> Result<(), Error> {
-        let setup =
-            Setup { chatter: Some(scene.chatter), ..Setup::quiet(path.clone(), scene.seed) };
+    fn mill(&mut self, scene: &Scene, path: &JointPath, stop: &AtomicBool) -> Result<(), Error> {
+        let setup = Setup {
+            chatter: Some(scene.chatter),
+            ..Setup::without_chatter(path.clone(), scene.seed)
+        };
         self.cell = Cell::new(&scene.truth, setup);
         self.start_ns = monotonic_ns() + TICK_NS;
         for k in 0..self.cell.ticks() {
             self.tick_at(scene, k);
-            if k % TELL_EVERY == 0 {
+            if k % PROGRESS_EVERY == 0 {
                 check(stop)?;
-                tell(&format!("tick {k}"))?;
+                print_line(&format!("tick {k}"))?;
             }
         }
         Ok(())
     }
 
     /// Starts a new log and returns the old one.
-    fn renew_log(&mut self, scene: &Scene) -> Result<Log, Error> {
-        let next = Log::new(scene.work.samples.len()).map_err(Error::system)?;
+    fn renew_log(&mut self, scene: &Scene) -> Result<CellLog, Error> {
+        let next = CellLog::new(scene.work.samples.len()).map_err(Error::system)?;
         Ok(std::mem::replace(&mut self.log, next))
     }
 
     /// Stays at the path's start, still sending commands, until it receives the diagnosis; if the
     /// model was replaced, reports how that went.
-    fn stand(
+    fn wait_for_diagnosis(
         &mut self,
         scene: &Scene,
         heard: &Receiver<String>,
         stop: &AtomicBool,
-    ) -> Result<(Told, Option<Swap>), Error> {
-        let mut standing = Standing::default();
+    ) -> Result<(DiagnosisOutcome, Option<ModelChange>), Error> {
+        let mut standing = Standstill::default();
         loop {
-            let setup = Setup::quiet(scene.standing(), scene.seed);
+            let setup = Setup::without_chatter(scene.standstill_path(), scene.seed);
             self.cell = Cell::new(&scene.truth, setup);
             self.start_ns = monotonic_ns() + TICK_NS;
             for k in 0..self.cell.ticks() {
                 let missed_before = self.log.missed;
                 self.tick_at(scene, k);
                 let missed = self.log.missed > missed_before;
-                standing.tick(self.client.newest().map(|said| said.model_epoch), missed);
-                if let Some(done) = standing.hear(heard)? {
+                standing.count_tick(self.client.newest().map(|said| said.model_epoch), missed);
+                if let Some(done) = standing.poll_instruction(heard)? {
                     return Ok(done);
                 }
             }
@@ -199,7 +204,7 @@ impl Loop {
             .temperatures(self.cell.ambient_celsius(), &[]);
         let sent_ns = monotonic_ns();
         if let Ok(seq) = self.client.send(&setpoint) {
-            if self.client.wait_corrected(seq, ANSWER_WITHIN).is_some() {
+            if self.client.wait_corrected(seq, ANSWER_TIMEOUT).is_some() {
                 self.log.latency.saturating_record(monotonic_ns() - sent_ns);
             } else {
                 self.log.missed += 1;
@@ -211,10 +216,10 @@ impl Loop {
         published[..joints].copy_from_slice(target.joints());
         self.check(scene, &q_cmd, &published, now_ns);
         let Some(tick) = self.cell.step(&published) else { return };
-        self.log.tick(&tick, &published);
+        self.log.add_tick(&tick, &published);
         self.send_forces(&tick, due_ns);
         while let Some(verdict) = self.client.vibration() {
-            self.log.verdict(&verdict, self.start_ns);
+            self.log.add_verdict(&verdict, self.start_ns);
         }
     }
 
@@ -251,10 +256,10 @@ impl Loop {
     }
 
     /// Waits a moment for the vibration monitor's last messages.
-    fn hear_out(&mut self) {
+    fn drain_verdicts(&mut self) {
         std::thread::sleep(Duration::from_millis(50));
         while let Some(verdict) = self.client.vibration() {
-            self.log.verdict(&verdict, self.start_ns);
+            self.log.add_verdict(&verdict, self.start_ns);
         }
     }
 }
@@ -270,7 +275,7 @@ fn wait_until(due_ns: u64) {
     }
 }
 
-fn tell(line: &str) -> Result<(), Error> {
+fn print_line(line: &str) -> Result<(), Error> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush()).map_err(Error::system)

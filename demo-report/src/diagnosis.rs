@@ -6,46 +6,46 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use diagnosis::diagnose::{Verdict, says};
-use diagnosis_report::{Diagnosed, JSON, MODEL, PAGE, Settings, lead, lines};
+use diagnosis::diagnose::{Verdict, sentences};
+use diagnosis_report::{JSON, MODEL, PAGE, RobotDiagnosis, Settings, lines, summary};
 use physics::JointKind;
 use recording::model::RobotModel;
 use recording::outputs::Outputs;
-use recording::series::{self, Need};
+use recording::series::{self, RequiredData};
 use report::{TextLine, Tone};
 use trued_client::{Answer, Monitor};
 
 use crate::error::Error;
-use crate::outcome::{Named, Told};
-use crate::run::{Demo, Event, Tell};
+use crate::outcome::{DiagnosisOutcome, EffectName};
+use crate::run::{Demo, Event, EventSink};
 use crate::scene::Scene;
 
 /// The folder of the diagnosis, in the demo's.
 pub const FOLDER: &str = "diagnosis";
 /// How long the daemon may take to be found, and to answer.
-const FOUND_WITHIN: Duration = Duration::from_secs(2);
-const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Diagnoses the measurements, reports the result, loads the resulting model into the daemon of
 /// `cell` if it is to be used, and reveals the truth. Returns whether the model was replaced.
 ///
 /// # Errors
 /// Files that cannot be read or written; a daemon that does not answer.
-pub(crate) fn play(
+pub(crate) fn run(
     demo: &Demo<'_>,
     cell: &str,
-    tell: &mut Tell<'_>,
-) -> Result<(Told, bool), Error> {
+    tell: &mut EventSink<'_>,
+) -> Result<(DiagnosisOutcome, bool), Error> {
     let Demo { scene, out, .. } = demo;
     let start = Instant::now();
-    let found = found(out, scene.seed)?;
+    let found = diagnose_recording(out, scene.seed)?;
     let diagnosis_s = start.elapsed().as_secs_f64();
     let folder = out.join(FOLDER);
-    put(demo, &found, &folder)?;
+    write_files(demo, &found, &folder)?;
     let mut says = Vec::new();
     for report in found.reports() {
         let verdict = report.verdict.replace('_', " ");
-        let (lead, lines) = (lead(&report), lines(&report));
+        let (lead, lines) = (summary(&report), lines(&report));
         says.push(format!("{verdict}: {lead}"));
         let head = TextLine::with_head(Tone::Plain, verdict, format!(": {lead}"));
         let rest = lines.iter().map(|line| line.as_str().into());
@@ -54,18 +54,20 @@ pub(crate) fn play(
     }
     let verdict = found.diagnosis.as_ref().map_or(Verdict::Undetermined, |d| d.verdict);
     let claims = verdict == Verdict::MissingPhysics;
-    let swapped = claims && load(cell, &folder.join(MODEL), tell)?;
-    let hidden = named(scene.hidden.effect.spec().kind, scene.hidden.effect.joint());
+    let swapped = claims && load_model(cell, &folder.join(MODEL), tell)?;
+    let hidden = effect_name(scene.hidden.effect.spec().kind, scene.hidden.effect.joint());
     let first = found.diagnosis.as_ref().and_then(|d| d.findings.first()).filter(|_| claims);
-    let said = first.map(|one| named(one.effect.spec().kind, one.effect.joint()));
+    let said = first.map(|one| effect_name(one.effect.spec().kind, one.effect.joint()));
     let named_right = first.is_some_and(|one| {
-        let alike = one.rivals.iter().filter(|(rival, _)| rival.alike);
+        let alike = one.alternatives.iter().filter(|(rival, _)| rival.is_indistinguishable);
         let rivals = alike.map(|(rival, _)| &rival.effect);
-        said.as_ref().is_some_and(|said| same(said, &hidden))
-            || rivals.map(|r| named(r.spec().kind, r.joint())).any(|rival| same(&rival, &hidden))
+        said.as_ref().is_some_and(|said| are_equivalent(said, &hidden))
+            || rivals
+                .map(|r| effect_name(r.spec().kind, r.joint()))
+                .any(|rival| are_equivalent(&rival, &hidden))
     });
-    let told = Told {
-        truth: truth(scene),
+    let told = DiagnosisOutcome {
+        truth: truth_sentence(scene),
         hidden_effect: hidden,
         said,
         named_right,
@@ -78,16 +80,16 @@ pub(crate) fn play(
 }
 
 /// The diagnosis of the measuring program's recording with the daemon's model.
-fn found(out: &Path, seed: u64) -> Result<Diagnosed, Error> {
+fn diagnose_recording(out: &Path, seed: u64) -> Result<RobotDiagnosis, Error> {
     let model = RobotModel::read(&out.join(MODEL))?;
     let recording = out.join("measured.csv");
-    let recording = series::read(&recording, None, Need::Measurement)?;
+    let recording = series::read(&recording, None, RequiredData::Measurement)?;
     let settings = Settings { seed, ..Settings::default() };
     Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &mut |_| {})?)
 }
 
 /// Writes diagnosis, model and page.
-fn put(demo: &Demo<'_>, found: &Diagnosed, folder: &Path) -> Result<(), Error> {
+fn write_files(demo: &Demo<'_>, found: &RobotDiagnosis, folder: &Path) -> Result<(), Error> {
     let [json, model, page] = [JSON, MODEL, PAGE].map(|name| folder.join(name));
     let outputs = Outputs::new(demo.may_replace).in_folder(folder);
     let mut outputs = outputs.result(&json).result(&model).result(&page);
@@ -98,11 +100,11 @@ fn put(demo: &Demo<'_>, found: &Diagnosed, folder: &Path) -> Result<(), Error> {
 }
 
 /// Replaces the model as `trued reload` does; returns whether the daemon took it.
-fn load(cell: &str, model: &Path, tell: &mut Tell<'_>) -> Result<bool, Error> {
+fn load_model(cell: &str, model: &Path, tell: &mut EventSink<'_>) -> Result<bool, Error> {
     // The daemon has another working directory.
     let model = std::path::absolute(model).map_err(Error::system)?;
-    let mut monitor = Monitor::connect(cell, FOUND_WITHIN).map_err(Error::system)?;
-    let response = monitor.reload(Some(&model), ANSWER_WITHIN).map_err(Error::system)?;
+    let mut monitor = Monitor::connect(cell, CONNECT_TIMEOUT).map_err(Error::system)?;
+    let response = monitor.reload(Some(&model), ANSWER_TIMEOUT).map_err(Error::system)?;
     let message = response.message.to_string();
     let (is_taken, lines) = match response.answer().map_err(Error::system)? {
         Answer::Done => (true, vec![message.into()]),
@@ -118,23 +120,23 @@ fn load(cell: &str, model: &Path, tell: &mut Tell<'_>) -> Result<bool, Error> {
 
 /// Whether two names are equivalent (docs/reference/effects.md, "What may answer for what"): sag
 /// counts as gravity compliance.
-fn same(said: &Named, hidden: &Named) -> bool {
-    let family = |named: &Named| match named.effect.as_str() {
+fn are_equivalent(said: &EffectName, hidden: &EffectName) -> bool {
+    let family = |named: &EffectName| match named.effect.as_str() {
         "gravity_sag" => "gravity_compliance".to_owned(),
         name => name.to_owned(),
     };
     said.joint == hidden.joint && family(said) == family(hidden)
 }
 
-fn named(kind: &str, joint: Option<usize>) -> Named {
-    Named { effect: kind.to_owned(), joint: joint.map(|joint| joint + 1) }
+fn effect_name(kind: &str, joint: Option<usize>) -> EffectName {
+    EffectName { effect: kind.to_owned(), joint: joint.map(|joint| joint + 1) }
 }
 
 /// The hidden effect, in the words of a finding.
-fn truth(scene: &Scene) -> String {
+fn truth_sentence(scene: &Scene) -> String {
     let effect = &scene.hidden.effect;
     let kind = effect.joint().map(|joint| scene.model.physics.arm.joints()[joint].kind);
-    says::sentence(effect, None, kind == Some(JointKind::Prismatic))
+    sentences::sentence(effect, None, kind == Some(JointKind::Prismatic))
 }
 
 #[cfg(test)]
@@ -143,11 +145,14 @@ mod tests {
 
     #[test]
     fn only_the_true_name_on_the_true_joint_or_what_counts_as_it_is_right() {
-        let hidden = named("gravity_sag", Some(2));
-        assert!(same(&named("gravity_sag", Some(2)), &hidden));
-        assert!(same(&named("gravity_compliance", Some(2)), &hidden));
-        assert!(!same(&named("gravity_compliance", Some(1)), &hidden));
-        assert!(!same(&named("joint_compliance", Some(2)), &hidden));
-        assert!(!same(&named("backlash", Some(2)), &named("hysteresis", Some(2))));
+        let hidden = effect_name("gravity_sag", Some(2));
+        assert!(are_equivalent(&effect_name("gravity_sag", Some(2)), &hidden));
+        assert!(are_equivalent(&effect_name("gravity_compliance", Some(2)), &hidden));
+        assert!(!are_equivalent(&effect_name("gravity_compliance", Some(1)), &hidden));
+        assert!(!are_equivalent(&effect_name("joint_compliance", Some(2)), &hidden));
+        assert!(!are_equivalent(
+            &effect_name("backlash", Some(2)),
+            &effect_name("hysteresis", Some(2))
+        ));
     }
 }

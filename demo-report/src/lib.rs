@@ -2,7 +2,7 @@
 //!
 //! Two processes beside the caller's: the daemon, and the cell with the simulated robot ([`run_cell`]). [`Demo::run`] starts both, diagnoses the cell's
 //! measurements, loads the model into the running daemon, and only then reveals the hidden effect; a wrong name is reported as wrong. Modules in the order in
-//! which to read them: `scene` (model, true robot, hidden effect, path), `cell` (the loop at 1 kHz), `log` and `measure` (what is recorded of it), `standing` (the
+//! which to read them: `scene` (model, true robot, hidden effect, path), `cell` (the loop at 1 kHz), `log` and `measure` (what is recorded of it), `standstill` (the
 //! change of model, as the cell sees it), `run` (both processes), `diagnosis`, `outcome` (`trued.demo/1`), `text`, `page`.
 //!
 //! Everything is drawn by seed except latencies, and what depends on them. Writes its files to one folder, each of them complete or not at all.
@@ -56,15 +56,15 @@ mod outcome;
 mod page;
 mod run;
 mod scene;
-mod standing;
+mod standstill;
 mod text;
 
 pub use cell::run_cell;
 pub use diagnosis::FOLDER as DIAGNOSIS;
 pub use error::Error;
 pub use outcome::{
-    Counts, Errors, Event as VibrationEvent, Latency, Milled, Named, Report, Ringing, Spread, Swap,
-    Told,
+    Counts, DiagnosisOutcome, EffectName, ErrorStatistics, Errors, Latency, MillingResult,
+    ModelChange, Report, SimulatedChatter, VibrationEvent,
 };
 pub use run::{Demo, Event, Programs};
 pub use scene::Scene;

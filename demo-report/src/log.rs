@@ -2,19 +2,21 @@
 
 use hdrhistogram::Histogram;
 use physics::{Arm, Joints};
-use recording::series::{About, Channel, FileUnits, Recording};
+use recording::series::{Channel, FileUnits, Recording, RecordingMetadata};
 use trued_client::Verdict;
 use world::cell::Tick;
 
-use crate::outcome::{Counts, Errors, Event, Latency, Milled, Ringing, Spread};
+use crate::outcome::{
+    Counts, ErrorStatistics, Errors, Latency, MillingResult, SimulatedChatter, VibrationEvent,
+};
 use crate::scene::Scene;
 
 /// Amplitude from which the robot counts as vibrating, N: below it the force sensor's noise
 /// dominates.
-const RINGS_FROM_N: f64 = 0.2;
+const CHATTER_AMPLITUDE_MIN_N: f64 = 0.2;
 
 /// One tick.
-pub(crate) struct Row {
+pub(crate) struct LogRow {
     pub(crate) t_s: f64,
     pub(crate) without_mm: f64,
     pub(crate) with_mm: f64,
@@ -25,16 +27,16 @@ pub(crate) struct Row {
 }
 
 /// Everything that was seen.
-pub(crate) struct Log {
-    pub(crate) rows: Vec<Row>,
-    pub(crate) events: Vec<Event>,
+pub(crate) struct CellLog {
+    pub(crate) rows: Vec<LogRow>,
+    pub(crate) events: Vec<VibrationEvent>,
     pub(crate) latency: Histogram<u64>,
     pub(crate) missed: u64,
     pub(crate) broken: u64,
     pub(crate) ringing_from_s: Option<f64>,
 }
 
-impl Log {
+impl CellLog {
     pub(crate) fn new(ticks: usize) -> Result<Self, hdrhistogram::CreationError> {
         Ok(Self {
             rows: Vec::with_capacity(ticks),
@@ -47,9 +49,9 @@ impl Log {
     }
 
     /// Logs a tick with the target published for it.
-    pub(crate) fn tick(&mut self, tick: &Tick, published: &Joints) {
+    pub(crate) fn add_tick(&mut self, tick: &Tick, published: &Joints) {
         let (without, with) = tick.errors_m();
-        if tick.chatter_n > RINGS_FROM_N && self.ringing_from_s.is_none() {
+        if tick.chatter_n > CHATTER_AMPLITUDE_MIN_N && self.ringing_from_s.is_none() {
             self.ringing_from_s = Some(tick.t_s);
         }
         let mut correction = [0.0; physics::JOINTS_MAX];
@@ -57,24 +59,24 @@ impl Log {
             *slot = published[i] - tick.q_cmd[i];
         }
         let force = tick.forces_tool.iter().sum::<glam::DVec3>() / tick.forces_tool.len() as f64;
-        self.rows.push(Row {
+        self.rows.push(LogRow {
             t_s: tick.t_s,
             without_mm: 1e3 * without,
             with_mm: 1e3 * with,
             published: *published,
             correction,
-            tcp_base: tick.with.origin.to_array(),
+            tcp_base: tick.corrected.origin.to_array(),
             force_tool: force.to_array(),
         });
     }
 
     /// Logs a verdict of the vibration monitor; `start_ns` is the time of the first tick.
-    pub(crate) fn verdict(&mut self, verdict: &Verdict, start_ns: u64) {
+    pub(crate) fn add_verdict(&mut self, verdict: &Verdict, start_ns: u64) {
         let t_s = (verdict.t_ns as f64 - start_ns as f64) * 1e-9;
         let name = |code: Result<String, _>| {
             code.unwrap_or_else(|_: shm_schema::UnknownCode| "unknown".to_owned())
         };
-        self.events.push(Event {
+        self.events.push(VibrationEvent {
             t_s,
             state: name(verdict.state().map(|state| state.to_string())),
             frequency_Hz: verdict.frequency_hz,
@@ -88,16 +90,16 @@ impl Log {
     }
 
     /// The evaluation, from the moment the robot started moving.
-    pub(crate) fn milled(&self, scene: &Scene, rejected: u64) -> Milled {
+    pub(crate) fn milled(&self, scene: &Scene, rejected: u64) -> MillingResult {
         let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
         let at = |quantile| self.latency.value_at_quantile(quantile);
-        Milled {
+        MillingResult {
             seed: scene.seed,
             quick: scene.quick,
             robot: scene.model.file.name.clone(),
             tool_error_mm: Errors {
-                without: Spread::of(rows.iter().map(|row| row.without_mm)),
-                with: Spread::of(rows.iter().map(|row| row.with_mm)),
+                without: ErrorStatistics::of(rows.iter().map(|row| row.without_mm)),
+                with: ErrorStatistics::of(rows.iter().map(|row| row.with_mm)),
             },
             counts: self.counts(rejected),
             vibration: self.events.clone(),
@@ -122,27 +124,29 @@ impl Log {
     }
 
     /// Tool error with correction, from row `from` on.
-    pub(crate) fn error_mm(&self, from: usize) -> Spread {
-        Spread::of(self.rows.iter().skip(from).map(|row| row.with_mm))
+    pub(crate) fn error_mm(&self, from: usize) -> ErrorStatistics {
+        ErrorStatistics::of(self.rows.iter().skip(from).map(|row| row.with_mm))
     }
 
-    fn ringing(&self, scene: &Scene) -> Ringing {
+    fn ringing(&self, scene: &Scene) -> SimulatedChatter {
         let frequency = scene.chatter.frequency_hz;
         let from_s = self.ringing_from_s.unwrap_or(f64::NAN);
         let cut = world::slots::Slots::cut_name(scene.chatter.cut);
-        let words = format!("{frequency} Hz in {cut} from {from_s:.2} s, above {RINGS_FROM_N} N");
-        Ringing { frequency_Hz: frequency, from_s, words }
+        let words = format!(
+            "{frequency} Hz in {cut} from {from_s:.2} s, above {CHATTER_AMPLITUDE_MIN_N} N"
+        );
+        SimulatedChatter { frequency_Hz: frequency, from_s, words }
     }
 
     /// The run as a recording: commands, tool positions, forces.
     pub(crate) fn recording(&self, scene: &Scene) -> Recording {
-        let column = |of: &dyn Fn(&Row) -> f64| self.rows.iter().map(of).collect::<Vec<_>>();
+        let column = |of: &dyn Fn(&LogRow) -> f64| self.rows.iter().map(of).collect::<Vec<_>>();
         let mut recording = Recording::new(column(&|row| row.t_s));
         recording.units = FileUnits::WORKSHOP;
-        recording.about = About {
+        recording.metadata = RecordingMetadata {
             measured_in_base: true,
             model: Some("model.toml".to_owned()),
-            ..About::default()
+            ..RecordingMetadata::default()
         };
         for joint in 0..scene.model.physics.arm.count() {
             recording.set(Channel::Command(joint), column(&|row| row.published[joint]));

@@ -4,28 +4,28 @@
 //! noisy measurements. It never contains the truth.
 
 use glam::DVec3;
-use recording::series::{About, Channel, FileUnits, Frame, Recording};
+use recording::series::{Channel, CoordinateFrame, FileUnits, Recording, RecordingMetadata};
 use world::random::{Purpose, normals};
-use world::survey::{REFLECTORS_TOOL, tool};
+use world::survey::{REFLECTORS_TOOL, tool_poses};
 
 use crate::scene::{Scene, TRACKER_M};
 
 /// The recording of the measuring program.
-pub(crate) fn measured(scene: &Scene) -> Recording {
+pub(crate) fn measuring_recording(scene: &Scene) -> Recording {
     let rows = &scene.survey;
-    let places = tool(&scene.truth.model, rows);
+    let places = tool_poses(&scene.truth.model, rows);
     let mut recording = Recording::new(rows.iter().map(|row| row.time_s).collect());
     recording.units = FileUnits::WORKSHOP;
-    recording.about = About {
+    recording.metadata = RecordingMetadata {
         model: Some("model.toml".to_owned()),
         measured_in_base: true,
-        wrench_frame: Some(Frame::Base),
+        wrench_frame: Some(CoordinateFrame::Base),
         targets_tool: REFLECTORS_TOOL
             .map(|place| DVec3::to_array(&place))
             .into_iter()
             .enumerate()
             .collect(),
-        ..About::default()
+        ..RecordingMetadata::default()
     };
     for joint in 0..scene.model.physics.arm.count() {
         recording.set(Channel::Command(joint), rows.iter().map(|row| row.q[joint]).collect());
@@ -45,7 +45,7 @@ pub(crate) fn measured(scene: &Scene) -> Recording {
         let seen: Vec<DVec3> = seen.collect();
         for axis in 0..3 {
             let channel = Channel::Target(number, axis);
-            recording.about.sigma.insert(channel, TRACKER_M);
+            recording.metadata.sigma.insert(channel, TRACKER_M);
             recording.set(channel, seen.iter().map(|seen| seen[axis]).collect());
         }
     }

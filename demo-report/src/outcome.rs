@@ -9,18 +9,18 @@ use serde::{Deserialize, Serialize};
 pub struct Report {
     #[serde(flatten)]
     /// Milling with the model as calibrated.
-    pub milled: Milled,
+    pub milled: MillingResult,
     #[serde(flatten)]
     /// The diagnosis, and the truth.
-    pub told: Told,
+    pub diagnosis: DiagnosisOutcome,
     /// The error of the same path with the findings in the daemon's model; `None` if the model was
     /// not replaced.
-    pub tool_error_after_diagnosis_mm: Option<Spread>,
+    pub tool_error_after_diagnosis_mm: Option<ErrorStatistics>,
     /// How the model was replaced; `None` if it was not.
-    pub swap: Option<Swap>,
+    pub swap: Option<ModelChange>,
 }
 
-/// What the loop counted over a stretch of cycles.
+/// Counters of the loop over a part of the run.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counts {
@@ -36,7 +36,7 @@ pub struct Counts {
 
 impl Counts {
     /// Both stretches combined; `later` follows `self`.
-    fn and(self, later: Self) -> Self {
+    fn merged_with(self, later: Self) -> Self {
         Self {
             cycles: self.cycles + later.cycles,
             missed_cycles: self.missed_cycles + later.missed_cycles,
@@ -49,7 +49,7 @@ impl Counts {
 /// Result of milling with the model as calibrated.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Milled {
+pub struct MillingResult {
     /// The seed of all chance.
     pub seed: u64,
     /// Whether it was the short form.
@@ -59,12 +59,12 @@ pub struct Milled {
     /// Tool error along the path.
     pub tool_error_mm: Errors,
     #[serde(flatten)]
-    /// What was counted on the way.
+    /// Counters along the path.
     pub counts: Counts,
     /// Messages of the vibration monitor.
-    pub vibration: Vec<Event>,
+    pub vibration: Vec<VibrationEvent>,
     /// The simulated chatter.
-    pub ringing: Ringing,
+    pub ringing: SimulatedChatter,
     /// Round trip between two processes.
     pub latency_ns: Latency,
 }
@@ -72,7 +72,7 @@ pub struct Milled {
 /// An effect by its name in the contract; joints from 1, none for the whole robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Named {
+pub struct EffectName {
     /// Name of the effect.
     pub effect: String,
     /// Its joint.
@@ -82,11 +82,11 @@ pub struct Named {
 /// The diagnosis of the measuring program, and the truth.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Told {
+pub struct DiagnosisOutcome {
     /// The effect that the model lacked.
-    pub hidden_effect: Named,
+    pub hidden_effect: EffectName,
     /// `None` if nothing was claimed.
-    pub said: Option<Named>,
+    pub said: Option<EffectName>,
     /// Whether the effect is the right one by name and joint, or is indistinguishable from it in
     /// this recording.
     pub named_right: bool,
@@ -105,7 +105,7 @@ pub struct Told {
 /// The change of model as the robot's side saw it.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Swap {
+pub struct ModelChange {
     /// Cycles while robot and daemon waited for the diagnosis, including the model's replacement.
     pub cycles: u64,
     /// Of these, cycles without an answer in time.
@@ -117,24 +117,33 @@ pub struct Swap {
 /// Result of milling the same path again.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Again {
+pub struct RepeatRun {
     /// Tool error.
-    pub error_mm: Spread,
+    pub error_mm: ErrorStatistics,
     #[serde(flatten)]
-    /// What was counted on the way.
+    /// Counters along the path.
     pub counts: Counts,
     /// How the model was replaced.
-    pub swap: Swap,
+    pub swap: ModelChange,
 }
 
 impl Report {
     /// The complete report; `again`: `None` if the model was not replaced.
-    pub fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
+    pub fn new(
+        mut milled: MillingResult,
+        told: DiagnosisOutcome,
+        again: Option<RepeatRun>,
+    ) -> Self {
         if let Some(again) = &again {
-            milled.counts = milled.counts.and(again.counts);
+            milled.counts = milled.counts.merged_with(again.counts);
         }
         let tool_error_after_diagnosis_mm = again.map(|again| again.error_mm);
-        Self { milled, told, tool_error_after_diagnosis_mm, swap: again.map(|again| again.swap) }
+        Self {
+            milled,
+            diagnosis: told,
+            tool_error_after_diagnosis_mm,
+            swap: again.map(|again| again.swap),
+        }
     }
 }
 
@@ -143,15 +152,15 @@ impl Report {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Errors {
     /// Without correction.
-    pub without: Spread,
+    pub without: ErrorStatistics,
     /// With correction.
-    pub with: Spread,
+    pub with: ErrorStatistics,
 }
 
 /// Mean, 95 % and largest.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Spread {
+pub struct ErrorStatistics {
     /// Mean.
     pub mean: f64,
     /// 95 % of the values are not above it.
@@ -160,7 +169,7 @@ pub struct Spread {
     pub max: f64,
 }
 
-impl Spread {
+impl ErrorStatistics {
     /// Of these values; zeros where there is none.
     pub fn of(values: impl Iterator<Item = f64>) -> Self {
         let mut sorted: Vec<f64> = values.collect();
@@ -177,7 +186,7 @@ impl Spread {
 /// A change of state of a line of the force spectrum.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Event {
+pub struct VibrationEvent {
     /// Time since the first tick, s.
     pub t_s: f64,
     /// `over`, `warn`, `alarm` or `confirmed`.
@@ -201,7 +210,7 @@ pub struct Event {
 /// The truth about the ringing.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Ringing {
+pub struct SimulatedChatter {
     /// Frequency of the chatter.
     pub frequency_Hz: f64,
     /// Time from which the robot vibrates, s.

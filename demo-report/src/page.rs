@@ -4,12 +4,17 @@ use report::{
     Axis, Column, Histogram, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,
 };
 
-use crate::log::{Log, Row};
-use crate::outcome::{Milled, Report};
+use crate::log::{CellLog, LogRow};
+use crate::outcome::{MillingResult, Report};
 use crate::scene::Scene;
 
 /// The whole page; `again`: the same path with the findings, if the model was replaced.
-pub(crate) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
+pub(crate) fn render(
+    scene: &Scene,
+    report: &Report,
+    log: &CellLog,
+    again: Option<&CellLog>,
+) -> Page {
     let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
     Page::new("Accuracy with and without correction")
@@ -32,8 +37,8 @@ pub(crate) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         .figure("Published target minus command, joint by joint.", &corrections(scene, rows).render())
         .section("Diagnosis")
         .text("The robot was measured, the recording was diagnosed, and the resulting model was loaded into the running daemon. Result:")
-        .list(&report.told.says)
-        .text(&format!("True effect, revealed afterwards: {}", report.told.truth))
+        .list(&report.diagnosis.says)
+        .text(&format!("True effect, revealed afterwards: {}", report.diagnosis.truth))
         .section("Latency")
         .text(
             "Time from sending the command to receiving the corrected target, between two processes on this computer. A desktop or \
@@ -48,11 +53,11 @@ pub(crate) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
 }
 
 fn tone(report: &Report) -> Tone {
-    if report.told.named_right { Tone::Good } else { Tone::Caution }
+    if report.diagnosis.named_right { Tone::Good } else { Tone::Caution }
 }
 
 fn word(report: &Report) -> &'static str {
-    if report.told.named_right {
+    if report.diagnosis.named_right {
         "corrected, hidden effect identified"
     } else {
         "corrected, hidden effect not identified"
@@ -68,7 +73,7 @@ fn sentence(scene: &Scene, report: &Report) -> String {
     format!(
         "{} mills {}: the mean tool error is {without} mm without correction, {with} mm with the calibrated model{after}.",
         report.milled.robot,
-        scene.what()
+        scene.description()
     )
 }
 
@@ -95,9 +100,9 @@ fn numbers(report: &Report) -> Vec<Number> {
 }
 
 /// The repeated path is drawn over the first one, without the initial standstill.
-fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
+fn error_over_time(rows: &[LogRow], again: Option<&[LogRow]>) -> Plot {
     let line =
-        |of: fn(&Row) -> f64| rows.iter().map(move |row| (row.t_s, of(row))).collect::<Vec<_>>();
+        |of: fn(&LogRow) -> f64| rows.iter().map(move |row| (row.t_s, of(row))).collect::<Vec<_>>();
     let start_s = rows.first().map_or(0.0, |row| row.t_s);
     let plot =
         Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
@@ -119,7 +124,7 @@ fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
     }
 }
 
-fn histogram(rows: &[Row]) -> Histogram {
+fn histogram(rows: &[LogRow]) -> Histogram {
     Histogram::new("Tool error", Axis::new("Tool error", "mm"))
         .values("without correction", rows.iter().map(|row| row.without_mm))
         .role(Role::Before)
@@ -128,7 +133,7 @@ fn histogram(rows: &[Row]) -> Histogram {
         .bins(60)
 }
 
-fn corrections(scene: &Scene, rows: &[Row]) -> Multiples {
+fn corrections(scene: &Scene, rows: &[LogRow]) -> Multiples {
     let joints = 0..scene.model.physics.arm.count();
     joints.fold(Multiples::new("Correction", 3), |all, i| {
         let line = rows.iter().map(|row| (row.t_s, 1e3 * row.correction[i]));
@@ -138,7 +143,7 @@ fn corrections(scene: &Scene, rows: &[Row]) -> Multiples {
     })
 }
 
-fn latency(log: &Log) -> Histogram {
+fn latency(log: &CellLog) -> Histogram {
     let counted = log.latency.iter_recorded().map(|bucket| {
         (bucket.value_iterated_to() as f64 * 1e-3, bucket.count_since_last_iteration())
     });
@@ -149,7 +154,7 @@ fn latency(log: &Log) -> Histogram {
         .mark(log.latency.value_at_quantile(0.99) as f64 * 1e-3, "99 %")
 }
 
-fn force(scene: &Scene, log: &Log) -> Plot {
+fn force(scene: &Scene, log: &CellLog) -> Plot {
     let from_s = log.ringing_from_s.unwrap_or(0.0) - 0.5;
     let seen = || log.rows.iter().filter(move |row| row.t_s >= from_s && row.t_s <= from_s + 1.5);
     let mut plot = Plot::new("Force", Axis::new("Time", "s"), Axis::new("Force", "N"));
@@ -172,7 +177,7 @@ fn force(scene: &Scene, log: &Log) -> Plot {
 }
 
 fn errors(report: &Report) -> Table {
-    let row = |name: &str, spread: &crate::outcome::Spread| {
+    let row = |name: &str, spread: &crate::outcome::ErrorStatistics| {
         [name.into(), spread.mean.into(), spread.p95.into(), spread.max.into()]
     };
     let number = |head: &str| Column::new(head).digits(3);
@@ -187,7 +192,7 @@ fn errors(report: &Report) -> Table {
     }
 }
 
-fn events(report: &Milled) -> Table {
+fn events(report: &MillingResult) -> Table {
     let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "Message"];
     report.vibration.iter().fold(
         Table::new("Vibration messages of the daemon", heads),

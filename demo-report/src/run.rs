@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use harness::child::Guarded;
+use harness::child::ChildGuard;
 use recording::outputs::Outputs;
 use report::{Provenance, TextLine};
 use serde::de::DeserializeOwned;
 
 use crate::diagnosis;
 use crate::error::Error;
-use crate::outcome::{Again, Milled, Report};
+use crate::outcome::{MillingResult, RepeatRun, Report};
 use crate::scene::Scene;
 use crate::text;
 
@@ -31,37 +31,37 @@ pub trait Programs {
     fn cell(&self, name: &str, out: &Path) -> io::Result<Command>;
 }
 
-/// What a demonstration reports while it runs.
+/// Events of a running demonstration.
 #[derive(Debug, Clone)]
 pub enum Event {
     /// Lines of the result, in order.
     Text(Vec<TextLine>),
     /// Work with a known number of steps begins.
     Begins {
-        /// What is done.
+        /// Description of the work.
         what: &'static str,
         /// Steps until its end.
         steps: u64,
     },
     /// Steps of that work that were done.
     Done(u64),
-    /// That work has ended.
+    /// The work has ended.
     Ended,
 }
 
 /// Receives what is reported; an error ends the demonstration.
-pub(crate) type Tell<'t> = dyn FnMut(Event) -> Result<(), Error> + 't;
+pub(crate) type EventSink<'t> = dyn FnMut(Event) -> Result<(), Error> + 't;
 
 /// A demonstration.
 #[derive(Debug, Clone)]
 pub struct Demo<'s> {
-    /// What is played.
+    /// The scene.
     pub scene: &'s Scene,
     /// The folder of all files, which is created if it is missing.
     pub out: PathBuf,
     /// Whether files there are replaced.
     pub may_replace: bool,
-    /// What the page of the diagnosis states about its origin.
+    /// Provenance for the page of the diagnosis.
     pub provenance: Provenance,
     /// Width of the text in characters; `None`: not limited.
     pub width: Option<usize>,
@@ -83,46 +83,46 @@ impl<'s> Demo<'s> {
         &self,
         programs: &dyn Programs,
         stop: &AtomicBool,
-        tell: &mut Tell<'_>,
+        tell: &mut EventSink<'_>,
     ) -> Result<Report, Error> {
         let Self { scene, out, width, .. } = self;
         tell(Event::Text(text::introduction(scene)))?;
         let name = format!("demo-{}", std::process::id());
-        let config = self.put_cell(&name)?;
+        let config = self.write_cell_files(&name)?;
         let mut command = programs.daemon(&config).map_err(Error::system)?;
-        let daemon = Guarded::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()));
+        let daemon = ChildGuard::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()));
         let mut daemon = daemon.map_err(Error::system)?;
         let mut command = programs.cell(&name, out).map_err(Error::system)?;
-        let cell = Guarded::spawn(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
+        let cell = ChildGuard::spawn(command.stdin(Stdio::piped()).stdout(Stdio::piped()));
         let mut cell = cell.map_err(Error::system)?;
         let lines = cell.stdout().map(BufReader::new).into_iter().flat_map(BufRead::lines);
-        let mut lines = Lines { lines: Box::new(lines), stop, daemon: &mut daemon };
+        let mut lines = CellOutput { lines: Box::new(lines), stop, daemon: &mut daemon };
 
         let steps = scene.path.samples.len() as u64;
         tell(Event::Begins { what: "milling", steps })?;
-        let milled: Milled = from_json(&lines.until("milled ", tell)?)?;
+        let milled: MillingResult = from_json(&lines.wait_for_line("milled ", tell)?)?;
         tell(Event::Ended)?;
         tell(Event::Text(text::milled(&milled, *width)))?;
-        tell(Event::Text(text::measures(scene)))?;
-        lines.until("measured", &mut |_| Ok(()))?;
-        let (told, swapped) = diagnosis::play(self, &name, tell)?;
+        tell(Event::Text(text::measurement(scene)))?;
+        lines.wait_for_line("measured", &mut |_| Ok(()))?;
+        let (told, swapped) = diagnosis::run(self, &name, tell)?;
         let go_on = if swapped { "again" } else { "end" };
         let told_json = serde_json::to_string(&told).map_err(Error::system)?;
-        cell.tell(&format!("{go_on} {told_json}")).map_err(Error::system)?;
+        cell.write_line(&format!("{go_on} {told_json}")).map_err(Error::system)?;
         let steps = scene.work.samples.len() as u64;
         tell(Event::Begins { what: "milling again", steps })?;
-        let again: Option<Again> = from_json(&lines.until("again ", tell)?)?;
+        let again: Option<RepeatRun> = from_json(&lines.wait_for_line("again ", tell)?)?;
         tell(Event::Ended)?;
         finish(&mut cell, "the cell")?;
-        daemon.end();
+        daemon.terminate();
         check(stop)?;
         let report = Report::new(milled, told, again);
-        tell(Event::Text(text::end(&report, out, *width)))?;
+        tell(Event::Text(text::summary(&report, out, *width)))?;
         Ok(report)
     }
 
     /// Writes the daemon's files; returns its configuration.
-    fn put_cell(&self, name: &str) -> Result<PathBuf, Error> {
+    fn write_cell_files(&self, name: &str) -> Result<PathBuf, Error> {
         let config = self.out.join("cell.toml");
         let mut outputs = Outputs::new(self.may_replace).in_folder(&self.out);
         outputs.put(&config, self.scene.cell_toml(name));
@@ -133,15 +133,15 @@ impl<'s> Demo<'s> {
 }
 
 /// The cell's output, line by line.
-struct Lines<'a> {
+struct CellOutput<'a> {
     lines: Box<dyn Iterator<Item = io::Result<String>>>,
     stop: &'a AtomicBool,
-    daemon: &'a mut Guarded,
+    daemon: &'a mut ChildGuard,
 }
 
-impl Lines<'_> {
+impl CellOutput<'_> {
     /// The rest of the next line that begins with `head`; until then progress is reported.
-    fn until(&mut self, head: &str, tell: &mut Tell<'_>) -> Result<String, Error> {
+    fn wait_for_line(&mut self, head: &str, tell: &mut EventSink<'_>) -> Result<String, Error> {
         for line in self.lines.by_ref() {
             let line = line.map_err(Error::system)?;
             check(self.stop)?;
@@ -153,7 +153,7 @@ impl Lines<'_> {
         }
         // Ctrl-C reaches the cell too: its output may end first.
         check(self.stop)?;
-        Err(Error::system(match self.daemon.ended() {
+        Err(Error::system(match self.daemon.try_exit_status() {
             Some(status) => format!("the daemon ended early ({status}); see its messages above"),
             None => "the cell ended without a result; see its messages above".to_owned(),
         }))
@@ -164,7 +164,7 @@ fn from_json<T: DeserializeOwned>(text: &str) -> Result<T, Error> {
     serde_json::from_str(text).map_err(Error::system)
 }
 
-fn finish(child: &mut Guarded, who: &str) -> Result<(), Error> {
+fn finish(child: &mut ChildGuard, who: &str) -> Result<(), Error> {
     let status = child.wait().map_err(Error::system)?;
     if status.success() { Ok(()) } else { Err(Error::system(format!("{who} ended with {status}"))) }
 }

@@ -8,11 +8,11 @@ use recording::model::presets::preset;
 use world::cell::work;
 use world::cutter::Cutter;
 use world::draw::{Calibration, TrueRobot, ambient_celsius, draw};
-use world::hidden::{self, Hidden, Stage};
+use world::hidden::{self, HiddenEffect, HiddenEffectContext};
 use world::joint_path::{JointPath, Sample};
 use world::path::tool_along;
-use world::ringing::Chatter;
 use world::slots::Slots;
+use world::structural_mode::Chatter;
 use world::survey::survey;
 use world::workplace::workplace;
 
@@ -26,13 +26,13 @@ const DWELL_S: f64 = 1.5;
 /// Time between commands, s.
 pub(crate) const TICK_S: f64 = 1e-3;
 /// Interval, in ticks, at which the hidden effect's influence is evaluated.
-const WEIGHED_EVERY: usize = 100;
+const EVALUATED_EVERY: usize = 100;
 /// Standard uncertainty of a coordinate that the tracker measures, m.
 pub(crate) const TRACKER_M: f64 = 2e-5;
 /// Stiffness of the cut against a slow change of depth, N/µm: about 3 N over 0.25 mm (thesis 4.7 at 10 mm/s).
 const PROCESS_STIFFNESS_N_PER_UM: f64 = 0.02;
 
-/// What is played.
+/// The scene of the demonstration.
 #[derive(Debug)]
 pub struct Scene {
     /// The seed of all chance.
@@ -45,8 +45,8 @@ pub struct Scene {
     pub(crate) model_text: String,
     /// The robot as it really is.
     pub(crate) truth: TrueRobot,
-    /// What the daemon's model lacks of it.
-    pub(crate) hidden: Hidden,
+    /// The effect that the daemon's model lacks.
+    pub(crate) hidden: HiddenEffect,
     /// The measuring program.
     pub(crate) survey: Vec<Inputs>,
     /// The commands, beginning with the standstill.
@@ -67,7 +67,7 @@ impl Scene {
     /// # Errors
     /// The robot cannot mill it: a fault of this program.
     pub fn new(seed: u64, quick: bool) -> Result<Self, Error> {
-        Self::drawn(seed, quick).map_err(Error::Input)
+        Self::draw(seed, quick).map_err(Error::Input)
     }
 
     /// The seed of all chance.
@@ -76,7 +76,7 @@ impl Scene {
         self.seed
     }
 
-    fn drawn(seed: u64, quick: bool) -> Result<Self, Fault> {
+    fn draw(seed: u64, quick: bool) -> Result<Self, Fault> {
         let known = preset(PRESET).ok_or("the demo's preset is missing from this build")?;
         let model = known.model()?;
         let arm = &model.physics.arm;
@@ -86,11 +86,15 @@ impl Scene {
             if quick { Slots::quick(place.point_base) } else { Slots::thesis(place.point_base) };
         let path = JointPath::plan(arm, &slots.tool_path(rotation)?, TICK_S, Some(&place.q))?;
         let survey = survey(arm);
-        let milling = work(&path, &Cutter::default(), WEIGHED_EVERY, ambient_celsius(seed));
-        let stage =
-            Stage { model: &model.physics, work: &milling, survey: &survey, noise_m: TRACKER_M };
+        let milling = work(&path, &Cutter::default(), EVALUATED_EVERY, ambient_celsius(seed));
+        let stage = HiddenEffectContext {
+            model: &model.physics,
+            work: &milling,
+            survey: &survey,
+            noise_m: TRACKER_M,
+        };
         let hidden = hidden::draw(&stage, seed)?;
-        let model_text = lacking(&model, &hidden);
+        let model_text = model_without_hidden(&model, &hidden);
         let model = RobotModel::parse("the demo's model", &model_text)?;
         let calibration = Calibration { model: &model.physics, sigmas: &model.sigma };
         let mut truth = draw(&calibration, seed)?;
@@ -99,7 +103,7 @@ impl Scene {
         // The last slot is the fastest; the robot vibrates in its middle part.
         let chatter = Chatter::at_72_hz(cuts.saturating_sub(2));
         let work = path.clone();
-        let (path, dwell) = standing_first(path);
+        let (path, dwell) = with_initial_standstill(path);
         Ok(Self {
             seed,
             quick,
@@ -115,8 +119,8 @@ impl Scene {
         })
     }
 
-    /// What is milled, in words.
-    pub(crate) fn what(&self) -> &'static str {
+    /// Description of the milling, as text.
+    pub(crate) fn description(&self) -> &'static str {
         if self.quick {
             "one U-shaped slot at 10 mm/s"
         } else {
@@ -125,7 +129,7 @@ impl Scene {
     }
 
     /// The path's first command, held for a second.
-    pub(crate) fn standing(&self) -> JointPath {
+    pub(crate) fn standstill_path(&self) -> JointPath {
         let dt_s = self.work.dt_s;
         let ticks = (1.0 / dt_s).round() as usize;
         let first = self.work.samples.iter().take(1).cycle().take(ticks).enumerate();
@@ -168,7 +172,7 @@ keep_files = 3
 }
 
 /// The calibrated model without the hidden effect, as a file.
-fn lacking(model: &RobotModel, hidden: &Hidden) -> String {
+fn model_without_hidden(model: &RobotModel, hidden: &HiddenEffect) -> String {
     let mut file = model.file.clone();
     let lacks: Vec<usize> = model
         .entry_of
@@ -186,7 +190,7 @@ fn lacking(model: &RobotModel, hidden: &Hidden) -> String {
 }
 
 /// The path with its first sample repeated in front.
-fn standing_first(path: JointPath) -> (JointPath, usize) {
+fn with_initial_standstill(path: JointPath) -> (JointPath, usize) {
     let dwell = (DWELL_S / path.dt_s).round() as usize;
     let Some(first) = path.samples.first().copied() else { return (path, 0) };
     let standing = std::iter::repeat_n(first, dwell);

@@ -8,12 +8,12 @@ use report::{TextLine, TextTable, Tone};
 
 use crate::PAGE;
 use crate::diagnosis::FOLDER;
-use crate::outcome::{Milled, Report, Spread, Swap, Told};
+use crate::outcome::{DiagnosisOutcome, ErrorStatistics, MillingResult, ModelChange, Report};
 use crate::scene::{Scene, TRACKER_M};
 
 /// Who plays.
 pub(crate) fn introduction(scene: &Scene) -> Vec<TextLine> {
-    let (what, duration_s, seed) = (scene.what(), scene.work.duration_s(), scene.seed);
+    let (what, duration_s, seed) = (scene.description(), scene.work.duration_s(), scene.seed);
     let robot = scene.model.file.name.as_str();
     let mills = format!(" mills {what} in {duration_s:.0} s, seed {seed}");
     let lines = [
@@ -25,7 +25,7 @@ pub(crate) fn introduction(scene: &Scene) -> Vec<TextLine> {
 }
 
 /// The result of milling.
-pub(crate) fn milled(milled: &Milled, width: Option<usize>) -> Vec<TextLine> {
+pub(crate) fn milled(milled: &MillingResult, width: Option<usize>) -> Vec<TextLine> {
     let errors = &milled.tool_error_mm;
     let rows = [("without correction", errors.without), ("with correction", errors.with)];
     let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
@@ -50,7 +50,7 @@ pub(crate) fn milled(milled: &Milled, width: Option<usize>) -> Vec<TextLine> {
 }
 
 /// How it is measured.
-pub(crate) fn measures(scene: &Scene) -> Vec<TextLine> {
+pub(crate) fn measurement(scene: &Scene) -> Vec<TextLine> {
     let rows = &scene.survey;
     let minutes = rows.last().map_or(0.0, |row| row.time_s / 60.0);
     let celsius = rows.iter().map(|row| row.ambient_celsius);
@@ -68,11 +68,11 @@ pub(crate) fn measures(scene: &Scene) -> Vec<TextLine> {
 }
 
 /// Milling again, the truth, and where everything is.
-pub(crate) fn end(report: &Report, out: &Path, width: Option<usize>) -> Vec<TextLine> {
-    let (milled, told) = (&report.milled, &report.told);
+pub(crate) fn summary(report: &Report, out: &Path, width: Option<usize>) -> Vec<TextLine> {
+    let (milled, told) = (&report.milled, &report.diagnosis);
     let mut lines = Vec::new();
     if let (Some(after), Some(swap)) = (report.tool_error_after_diagnosis_mm, report.swap) {
-        lines.push(swapped(&swap).into());
+        lines.push(model_change_text(&swap).into());
         lines.extend(head("3  The same path with the new model"));
         let errors = &milled.tool_error_mm;
         let rows = [
@@ -85,7 +85,7 @@ pub(crate) fn end(report: &Report, out: &Path, width: Option<usize>) -> Vec<Text
     lines.extend(head("True effect"));
     let (truth, moved_mm) = (&told.truth, told.hidden_effect_mm);
     lines.push(format!("{truth} It moved the tool by {moved_mm:.3} mm RMS on this path.").into());
-    lines.push(judged(told));
+    lines.push(outcome_line(told));
     lines.push(TextLine::from(format!(
         "{} cycles at 1 kHz; {} missed, {} commands rejected, {} invariants broken",
         milled.counts.cycles,
@@ -105,7 +105,7 @@ pub(crate) fn end(report: &Report, out: &Path, width: Option<usize>) -> Vec<Text
 }
 
 /// Whether the diagnosis named the hidden effect.
-fn judged(told: &Told) -> TextLine {
+fn outcome_line(told: &DiagnosisOutcome) -> TextLine {
     let (tone, judged) = match (&told.said, told.named_right) {
         (Some(_), true) => (Tone::Good, "correctly identified".to_owned()),
         (Some(said), false) => {
@@ -123,7 +123,7 @@ fn judged(told: &Told) -> TextLine {
 }
 
 /// The effect of the model's replacement, compared with the cycles before it.
-fn swapped(swap: &Swap) -> String {
+fn model_change_text(swap: &ModelChange) -> String {
     let between = format!("new model loaded between two of {} cycles", swap.cycles);
     if swap.missed_about == 0 {
         return format!("{between}; no missed cycle within the second around it");
@@ -139,7 +139,7 @@ fn head(text: &str) -> [TextLine; 2] {
     ["".into(), TextLine::with_head(Tone::Plain, text, "")]
 }
 
-fn table<const N: usize>(rows: [(&str, Spread); N], width: Option<usize>) -> String {
+fn table<const N: usize>(rows: [(&str, ErrorStatistics); N], width: Option<usize>) -> String {
     let mm = |value: f64| format!("{value:.3}");
     let table = TextTable::new(["tool error, mm", "mean", "95 %", "largest"]);
     let table = rows.into_iter().fold(table, |table, (name, spread)| {

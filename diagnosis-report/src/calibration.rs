@@ -3,7 +3,7 @@
 //!
 //! [`calibrate`] fits three models to the training poses: the given model (nominal), with the geometry of every joint (calibrated), and with the
 //! effects that the data support (advanced). It compares them on held-out poses, which are used in no fit; the advanced one is the result. Modules in
-//! reading order: `split` (held-out poses), `calibrated` (fits and held-out errors), `objections` (reasons against the result), `sweeps_and_loads`
+//! reading order: `split` (held-out poses), `models` (fits and held-out errors), `checks` (reasons against the result, warnings), `sweeps_and_loads`
 //! (analyses of single joints and of loads), `result`, `text` and `page` (output), `model_file`.
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
@@ -14,14 +14,14 @@
 //!
 //! use diagnosis_report::calibration::{Settings, calibrate};
 //! use recording::model::RobotModel;
-//! use recording::series::{Need, read};
+//! use recording::series::{RequiredData, read};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
-//! let recording = read(Path::new("tracker.csv"), None, Need::Measurement)?;
+//! let recording = read(Path::new("tracker.csv"), None, RequiredData::Measurement)?;
 //! let settings = Settings { tolerance_mm: Some(0.1), ..Settings::default() };
 //! let calibrated = calibrate(model, &[recording], &settings, &mut |_| {})?;
-//! let out = calibrated.is_proven().then(|| Path::new("calibrated.toml"));
+//! let out = calibrated.is_validated().then(|| Path::new("calibrated.toml"));
 //! if let Some(out) = out {
 //!     fs::write(out, calibrated.model_toml()?)?;
 //! }
@@ -32,10 +32,10 @@
 //! # }
 //! ```
 
-mod around;
-mod calibrated;
+mod checks;
+mod fixed_objects;
 mod model_file;
-mod objections;
+mod models;
 mod page;
 mod result;
 mod split;
@@ -43,9 +43,11 @@ mod sweeps_and_loads;
 mod text;
 mod undetermined;
 
-pub use calibrated::{Approached, Calibrated, OfRecording, Outlier, Stationed, calibrate};
-pub use diagnosis::single_joint::Sag;
-pub use result::{Refused, Report};
+pub use diagnosis::single_joint::SagCorrection;
+pub use models::{
+    ApproachErrors, CalibrationResult, Outlier, RecordingErrors, StationErrors, calibrate,
+};
+pub use result::{Rejection, Report};
 use serde::Serialize;
 pub use sweeps_and_loads::SweepsAndLoads;
 
@@ -61,7 +63,7 @@ pub struct Settings {
     /// the model is fitted to all poses afterwards, so that none is lost.
     pub heldout_share: f64,
     /// Gravity deflection that is removed before the axis of a swept joint is determined. Default: that of all other joints.
-    pub sag: Sag,
+    pub sag: SagCorrection,
     /// Allowed error of the tool, mm; above 0. Default: none, so that no tolerance is evaluated.
     pub tolerance_mm: Option<f64>,
     /// Least number of training poses with a measured length; from 1. Default 6. Origin: a choice; as many as a measuring frame has degrees of
@@ -71,7 +73,7 @@ pub struct Settings {
     pub station_readings_least: usize,
     /// A joint is at rest if its positions differ by no more than this, rad or m; above 0. Default 1e-3. Origin: a choice, above the noise of
     /// encoders.
-    pub still: f64,
+    pub rest_tolerance: f64,
     /// Number of standard deviations of its prior beyond which a parameter is reported as implausible; no unit, 1 to 10. Default 3: exceeded by
     /// chance once in 400.
     pub implausible_sigmas: f64,
@@ -85,11 +87,11 @@ impl Default for Settings {
         Self {
             seed: 0,
             heldout_share: 0.3,
-            sag: Sag::AllOthers,
+            sag: SagCorrection::AllOthers,
             tolerance_mm: None,
             training_poses_least: 6,
             station_readings_least: 3,
-            still: 1e-3,
+            rest_tolerance: 1e-3,
             implausible_sigmas: 3.0,
             condition_max: 1e8,
         }

@@ -10,14 +10,14 @@ use physics::{Arm, Chain, Joints};
 use report::{ArmPicture, Axis, Bars, Cell, Column, Point, Role, Svg, Table, ToolError};
 
 /// Joints whose total effect is at least this fraction of the largest are highlighted.
-const LIT: f64 = 0.3;
+const HIGHLIGHTED_SHARE_LEAST: f64 = 0.3;
 /// Values below this fraction of the largest are shown as zero.
-const NOTHING: f64 = 1e-3;
+const ZERO_SHARE_MOST: f64 = 1e-3;
 /// Largest number of bars of a ranking.
-const RANKED: usize = 12;
+const BARS_MOST: usize = 12;
 
 /// An entry of a ranking.
-pub struct Ranked {
+pub struct RankedEffect {
     /// Label.
     pub name: String,
     /// Size in the unit of the ranking; `None` if unknown.
@@ -25,7 +25,7 @@ pub struct Ranked {
 }
 
 /// An effect of one joint, or of the whole robot.
-pub struct OfJoint {
+pub struct JointEffect {
     /// Name for users.
     pub effect: String,
     /// 1-based; `None` for effects of the whole robot.
@@ -35,7 +35,7 @@ pub struct OfJoint {
 }
 
 /// Positions of an arm's joints from the base on, followed by that of its tool; base frame, m.
-pub fn places(arm: &Arm, q: &Joints) -> Vec<Point> {
+pub fn joint_points(arm: &Arm, q: &Joints) -> Vec<Point> {
     let chain = Chain::nominal(arm, q);
     let joints = (0..arm.count()).map(|joint| chain.point(joint).to_array());
     joints.chain([Chain::tool_at(arm, q).origin.to_array()]).collect()
@@ -48,7 +48,7 @@ pub fn tool_errors(
     fits: [&Fit; 2],
     wanted: impl Fn(usize) -> bool,
 ) -> Vec<ToolError> {
-    let [before, after] = fits.map(|fit| by_pose(campaign, fit));
+    let [before, after] = fits.map(|fit| mean_error_by_pose(campaign, fit));
     let error = |(pose, before): (&usize, &DVec3)| {
         let q = &campaign.poses.get(*pose)?.inputs.q;
         let after = after.get(pose)?.to_array();
@@ -59,16 +59,16 @@ pub fn tool_errors(
 }
 
 /// Mean error of the measured points of each pose, base axes, m.
-fn by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
+fn mean_error_by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
     let readings: Vec<&Reading> =
         campaign.poses.iter().flat_map(|pose| &pose.seen).map(|seen| &seen.reading).collect();
     let mut sums: BTreeMap<usize, (DVec3, f64)> = BTreeMap::new();
-    for off in fit.off(campaign) {
+    for off in fit.residuals(campaign) {
         let Some(Reading::Point { frame, .. }) = readings.get(off.reading) else { continue };
         let Some(station) = fit.surroundings.frames.get(*frame) else { continue };
         let turn = station.value.measuring_from_base.rotation;
         let sum = sums.entry(off.pose).or_default();
-        *sum = (sum.0 + turn.transpose() * off.off, sum.1 + 1.0);
+        *sum = (sum.0 + turn.transpose() * off.residual, sum.1 + 1.0);
     }
     sums.into_iter().map(|(pose, (sum, count))| (pose, sum / count)).collect()
 }
@@ -85,7 +85,7 @@ pub fn arm_with_errors(
     let away = |q: &Joints| Chain::tool_at(arm, q).origin.distance_squared(middle);
     let poses = campaign.poses.iter().map(|pose| &pose.inputs.q);
     let q = poses.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| !errors.is_empty())?;
-    let mut places = places(arm, q);
+    let mut places = joint_points(arm, q);
     let tool = places.pop()?;
     let start = ArmPicture::new("Errors at the tool, before and after", tool);
     let joints = places.into_iter().enumerate();
@@ -97,7 +97,7 @@ pub fn arm_with_errors(
 }
 
 /// Joints (0-based) with a total effect of at least 0.3 of the largest.
-pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
+pub fn dominant_joints(joints: usize, found: &[JointEffect]) -> Vec<usize> {
     let mut sums = vec![0.0_f64; joints];
     for one in found {
         if let Some(sum) = one.joint.and_then(|joint| sums.get_mut(joint - 1)) {
@@ -106,22 +106,28 @@ pub fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
     }
     let most = sums.iter().copied().fold(0.0, f64::max);
     let sums = sums.into_iter().enumerate();
-    sums.filter(|(_, sum)| most > 0.0 && *sum >= LIT * most).map(|(joint, _)| joint).collect()
+    sums.filter(|(_, sum)| most > 0.0 && *sum >= HIGHLIGHTED_SHARE_LEAST * most)
+        .map(|(joint, _)| joint)
+        .collect()
 }
 
 /// Bars of the entries, largest first; `None` if no size is known.
-pub fn ranking(title: &str, axis: Axis, found: impl IntoIterator<Item = Ranked>) -> Option<Svg> {
+pub fn ranking(
+    title: &str,
+    axis: Axis,
+    found: impl IntoIterator<Item = RankedEffect>,
+) -> Option<Svg> {
     let mut known: Vec<(String, f64)> =
         found.into_iter().filter_map(|one| Some((one.name, one.size?))).collect();
     known.sort_by(|a, b| b.1.total_cmp(&a.1));
     let bars = Bars::new(title, axis).roles([Role::After]);
-    let shown = known.iter().take(RANKED);
+    let shown = known.iter().take(BARS_MOST);
     (!known.is_empty())
         .then(|| shown.fold(bars, |bars, (name, size)| bars.row(name, [*size])).render())
 }
 
 /// Table with effects in rows and joints in columns; the effect with the largest total first.
-pub fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
+pub fn effects_by_joint(caption: &str, joints: usize, found: &[JointEffect]) -> Table {
     let mut rows: Vec<(&str, Vec<f64>)> = Vec::new();
     for one in found {
         let column = one.joint.unwrap_or(joints + 1) - 1;
@@ -148,7 +154,7 @@ pub fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
     rows.into_iter().fold(Table::new(caption, heads), |table, (effect, cells)| {
         let cell = |size: f64| match size {
             size if size.is_nan() => Cell::Text(String::new()),
-            size if size < NOTHING * largest => Cell::Number(0.0),
+            size if size < ZERO_SHARE_MOST * largest => Cell::Number(0.0),
             size => Cell::Number(size),
         };
         table.row(std::iter::once(Cell::from(effect)).chain(cells.into_iter().map(cell)))

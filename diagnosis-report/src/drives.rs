@@ -4,21 +4,21 @@
 
 use std::borrow::Cow;
 
-use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Refit, Stated};
+use diagnosis::torque::{self, Diagnosis, DiagnosisError, Finding, RefittedParameter, StatedModel};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
 
 use crate::error::Error;
 
 /// Result of the torque diagnosis.
-pub(crate) struct Drives {
-    pub(crate) result: Result<Diagnosis, Doubt>,
+pub(crate) struct TorqueDiagnosis {
+    pub(crate) result: Result<Diagnosis, DiagnosisError>,
     /// Names of the recordings, for findings of one of them.
     pub(crate) recordings: Vec<String>,
 }
 
 /// Whether any torque was recorded.
-pub(crate) fn are_recorded(recordings: &[Recording]) -> bool {
+pub(crate) fn torques_are_recorded(recordings: &[Recording]) -> bool {
     torque::has_torque(recordings)
 }
 
@@ -40,16 +40,16 @@ pub(crate) fn positions_are_recorded(recordings: &[Recording]) -> bool {
     })
 }
 
-impl Drives {
+impl TorqueDiagnosis {
     /// Diagnoses the torques, if any were recorded. Recordings without positions are moved out of `recordings` to save memory, because no other
     /// domain needs them.
-    pub(crate) fn where_recorded(
+    pub(crate) fn diagnose_if_recorded(
         base: &RobotModel,
         recordings: &mut Vec<Recording>,
         band_hz: Option<f64>,
         seed: u64,
     ) -> Result<Option<Self>, Error> {
-        if !are_recorded(recordings) {
+        if !torques_are_recorded(recordings) {
             return Ok(None);
         }
         let recordings = if positions_are_recorded(recordings) {
@@ -57,10 +57,10 @@ impl Drives {
         } else {
             Cow::Owned(std::mem::take(recordings))
         };
-        Self::of(base, recordings, band_hz, seed).map(Some)
+        Self::diagnose(base, recordings, band_hz, seed).map(Some)
     }
 
-    fn of(
+    fn diagnose(
         base: &RobotModel,
         recordings: Cow<'_, [Recording]>,
         band_hz: Option<f64>,
@@ -71,31 +71,35 @@ impl Drives {
         };
         let model = base.with_drives().map_err(Error::input)?;
         let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.drives_sigma).cloned().collect();
-        let stated = Stated { model: &model, sigma: &sigma, delay_s: delay_s(base) };
+        let stated = StatedModel { model: &model, sigma: &sigma, delay_s: delay_s(base) };
         let names = recordings.iter().map(name).collect();
         Ok(Self { result: torque::diagnose(&stated, recordings, band_hz, seed), recordings: names })
     }
 
     /// The model's effects with the findings, and its own refitted parameters.
-    pub(crate) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
+    pub(crate) fn effects_with_findings(
+        &self,
+        base: &RobotModel,
+        effects: &[EffectEntry],
+    ) -> Vec<EffectEntry> {
         let refits = self.result.iter().flat_map(|diagnosis| &diagnosis.refits);
         let result = self.result.iter();
         let findings = result.flat_map(|one| one.findings.iter().chain(&one.candidates));
-        written(base, effects, refits, findings.filter(|finding| finding.recording.is_none()))
+        with_findings(base, effects, refits, findings.filter(|finding| finding.recording.is_none()))
     }
 }
 
 /// A model's effects with the findings, and its own refitted parameters.
-pub(crate) fn written<'a>(
+pub(crate) fn with_findings<'a>(
     base: &RobotModel,
     effects: &[EffectEntry],
-    refits: impl Iterator<Item = &'a Refit>,
+    refits: impl Iterator<Item = &'a RefittedParameter>,
     findings: impl Iterator<Item = &'a Finding>,
 ) -> Vec<EffectEntry> {
     let mut all = effects.to_vec();
-    refits.for_each(|refit| refitted(base, &mut all, refit));
+    refits.for_each(|refit| apply_refit(base, &mut all, refit));
     for finding in findings {
-        let Some(entry) = entry(base, finding) else { continue };
+        let Some(entry) = file_entry(base, finding) else { continue };
         let same = |known: &&mut EffectEntry| {
             finding.is_change
                 && known.kind == entry.kind
@@ -103,7 +107,7 @@ pub(crate) fn written<'a>(
                 && known.parameters.iter().any(|p| entry.parameters.iter().any(|q| q.key == p.key))
         };
         match all.iter_mut().find(same) {
-            Some(known) => add(known, &entry),
+            Some(known) => add_differences(known, &entry),
             None => all.push(entry),
         }
     }
@@ -111,8 +115,8 @@ pub(crate) fn written<'a>(
 }
 
 /// Replaces a parameter of stated uncertainty by its fitted value.
-fn refitted(base: &RobotModel, effects: &mut [EffectEntry], refit: &Refit) {
-    let number = &refit.number;
+fn apply_refit(base: &RobotModel, effects: &mut [EffectEntry], refit: &RefittedParameter) {
+    let number = &refit.parameter;
     let one = SiParameter { stem: number.stem, values: &number.values, sigma: Some(&number.sigma) };
     let Some(off) = EffectEntry::from_si(&base.physics.arm, refit.kind, refit.joint, &[one]) else {
         return;
@@ -124,12 +128,12 @@ fn refitted(base: &RobotModel, effects: &mut [EffectEntry], refit: &Refit) {
             && known.parameters.iter().any(|p| p.sigma.is_some() && same(p))
     };
     if let Some(known) = effects.iter_mut().find(is_it) {
-        add(known, &off);
+        add_differences(known, &off);
     }
 }
 
 /// Adds the fitted differences to the existing values.
-fn add(known: &mut EffectEntry, found: &EffectEntry) {
+fn add_differences(known: &mut EffectEntry, found: &EffectEntry) {
     for parameter in &mut known.parameters {
         let Some(off) = found.parameters.iter().find(|p| p.key == parameter.key) else { continue };
         let off = off.value.as_slice();
@@ -145,9 +149,9 @@ fn add(known: &mut EffectEntry, found: &EffectEntry) {
 }
 
 /// A finding as an entry of a model file: keys with units, and standard uncertainties.
-pub(crate) fn entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry> {
+pub(crate) fn file_entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry> {
     let parameters: Vec<SiParameter<'_>> = finding
-        .numbers
+        .parameters
         .iter()
         .map(|number| SiParameter {
             stem: number.stem,

@@ -3,8 +3,8 @@
 //! An effect of the base model keeps its entry, with updated parameters and uncertainties; other effects get new entries. Parameters that the data do
 //! not determine do not count as found.
 
-use diagnosis::hypothesis::{Named, named, without_axial_part};
-use diagnosis::{Chosen, Fit};
+use diagnosis::hypothesis::{ParameterKey, parameter_key, without_axial_part};
+use diagnosis::{AddedEffect, Fit};
 use glam::DVec3;
 use physics::spec::Count;
 use physics::{AnyEffect, Arm, JointKind};
@@ -13,10 +13,10 @@ use recording::model::{EffectEntry, ModelFile, Numbers, Parameter, RobotModel, S
 use crate::error::Error;
 
 /// Cosine above which an axis is considered parallel to a direction.
-pub const ALONG: f64 = 0.999_999;
+pub const PARALLEL_COSINE: f64 = 0.999_999;
 
 /// One parameter of an effect.
-pub struct Number {
+pub struct EntryParameter {
     /// Key in the file.
     pub key: String,
     /// Index in the key's list, 1-based; `None` for a scalar.
@@ -30,24 +30,24 @@ pub struct Number {
 }
 
 /// One effect.
-pub struct Entry {
+pub struct FittedEffect {
     /// The fitted effect, SI.
     pub effect: AnyEffect,
     /// Index in the base model's file; `None` for a new effect.
-    pub of_base: Option<usize>,
+    pub base_index: Option<usize>,
     /// Its parameters in file units.
-    pub numbers: Vec<Number>,
+    pub parameters: Vec<EntryParameter>,
     /// RMS displacement of the tool by this effect, m.
     pub share_m: f64,
     /// Its entry in the file.
-    pub written: EffectEntry,
+    pub file_entry: EffectEntry,
 }
 
-impl Entry {
+impl FittedEffect {
     /// Whether there is nothing to write: a new effect without any determined or non-zero parameter.
     pub fn is_empty(&self) -> bool {
-        let is_nothing = |number: &Number| number.sigma.is_none() && number.value == 0.0;
-        self.of_base.is_none() && self.numbers.iter().filter(|n| n.free).all(is_nothing)
+        let is_nothing = |number: &EntryParameter| number.sigma.is_none() && number.value == 0.0;
+        self.base_index.is_none() && self.parameters.iter().filter(|n| n.free).all(is_nothing)
     }
 
     /// 1-based; `None` for effects of the whole robot.
@@ -63,63 +63,69 @@ impl Entry {
 }
 
 /// The file of `base` with these effects: existing ones updated, new ones appended unless empty.
-pub(crate) fn renewed_file(base: &RobotModel, entries: &[Entry]) -> ModelFile {
+pub(crate) fn updated_file(base: &RobotModel, entries: &[FittedEffect]) -> ModelFile {
     let mut file = base.file.clone();
     for entry in entries {
-        match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
-            Some(there) => *there = entry.written.clone(),
+        match entry.base_index.and_then(|at| file.effects.get_mut(at)) {
+            Some(there) => *there = entry.file_entry.clone(),
             None if entry.is_empty() => {}
-            None => file.effects.push(entry.written.clone()),
+            None => file.effects.push(entry.file_entry.clone()),
         }
     }
     file
 }
 
 /// The effects of the fit `last`, in its order.
-pub fn entries(
+pub fn fitted_effects(
     base: &RobotModel,
     last: &Fit,
-    chosen: &[Chosen],
+    chosen: &[AddedEffect],
     shares_m: &[f64],
-) -> Result<Vec<Entry>, Error> {
+) -> Result<Vec<FittedEffect>, Error> {
     let model = &last.hypothesis.model;
     let mut entries = Vec::new();
     for (place, effect) in model.effects().enumerate() {
-        let effect = &across(effect, &base.physics.arm);
+        let effect = &without_ineffective_shift(effect, &base.physics.arm);
         let sigma = sigma_of(last, place, effect);
         let of_base = base.entry_of.get(place).copied();
         let settings = chosen.iter().find(|chosen| chosen.effect == place);
         let settings = settings.map_or(&[][..], |chosen| chosen.settings.as_slice());
         let written = match of_base.and_then(|at| base.file.effects.get(at)) {
-            Some(entry) => Some(renewed(entry, effect, &sigma, kind_of(base, effect))),
-            None => made(base, effect, &sigma, settings),
+            Some(entry) => Some(updated_entry(entry, effect, &sigma, joint_kind_of(base, effect))),
+            None => new_entry(base, effect, &sigma, settings),
         };
         let written = written.ok_or_else(|| {
             Error::internal(format!("{} cannot be written into a model", effect.spec().kind))
         })?;
-        let numbers = numbers(base, last, place, effect, &sigma);
+        let numbers = effect_parameters(base, last, place, effect, &sigma);
         let share_m = shares_m.get(place).copied().unwrap_or(0.0);
-        entries.push(Entry { effect: *effect, of_base, numbers, share_m, written });
+        entries.push(FittedEffect {
+            effect: *effect,
+            base_index: of_base,
+            parameters: numbers,
+            share_m,
+            file_entry: written,
+        });
     }
     Ok(entries)
 }
 
-fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
+fn joint_kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
     let joint = effect.joint().and_then(|joint| base.physics.arm.joints().get(joint));
     joint.map_or(JointKind::Revolute, |joint| joint.kind)
 }
 
 /// The axis along which an `axis_shift` has no effect: the joint's own, except at the last joint.
-pub fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
+pub fn ineffective_axis(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
     let joint = effect.joint().filter(|joint| joint + 1 < arm.count())?;
     let axis = arm.joints().get(joint)?.axis;
     (effect.spec().kind == "axis_shift").then_some(axis)
 }
 
 /// The effect without a component that has no effect: a fit may leave a shift along the axis, a file must not contain one.
-fn across(effect: &AnyEffect, arm: &Arm) -> AnyEffect {
+fn without_ineffective_shift(effect: &AnyEffect, arm: &Arm) -> AnyEffect {
     let mut next = *effect;
-    if let (Some(axis), [x, y, z]) = (barred(effect, arm), effect.values()) {
+    if let (Some(axis), [x, y, z]) = (ineffective_axis(effect, arm), effect.values()) {
         let shift = without_axial_part(axis, DVec3::new(*x, *y, *z));
         next.values_mut().copy_from_slice(&shift.to_array());
     }
@@ -132,7 +138,8 @@ fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
     for (k, free) in last.hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == place) {
         columns[free.value] = Some(last.column_of(k)).filter(|c| last.sigma(*c).is_some());
     }
-    let barred = barred(effect, &last.hypothesis.model.arm).filter(|axis| is_slanted(*axis));
+    let barred =
+        ineffective_axis(effect, &last.hypothesis.model.arm).filter(|axis| is_oblique(*axis));
     let Some(axis) = barred else {
         return columns.into_iter().map(|column| last.sigma(column?)).collect();
     };
@@ -149,23 +156,23 @@ fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
 }
 
 /// Whether an axis is parallel to none of x, y, z.
-fn is_slanted(axis: DVec3) -> bool {
-    axis.abs().max_element() < ALONG
+fn is_oblique(axis: DVec3) -> bool {
+    axis.abs().max_element() < PARALLEL_COSINE
 }
 
-fn numbers(
+fn effect_parameters(
     base: &RobotModel,
     last: &Fit,
     place: usize,
     effect: &AnyEffect,
     sigma: &[Option<f64>],
-) -> Vec<Number> {
-    let kind = kind_of(base, effect);
+) -> Vec<EntryParameter> {
+    let kind = joint_kind_of(base, effect);
     let number = |value: usize| {
-        let Named { parameter, index } = named(effect, value)?;
+        let ParameterKey { parameter, index } = parameter_key(effect, value)?;
         let si = parameter.unit.suffix_and_si(kind).1;
-        let is_free = |free: &diagnosis::Free| free.effect == place && free.value == value;
-        Some(Number {
+        let is_free = |free: &diagnosis::FreeParameter| free.effect == place && free.value == value;
+        Some(EntryParameter {
             key: parameter.key(kind).to_string(),
             index: (parameter.count != Count::One).then_some(index + 1),
             value: effect.values()[value] / si,
@@ -177,13 +184,13 @@ fn numbers(
 }
 
 /// Key, values and standard uncertainties (0 where unknown; `None` if all are unknown) of an effect.
-type Group = (&'static str, Vec<f64>, Option<Vec<f64>>);
+type ParameterGroup = (&'static str, Vec<f64>, Option<Vec<f64>>);
 
-fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<Group> {
-    let mut groups: Vec<Group> = Vec::new();
+fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<ParameterGroup> {
+    let mut groups: Vec<ParameterGroup> = Vec::new();
     for (value, sigma) in effect.values().iter().zip(sigma) {
         let at = groups.iter().map(|(_, values, _)| values.len()).sum();
-        let Some(named) = named(effect, at) else { continue };
+        let Some(named) = parameter_key(effect, at) else { continue };
         if named.index == 0 {
             groups.push((named.parameter.stem, Vec::new(), None));
         }
@@ -199,7 +206,7 @@ fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<Group> {
     groups
 }
 
-fn made(
+fn new_entry(
     base: &RobotModel,
     effect: &AnyEffect,
     sigma: &[Option<f64>],
@@ -217,7 +224,7 @@ fn made(
 }
 
 /// The entry with the fitted values; parameters that no fit changes keep their text.
-fn renewed(
+fn updated_entry(
     entry: &EffectEntry,
     effect: &AnyEffect,
     sigma: &[Option<f64>],

@@ -2,7 +2,7 @@
 
 use std::error::Error as StdError;
 
-use diagnosis::gross::Suspicion;
+use diagnosis::gross_errors::SuspectedError;
 use recording::files::FileError;
 
 /// Why a diagnosis, a calibration or a plan gives no result.
@@ -15,8 +15,8 @@ pub enum Error {
     #[error(transparent)]
     Input(Box<dyn StdError + Send + Sync>),
     /// Recordings and model do not match, as with swapped columns, a wrong unit, or a mirrored frame; each entry is a possible explanation.
-    #[error("the recording and the model do not match: {}", .0.iter().map(|fault| fault.says.as_str()).collect::<Vec<_>>().join("; or "))]
-    GrossFaults(Vec<Suspicion>),
+    #[error("the recording and the model do not match: {}", .0.iter().map(|fault| fault.message.as_str()).collect::<Vec<_>>().join("; or "))]
+    GrossFaults(Vec<SuspectedError>),
     /// A result cannot be written as file or JSON: a bug of this program.
     #[error(transparent)]
     Internal(Box<dyn StdError + Send + Sync>),

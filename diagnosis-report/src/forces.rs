@@ -2,25 +2,25 @@
 //!
 //! Writes the same three files as for a robot, all or none. Effects that were not compared are not reported.
 
-use diagnosis::force::{self, Diagnosis, Doubt, Finding};
+use diagnosis::force::{self, Diagnosis, DiagnosisError, Finding};
 use recording::model::{EffectEntry, RobotModel, SiParameter};
 use recording::series::Recording;
 
 use report::Page;
 
-use crate::drives::written;
+use crate::drives::with_findings;
 use crate::error::Error;
 use crate::page;
 use crate::result::{Report, json};
 
 /// Diagnosis of a recording that contains only forces.
-pub struct DiagnosedForces {
+pub struct ForceDiagnosis {
     pub(crate) base: RobotModel,
-    pub(crate) result: Result<Diagnosis, Doubt>,
+    pub(crate) result: Result<Diagnosis, DiagnosisError>,
     pub(crate) seed: u64,
 }
 
-impl DiagnosedForces {
+impl ForceDiagnosis {
     /// Diagnoses a recording of forces (or accelerations) at the tool, without any joint.
     ///
     /// # Errors
@@ -58,10 +58,12 @@ impl DiagnosedForces {
     /// [`Error::Internal`]
     pub fn model_toml(&self) -> Result<String, Error> {
         let mut file = self.base.file.clone();
-        if let Some(compared) = self.result.iter().find_map(|found| found.compared.as_ref().ok()) {
+        if let Some(compared) =
+            self.result.iter().find_map(|found| found.cut_comparison.as_ref().ok())
+        {
             let findings = compared.findings.iter().chain(&compared.candidates);
             let refits = compared.refits.iter();
-            file.effects = written(&self.base, &file.effects, refits, findings);
+            file.effects = with_findings(&self.base, &file.effects, refits, findings);
         }
         for finding in self.result.iter().flat_map(|found| &found.findings) {
             if let Finding::Bias { force, sigma, .. } = finding {

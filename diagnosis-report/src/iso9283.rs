@@ -3,16 +3,16 @@
 //! ```no_run
 //! use std::path::Path;
 //!
-//! use diagnosis::from_recording;
+//! use diagnosis::campaign_import;
 //! use diagnosis::plan::iso::Evaluation;
 //! use diagnosis_report::iso9283;
 //! use recording::model::RobotModel;
-//! use recording::series::{Need, read};
+//! use recording::series::{RequiredData, read};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
-//! let visits = read(Path::new("visits.csv"), None, Need::Measurement)?;
-//! let campaign = from_recording::campaign(&model.physics.arm, &[visits])?;
+//! let visits = read(Path::new("visits.csv"), None, RequiredData::Measurement)?;
+//! let campaign = campaign_import::campaign(&model.physics.arm, &[visits])?;
 //! let evaluation = Evaluation::of(&model.physics.arm, &campaign)?;
 //! for pose in &evaluation.poses {
 //!     println!("{} visits, {:.3} mm", pose.figures.visits, 1e3 * pose.figures.repeatability_m);
@@ -25,16 +25,16 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::plan::iso::{EvaluatedPose, Evaluation, VISITS};
+use diagnosis::plan::iso::{EvaluatedPose, Evaluation, VISITS_REQUIRED};
 use glam::DVec3;
 use physics::Arm;
 use recording::model::RobotModel;
 use recording::program;
-use report::{TextTable, count, fixed};
+use report::{TextTable, fixed, pluralise};
 use serde::Serialize;
 
 use crate::error::Error;
-use crate::positions::{columns, shown};
+use crate::positions::{columns, joint_positions_text};
 
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
@@ -42,7 +42,7 @@ const MILLI: f64 = 1e3;
 /// Accuracy and repeatability: `trued.plan/1` (docs/reference/results.md).
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Evaluated<'a> {
+pub struct EvaluationReport<'a> {
     does: &'static str,
     model: &'a str,
     is_frame_known: bool,
@@ -74,11 +74,11 @@ struct DistanceReport {
 
 /// The result as an object.
 #[must_use]
-pub fn report<'a>(model: &'a RobotModel, evaluation: &Evaluation) -> Evaluated<'a> {
+pub fn report<'a>(model: &'a RobotModel, evaluation: &Evaluation) -> EvaluationReport<'a> {
     let arm = &model.physics.arm;
     let with_accuracy = evaluation.has_accuracy();
     let poses = evaluation.poses.iter();
-    Evaluated {
+    EvaluationReport {
         does: "iso9283",
         model: &model.file.name,
         is_frame_known: evaluation.is_frame_known,
@@ -125,7 +125,7 @@ fn notes(evaluation: &Evaluation) -> Vec<String> {
         notes.push("accuracy not evaluated: it requires measurements in the base frame (`measuring_frame = \"base\"`, --frame-known) and the target's position on the tool (`target1_mm`); a fitted frame would hide the error".to_owned());
     }
     if !evaluation.has_all_visits() {
-        notes.push(format!("the standard requires {VISITS} visits of each pose"));
+        notes.push(format!("the standard requires {VISITS_REQUIRED} visits of each pose"));
     }
     notes
 }
@@ -148,13 +148,13 @@ pub fn details(model: &RobotModel, evaluation: &Evaluation, width_max: Option<us
         let worst = poses.iter().map(|pose| pose.figures.accuracy_m).fold(0.0, f64::max);
         text += &format!(", accuracy {} mm", fixed(MILLI * worst, 3));
     }
-    text += &format!(" (worst of {})\n", count(poses.len(), "pose"));
+    text += &format!(" (worst of {})\n", pluralise(poses.len(), "pose"));
     let mut table = TextTable::new(["joints, deg (mm)", "visits", "AP, mm", "RP, mm"]);
     for EvaluatedPose { visits, figures } in poses {
         let accuracy =
             if with_accuracy { fixed(MILLI * figures.accuracy_m, 3) } else { "–".to_owned() };
         table = table.row([
-            shown(&model.physics.arm, &visits.q),
+            joint_positions_text(&model.physics.arm, &visits.q),
             figures.visits.to_string(),
             accuracy,
             fixed(MILLI * figures.repeatability_m, 3),

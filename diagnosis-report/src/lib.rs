@@ -1,8 +1,8 @@
 //! Results of a diagnosis and of a calibration for people and programs: JSON, lines of text, an HTML page, and the resulting model.
 //!
 //! [`calibration`] makes a calibrated model from measurements of the tool. [`diagnose`] diagnoses positions and drive torques of one robot,
-//! [`DiagnosedForces`] forces without a robot. [`plan`] chooses measuring poses, [`iso9283`] reports accuracy and repeatability, [`simulation`] runs
-//! a model forward on a recording. Modules of a diagnosis in reading order: `diagnosed` and `forces` (selection of the diagnosis), `result` (values
+//! [`ForceDiagnosis`] forces without a robot. [`plan`] chooses measuring poses, [`iso9283`] reports accuracy and repeatability, [`simulation`] runs
+//! a model forward on a recording. Modules of a diagnosis in reading order: `robot` and `forces` (selection of the diagnosis), `result` (values
 //! and sentences), `page` (HTML), `entries` and `drives` (effects of a model file), `drawings` (figures shared by pages).
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
@@ -13,14 +13,14 @@
 //!
 //! use diagnosis_report::{Settings, diagnose, lines};
 //! use recording::model::RobotModel;
-//! use recording::series::{Need, read};
+//! use recording::series::{RequiredData, read};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
-//! let recording = read(Path::new("measured.csv"), None, Need::Measurement)?;
+//! let recording = read(Path::new("measured.csv"), None, RequiredData::Measurement)?;
 //! let found = diagnose(model, vec![recording], &Settings::default(), &mut |_| {})?;
 //! for report in found.reports() {
-//!     println!("{}: {}", report.verdict, diagnosis_report::lead(&report));
+//!     println!("{}: {}", report.verdict, diagnosis_report::summary(&report));
 //!     lines(&report).iter().for_each(|line| println!("{line}"));
 //! }
 //! fs::write("diagnosis.json", found.json()?)?;
@@ -31,7 +31,6 @@
 //! ```
 
 pub mod calibration;
-mod diagnosed;
 pub mod drawings;
 mod drives;
 pub mod entries;
@@ -42,6 +41,7 @@ mod page;
 pub mod plan;
 pub mod positions;
 mod result;
+mod robot;
 pub mod simulation;
 mod tolerance;
 
@@ -54,8 +54,8 @@ pub const PAGE: &str = "report.html";
 /// File name of the resulting model, next to `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
 
-pub use diagnosed::{Diagnosed, Settings, Stage, diagnose};
 pub use error::Error;
-pub use forces::DiagnosedForces;
-pub use result::{Interval, Report, ReportedFinding, Size, Value, Whole, lead, lines};
+pub use forces::ForceDiagnosis;
+pub use result::{DiagnosisJson, Interval, Report, ReportedFinding, Size, Value, lines, summary};
+pub use robot::{RobotDiagnosis, Settings, Stage, diagnose};
 pub use tolerance::{HeldOut, Tolerance};

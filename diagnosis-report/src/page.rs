@@ -13,20 +13,20 @@ use std::path::Path;
 use report::{Axis, Number, Page, Tone, significant};
 
 use crate::MODEL;
-use crate::diagnosed::Diagnosed;
-use crate::drawings::{Ranked, ranking};
-use crate::result::{Report, ReportedFinding, lead};
+use crate::drawings::{RankedEffect, ranking};
+use crate::result::{Report, ReportedFinding, summary};
+use crate::robot::RobotDiagnosis;
 
 /// With at least this many findings, a page shows their sizes joint by joint, and folds the list.
-const MANY: usize = 6;
+const FOLDED_FROM: usize = 6;
 
 /// The whole page: positions first, then torques. `dir`: where the files of the result are written.
-pub(crate) fn render(found: &Diagnosed, reports: &[Report], dir: &Path) -> Page {
+pub(crate) fn render(found: &RobotDiagnosis, reports: &[Report], dir: &Path) -> Page {
     let page = Page::new(format!("Diagnosis of {}", found.base.file.name))
         .kicker("trued diagnose")
         .robot(found.base.file.identity().to_string());
     reports.iter().enumerate().fold(page, |page, (place, report)| {
-        let page = if place > 0 { page.section(&headed(report)) } else { page };
+        let page = if place > 0 { page.section(&domain_heading(report)) } else { page };
         match found.torques().filter(|_| report.domain == "torque") {
             Some(torques) => drives::domain(page, found, torques, report, dir),
             None => domain(page, found, report, dir),
@@ -34,7 +34,7 @@ pub(crate) fn render(found: &Diagnosed, reports: &[Report], dir: &Path) -> Page 
     })
 }
 
-fn headed(report: &Report) -> String {
+fn domain_heading(report: &Report) -> String {
     let domain = if report.domain == "torque" { "Drive torques" } else { "Positions" };
     format!("{domain}: {}", report.verdict.replace('_', " "))
 }
@@ -48,7 +48,7 @@ fn tone(report: &Report) -> Tone {
 }
 
 /// The first screen of a domain: verdict, numbers, main figure, next step.
-fn first(
+fn first_screen(
     page: Page,
     report: &Report,
     is_judged: bool,
@@ -57,16 +57,18 @@ fn first(
 ) -> Page {
     let word = report.verdict.replace('_', " ");
     let mut page = if is_judged {
-        page.verdict(tone(report), &word, &judged(report)).numbers(numbers(report))
+        page.verdict(tone(report), &word, &verdict_text(report)).numbers(key_figures(report))
     } else {
-        let why =
-            format!("These recordings cannot be evaluated with this model: {}", self::lead(report));
+        let why = format!(
+            "These recordings cannot be evaluated with this model: {}",
+            self::summary(report)
+        );
         page.verdict(Tone::Bad, "not evaluated", &why)
     };
     if let Some(Figure { caption, drawing }) = picture {
         page = page.figure(&caption, &drawing);
     }
-    next(page, report, is_judged, dir)
+    next_step(page, report, is_judged, dir)
 }
 
 /// A drawing with its caption.
@@ -75,11 +77,11 @@ pub(crate) struct Figure {
     pub(crate) drawing: report::Svg,
 }
 
-fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
+fn next_step(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
     let model = dir.join(MODEL).display().to_string();
     if let Some(next) = &report.next_experiment {
         let command = format!("trued plan --for {}", dir.display());
-        return page.next(next, report.is_planned().then_some(command.as_str()));
+        return page.next(next, report.has_experiment().then_some(command.as_str()));
     }
     match report.verdict {
         _ if !is_judged => page.next("Correct the cause named in the verdict and diagnose again.", None),
@@ -96,19 +98,19 @@ fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
 }
 
 /// The findings as sentences; the tables of a long list are folded.
-fn words(mut page: Page, report: &Report, joints: usize) -> Page {
+fn findings_section(mut page: Page, report: &Report, joints: usize) -> Page {
     let sentences: Vec<&str> =
         report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
-        let (first, others) = sentences.split_at(sentences.len().min(MANY));
+        let (first, others) = sentences.split_at(sentences.len().min(FOLDED_FROM));
         page = page.section("Findings").list(first);
         if !others.is_empty() {
             page = page.folded(&format!("And {} more", others.len()), |page| page.list(others));
         }
-        if let Some(figure) = sizes(report) {
+        if let Some(figure) = size_figure(report) {
             page = page.figure(&figure.caption, &figure.drawing);
         }
-        if report.findings.len() >= MANY {
+        if report.findings.len() >= FOLDED_FROM {
             if joints > 1 {
                 page = page.table(&tables::by_joint(report, joints));
             }
@@ -133,13 +135,13 @@ fn words(mut page: Page, report: &Report, joints: usize) -> Page {
 }
 
 /// Effect of each finding alone on the measurement, largest first.
-fn sizes(report: &Report) -> Option<Figure> {
+fn size_figure(report: &Report) -> Option<Figure> {
     let what = if report.domain == "torque" {
         "Effect on the torque"
     } else {
         "Effect on the measurement"
     };
-    let ranked = report.findings.iter().map(|reported| Ranked {
+    let ranked = report.findings.iter().map(|reported| RankedEffect {
         name: ReportedFinding::name(reported),
         size: reported.size.as_ref().map(|size| size.rms),
     });
@@ -150,42 +152,46 @@ fn sizes(report: &Report) -> Option<Figure> {
 }
 
 /// The alternatives, the parameters, and what was not tested.
-fn rest(mut page: Page, report: &Report) -> Page {
-    page = rivals(page, report);
+fn details(mut page: Page, report: &Report) -> Page {
+    page = alternatives_section(page, report);
     if !report.findings.is_empty() {
         page = page.section("Parameters").text(
             "Parameters are in the units of the model file. Intervals have a coverage of 95 % and include 0.5 % of the value for the uncertainty of \
              scale and geometry.",
         );
-        page = if report.findings.len() >= MANY {
+        page = if report.findings.len() >= FOLDED_FROM {
             page.folded("All parameters", |page| page.table(&tables::parameters(report)))
         } else {
             page.table(&tables::parameters(report))
         };
     }
-    open(page, report)
+    untested_section(page, report)
 }
 
-fn domain(page: Page, found: &Diagnosed, report: &Report, dir: &Path) -> Page {
+fn domain(page: Page, found: &RobotDiagnosis, report: &Report, dir: &Path) -> Page {
     let Some(diagnosis) = &found.diagnosis else {
-        return made_from(rest(first(page, report, false, None, dir), report), found, report);
+        return data_section(
+            details(first_screen(page, report, false, None, dir), report),
+            found,
+            report,
+        );
     };
     let arm = &found.base.physics.arm;
     let picture =
         figures::arm(arm, diagnosis, report).or_else(|| figures::sizes(diagnosis, report));
-    let mut page = first(page, report, true, picture, dir);
-    page = words(page, report, arm.count());
-    page = figures::proof(page, diagnosis, report);
-    page = figures::places(page, diagnosis, report);
-    page = figures::over_each(page, diagnosis, report);
-    made_from(rest(page, report), found, report)
+    let mut page = first_screen(page, report, true, picture, dir);
+    page = findings_section(page, report, arm.count());
+    page = figures::validation(page, diagnosis, report);
+    page = figures::error_map(page, diagnosis, report);
+    page = figures::findings_over_covariates(page, diagnosis, report);
+    data_section(details(page, report), found, report)
 }
 
 /// The verdict as sentences, with the evaluation of a tolerance if one was stated.
-fn judged(report: &Report) -> String {
+fn verdict_text(report: &Report) -> String {
     let sentence = sentence(report);
     match &report.tolerance {
-        Some(tolerance) => format!("{sentence} Tolerance of {}.", tolerance.words()),
+        Some(tolerance) => format!("{sentence} Tolerance of {}.", tolerance.evaluation()),
         None => sentence,
     }
 }
@@ -195,7 +201,7 @@ fn sentence(report: &Report) -> String {
         .map(|rms| rms.map_or("?".to_owned(), |rms| significant(rms, 2)));
     let residual = significant(report.noise_rms, 2);
     let unit = report.unit;
-    match (report.verdict, report.claims().count()) {
+    match (report.verdict, report.all_findings().count()) {
         ("consistent", _) => {
             format!(
                 "Model and recording agree within the scatter of the readings ({residual} {unit})."
@@ -209,23 +215,23 @@ fn sentence(report: &Report) -> String {
         ),
         ("unknown_structure", count) => format!(
             "The model error is {before} {unit}. {} reduce{} it to {after} {unit}; the remaining error is not explained by any known effect.",
-            effects(count),
+            effect_count(count),
             if count == 1 { "s" } else { "" }
         ),
         (_, count) => format!(
             "{} explain{} the difference: the RMS error on held-out rows decreases from {before} to {after} {unit}.",
-            effects(count),
+            effect_count(count),
             if count == 1 { "s" } else { "" }
         ),
     }
 }
 
-fn effects(count: usize) -> String {
+fn effect_count(count: usize) -> String {
     if count == 1 { "One effect".to_owned() } else { format!("{count} effects together") }
 }
 
 /// Key figures without a tone: an improvement is not necessarily sufficient.
-fn numbers(report: &Report) -> Vec<Number> {
+fn key_figures(report: &Report) -> Vec<Number> {
     let rms = "RMS of held-out readings";
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
         let share = format!(
@@ -234,7 +240,7 @@ fn numbers(report: &Report) -> Vec<Number> {
         );
         let given = Number::new("Given model", before, report.unit).note(rms);
         let found = Number::new("With the findings", after, report.unit).note(share);
-        if report.claims().count() == 0 { vec![given] } else { vec![given, found] }
+        if report.all_findings().count() == 0 { vec![given] } else { vec![given, found] }
     });
     let residual = Number::new("Residual", report.noise_rms, report.unit)
         .note("on the fitted readings: instrument noise and unexplained errors");
@@ -248,21 +254,21 @@ fn numbers(report: &Report) -> Vec<Number> {
 }
 
 /// Findings with alternatives that explain the data equally or almost as well.
-fn rivals(page: Page, report: &Report) -> Page {
+fn alternatives_section(page: Page, report: &Report) -> Page {
     if report.findings.iter().all(|reported| reported.alternatives.is_empty()) {
         return page;
     }
     page.section("Rivals")
         .text("Alternative explanations of a finding, with the probability of each from this recording alone.")
-        .figure("Probability of each candidate.", &figures::rivals(report))
+        .figure("Probability of each candidate.", &figures::probabilities_of_alternatives(report))
 }
 
 /// An effect, and its joints (1-based; empty for the whole robot).
-type OfJoints = (String, Vec<usize>);
+type EffectJoints = (String, Vec<usize>);
 
 /// Effects that could not be tested, grouped by reason.
-fn open(page: Page, report: &Report) -> Page {
-    let mut reasons: Vec<(&str, Vec<OfJoints>)> = Vec::new();
+fn untested_section(page: Page, report: &Report) -> Page {
+    let mut reasons: Vec<(&str, Vec<EffectJoints>)> = Vec::new();
     for one in &report.not_tested {
         let at = reasons.iter().position(|(why, _)| *why == one.why).unwrap_or_else(|| {
             reasons.push((&one.why, Vec::new()));
@@ -291,7 +297,7 @@ fn open(page: Page, report: &Report) -> Page {
     page.section("Not observable in this recording").list(lines)
 }
 
-fn made_from(page: Page, found: &Diagnosed, report: &Report) -> Page {
+fn data_section(page: Page, found: &RobotDiagnosis, report: &Report) -> Page {
     let mut page = page.section("Data processing");
     if !report.notes.is_empty() {
         page = page.list(&report.notes);

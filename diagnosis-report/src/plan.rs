@@ -1,9 +1,9 @@
 //! Plans of measuring poses for people and programs: `trued.plan/1` as JSON, text, HTML page, and files for controller and measurements.
 //!
 //! [`measuring_poses`] chooses the poses of a calibration, [`next_pose`] one more and whether it is worth measuring, [`check_poses`] poses that
-//! detect damage, [`iso_poses`] the test of ISO 9283. [`judge`] tests whether a model is still valid, [`crate::iso9283`] evaluates accuracy and
+//! detect damage, [`iso_poses`] the test of ISO 9283. [`test_validity`] tests whether a model is still valid, [`crate::iso9283`] evaluates accuracy and
 //! repeatability, [`experiment`] writes the experiment proposed by a diagnosis. Computation: [`diagnosis::plan`]. Modules in reading order: `poses`,
-//! `next`, `check`, `judged`, `iso`, `experiment` (one result each), `page` and `files` (common to plans).
+//! `next`, `check`, `validity`, `iso`, `experiment` (one result each), `page` and `files` (common to plans).
 //!
 //! The same model, recordings and seed give the same bytes. Writes no file.
 
@@ -11,25 +11,25 @@ mod check;
 pub mod experiment;
 mod files;
 mod iso;
-mod judged;
 mod next;
 mod page;
 mod poses;
+mod validity;
 
 pub use check::{CheckPlan, CheckReport, check_poses};
 pub use files::{FILES, LIST, PAGE, PlanFile, Programs};
 pub use iso::{IsoPlan, IsoReport, iso_poses};
-pub use judged::{Judged, JudgedReport, judge};
 pub use next::{NextPlan, NextReport, next_pose};
 pub use poses::{PosesPlan, PosesReport, measuring_poses};
+pub use validity::{ValidityReport, ValidityTest, test_validity};
 
 use std::path::{Path, PathBuf};
 
-use diagnosis::plan::check::{Damage, Detectable};
+use diagnosis::plan::check::{Damage, DetectableDamage};
 use diagnosis::plan::setup::MeasuringSetup;
 use diagnosis::plan::starting_point::StartingPoint;
-use diagnosis::plan::zone::Zone;
-use diagnosis::plan::{Criterion, Sees, Wish};
+use diagnosis::plan::working_zone::WorkingZone;
+use diagnosis::plan::{Criterion, MeasurementKind, PlanSettings};
 use physics::{Joints, Model};
 use recording::model::RobotModel;
 use recording::series::Recording;
@@ -58,9 +58,9 @@ pub struct Settings {
     /// Instrument, targets, constraints.
     pub setup: MeasuringSetup,
     /// Region in which the tool's error is evaluated. Default: none, so that it is the whole workspace.
-    pub zone: Option<Zone>,
+    pub zone: Option<WorkingZone>,
     /// Candidate poses, such as poses known to be collision-free, rad or m. Default: none, so that poses are drawn at random.
-    pub among: Vec<Joints>,
+    pub candidate_poses: Vec<Joints>,
     /// Number of candidate poses that are drawn; 20 to 5000. Default 600. Origin: a choice.
     pub candidates: usize,
     /// Seed of all random draws. Default 0.
@@ -78,7 +78,7 @@ impl Default for Settings {
         Self {
             setup: MeasuringSetup::default(),
             zone: None,
-            among: Vec::new(),
+            candidate_poses: Vec::new(),
             candidates: 600,
             seed: 0,
             programs: Programs::default(),
@@ -93,7 +93,7 @@ impl Settings {
     fn start(&self, robot: Robot<'_>) -> Result<StartingPoint, Error> {
         let Robot { model, recordings } = robot;
         let mut start = StartingPoint::of(model, recordings, &self.setup).map_err(Error::input)?;
-        start.task.among.clone_from(&self.among);
+        start.task.given_poses.clone_from(&self.candidate_poses);
         Ok(start)
     }
 
@@ -102,11 +102,11 @@ impl Settings {
         let mut start = self.start(robot)?;
         let chance = self.seed.wrapping_add(1);
         let task = &mut start.task;
-        task.asked = match &self.zone {
+        task.test_poses = match &self.zone {
             None => task.workspace(TOOL_POSES, chance),
             Some(zone) => zone.positions(&robot.model.physics.arm, &task.reach, TOOL_POSES, chance),
         };
-        if task.asked.is_empty() {
+        if task.test_poses.is_empty() {
             return Err(Error::input(match self.zone {
                 Some(_) => {
                     "the arm reaches nothing of the zone in these directions: check --zone (mm, base frame), --direction, and what bars it"
@@ -119,37 +119,38 @@ impl Settings {
         Ok(start)
     }
 
-    fn wish(&self, count: usize, criterion: Criterion) -> Wish {
+    fn wish(&self, count: usize, criterion: Criterion) -> PlanSettings {
         let candidates = self.candidates.max(4 * count);
-        Wish { count, criterion, candidates, seed: self.seed }
+        PlanSettings { count, criterion, candidates, seed: self.seed }
     }
 
     /// The region in which the tool's error is evaluated, as part of a sentence.
-    fn whereabouts(&self) -> &'static str {
+    fn region(&self) -> &'static str {
         if self.zone.is_some() { "in the zone" } else { "over the workspace" }
     }
 
     /// The command that evaluates the completed list.
-    fn measured_by(&self, command: &str, options: &str) -> String {
+    fn evaluation_command(&self, command: &str, options: &str) -> String {
         let list = self.out.as_deref().unwrap_or(Path::new("")).join(LIST);
         format!("trued {command} --model {} {options}{}", self.model_path.display(), list.display())
     }
 
     /// Instructions for the poses of a calibration, and the command that evaluates the measurements.
-    fn to_calibrate(&self) -> (&'static str, String) {
+    fn calibration_steps(&self) -> (&'static str, String) {
         let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
-        (words, self.measured_by("calibrate", "--out calibrated.toml "))
+        (words, self.evaluation_command("calibrate", "--out calibrated.toml "))
     }
 
     /// Constraints that were not checked, one sentence each.
-    fn not_checked(&self, sees: &Sees) -> Vec<&'static str> {
+    fn not_checked(&self, sees: &MeasurementKind) -> Vec<&'static str> {
         let bodies = if self.setup.keep_out.is_empty() {
             "fixtures, cables and the tool's body: describe them as boxes with --keep-out"
         } else {
             "fixtures, cables and the tool's body outside the boxes"
         };
         let mut open = vec!["the way between two poses: try the program slowly first", bodies];
-        if matches!(sees, Sees::Points { .. }) && self.setup.instrument_base_m.is_none() {
+        if matches!(sees, MeasurementKind::Points { .. }) && self.setup.instrument_base_m.is_none()
+        {
             open.push(
                 "whether the instrument sees the target: say where it stands with --instrument",
             );
@@ -177,12 +178,12 @@ struct DetectableReport {
 }
 
 impl DetectableReport {
-    fn of(model: &Model, found: &Detectable) -> Self {
+    fn of(model: &Model, found: &DetectableDamage) -> Self {
         let least = found.least.map(|least| MILLI * least);
         Self { damage: found.damage.says(), unit: damage_unit(model, &found.damage), least }
     }
 
-    fn all(model: &Model, found: &[Detectable]) -> Vec<Self> {
+    fn all(model: &Model, found: &[DetectableDamage]) -> Vec<Self> {
         found.iter().map(|one| Self::of(model, one)).collect()
     }
 }
@@ -192,17 +193,21 @@ fn damage_unit(model: &Model, damage: &Damage) -> &'static str {
 }
 
 /// The minimum detectable change with its unit.
-fn least_detectable(model: &Model, found: &Detectable) -> String {
+fn minimum_detectable(model: &Model, found: &DetectableDamage) -> String {
     found.least.map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
         format!("{} {}", significant(MILLI * least, 2), damage_unit(model, &found.damage))
     })
 }
 
 /// The damage that check poses can detect, as a text table.
-fn detectable_table(model: &Model, detectable: &[Detectable], width_max: Option<usize>) -> String {
+fn detectable_table(
+    model: &Model,
+    detectable: &[DetectableDamage],
+    width_max: Option<usize>,
+) -> String {
     let start = report::TextTable::new(["damage", "minimum detectable change"]);
     let table = detectable.iter().fold(start, |table, found| {
-        table.row([found.damage.says(), least_detectable(model, found)])
+        table.row([found.damage.says(), minimum_detectable(model, found)])
     });
     table.render(width_max)
 }
@@ -214,7 +219,7 @@ fn assumptions(robot: Robot<'_>) -> Vec<String> {
     if !model.sigma.iter().flatten().any(|sigma| *sigma > 0.0) {
         said.push(format!("{} states no uncertainty: it is taken as exact", model.file.name));
     }
-    for recording in recordings.iter().filter(|recording| recording.about.sigma.is_empty()) {
+    for recording in recordings.iter().filter(|recording| recording.metadata.sigma.is_empty()) {
         let file = recording.file.display();
         said.push(format!("{file}: no `sigma` is stated: 0.05 mm is taken"));
     }

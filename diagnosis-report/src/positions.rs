@@ -18,7 +18,7 @@ pub fn columns(arm: &Arm, q: &Joints) -> BTreeMap<String, f64> {
 
 /// As text, joint by joint, degrees and mm with one decimal.
 #[must_use]
-pub fn shown(arm: &Arm, q: &Joints) -> String {
+pub fn joint_positions_text(arm: &Arm, q: &Joints) -> String {
     let each: Vec<String> = columns(arm, q).into_values().map(|number| fixed(number, 1)).collect();
     each.join(" ")
 }

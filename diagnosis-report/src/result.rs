@@ -10,20 +10,20 @@ mod lines;
 
 use std::collections::BTreeMap;
 
-use diagnosis::diagnose::experiment::Proposed;
-use diagnosis::diagnose::{Cell, Finding, Verdict, says};
-use diagnosis::hypothesis::named;
-use diagnosis::torque::JointProof;
+use diagnosis::diagnose::experiment::ProposedExperiment;
+use diagnosis::diagnose::{Finding, MapCell, Verdict, sentences};
+use diagnosis::hypothesis::parameter_key;
+use diagnosis::torque::JointValidation;
 use physics::spec::{Count, Range};
 use physics::{AnyEffect, Arm, JointKind};
 use report::significant;
 use serde::Serialize;
 
-pub use file::Whole;
+pub use file::DiagnosisJson;
 pub(crate) use file::json;
 pub use lines::lines;
 
-use crate::diagnosed::Diagnosed;
+use crate::robot::RobotDiagnosis;
 use crate::tolerance::Tolerance;
 
 /// Coverage factor of a 95 % interval, in standard uncertainties.
@@ -70,19 +70,19 @@ pub struct Report {
     attribution: &'static str,
     /// Description of the motion or load that would distinguish the alternatives.
     pub next_experiment: Option<String>,
-    experiment: Option<Asked>,
-    pub(crate) not_tested: Vec<NotTested>,
+    experiment: Option<ProposedExperimentReport>,
+    pub(crate) not_tested: Vec<UntestedEffect>,
     pub(crate) unexplained: Option<Unexplained>,
-    pub(crate) map: Vec<Place>,
+    pub(crate) map: Vec<MapCellReport>,
     /// Validation of each joint, in the torque domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) joints: Vec<JointErrors>,
     /// Phases of the tool's engagement, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(crate) phases: Vec<forces::Stretch>,
+    pub(crate) phases: Vec<forces::PhaseEntry>,
     /// Spectral lines of the cut, in the force domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(crate) tones: Vec<forces::Heard>,
+    pub(crate) tones: Vec<forces::SpectralLineEntry>,
     /// How the data were processed.
     pub notes: Vec<String>,
     seed: u64,
@@ -113,7 +113,7 @@ pub struct ReportedFinding {
     /// Name of a group of findings that are determined only jointly; null if it is determined separately, or if this is not computed.
     pub group: Option<String>,
     #[serde(rename = "where")]
-    place: Where,
+    location: FindingLocation,
     pub(crate) alternatives: Vec<Alternative>,
     /// Cause and size as a sentence.
     pub says: String,
@@ -131,7 +131,7 @@ pub struct Size {
 
 impl Size {
     /// In a unit of which `per_si` make one SI unit.
-    pub(crate) fn of(size: diagnosis::size::Size, per_si: f64) -> Self {
+    pub(crate) fn of(size: diagnosis::effect_size::EffectSize, per_si: f64) -> Self {
         Self { rms: per_si * size.rms, max: per_si * size.largest }
     }
 }
@@ -180,7 +180,7 @@ pub type Interval = Option<[f64; 2]>;
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the contract's keys")]
-struct Where {
+struct FindingLocation {
     joint: Option<usize>,
     channels: Vec<String>,
     condition: String,
@@ -196,12 +196,12 @@ pub(crate) struct Alternative {
     /// Null if not computed.
     pub(crate) confidence: Option<f64>,
     #[serde(skip)]
-    is_alike: bool,
+    is_indistinguishable: bool,
 }
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct NotTested {
+pub(crate) struct UntestedEffect {
     pub(crate) effect: &'static str,
     pub(crate) joint: Option<usize>,
     pub(crate) why: String,
@@ -219,7 +219,7 @@ pub(crate) struct Unexplained {
 /// The proposed experiment, for `trued plan --for`.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Asked {
+struct ProposedExperimentReport {
     name: String,
     expected_separation: f64,
     takes_s: f64,
@@ -227,8 +227,8 @@ struct Asked {
     measure: Vec<String>,
 }
 
-impl Asked {
-    fn of(proposed: &Proposed) -> Self {
+impl ProposedExperimentReport {
+    fn of(proposed: &ProposedExperiment) -> Self {
         Self {
             name: proposed.experiment.name.clone(),
             expected_separation: proposed.separation,
@@ -241,7 +241,7 @@ impl Asked {
 /// A cell of the map of deviations: the joint deviation that would explain the recording there.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct Place {
+pub(crate) struct MapCellReport {
     pub(crate) joint: usize,
     pub(crate) depends_on: String,
     pub(crate) from: f64,
@@ -264,7 +264,7 @@ pub(crate) struct JointErrors {
 }
 
 impl JointErrors {
-    fn of(proof: &JointProof) -> Self {
+    fn of(proof: &JointValidation) -> Self {
         Self {
             joint: proof.joint + 1,
             torque_rms: proof.torque,
@@ -277,9 +277,9 @@ impl JointErrors {
 }
 
 impl Report {
-    pub(crate) fn of(found: &Diagnosed) -> Self {
-        let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
-        let proof = &diagnosis.proof;
+    pub(crate) fn of(found: &RobotDiagnosis) -> Self {
+        let Some(diagnosis) = &found.diagnosis else { return Self::without_positions(found) };
+        let proof = &diagnosis.test_errors;
         let arm = &found.base.physics.arm;
         Self {
             verdict: diagnosis.verdict.name(),
@@ -302,11 +302,11 @@ impl Report {
                 .collect(),
             attribution: "shapley",
             next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
-            experiment: diagnosis.next_experiment.as_ref().map(Asked::of),
+            experiment: diagnosis.next_experiment.as_ref().map(ProposedExperimentReport::of),
             not_tested: diagnosis
                 .not_tested
                 .iter()
-                .map(|one| NotTested {
+                .map(|one| UntestedEffect {
                     effect: one.effect,
                     joint: one.joint.map(|joint| joint + 1),
                     why: one.why.clone(),
@@ -322,7 +322,7 @@ impl Report {
                     one.depends_on.join(" and ")
                 ),
             }),
-            map: diagnosis.map.iter().map(Place::of).collect(),
+            map: diagnosis.map.iter().map(MapCellReport::of).collect(),
             joints: Vec::new(),
             phases: Vec::new(),
             tones: Vec::new(),
@@ -332,10 +332,10 @@ impl Report {
     }
 
     /// The report if positions cannot be diagnosed.
-    fn nothing(found: &Diagnosed) -> Self {
+    fn without_positions(found: &RobotDiagnosis) -> Self {
         let empty = Self::empty("position", "mm", found.settings.seed);
         let (samples, notes, tolerance) = (found.rows, found.notes.clone(), found.tolerance());
-        Self { samples, notes, tolerance, ..empty }.because(found.doubts.join(" Or: "))
+        Self { samples, notes, tolerance, ..empty }.with_reason(found.objections.join(" Or: "))
     }
 
     /// A report without results.
@@ -370,20 +370,20 @@ impl Report {
     }
 
     /// The report with the reason why there is no result.
-    fn because(self, says: String) -> Self {
+    fn with_reason(self, says: String) -> Self {
         let why = Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
         Self { unexplained: Some(why), ..self }
     }
 }
 
 /// Name of an effect with its joint (1-based), for users.
-fn name(effect: &str, joint: Option<usize>) -> String {
+fn effect_name(effect: &str, joint: Option<usize>) -> String {
     let whose = joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
     format!("{}{whose}", effect.replace('_', " "))
 }
 
 /// The `most` findings with the largest effects on the measurement, and the others; both in their order. A finding without a size counts as large.
-fn largest(
+fn partition_by_size(
     findings: Vec<ReportedFinding>,
     most: usize,
 ) -> (Vec<ReportedFinding>, Vec<ReportedFinding>) {
@@ -397,40 +397,40 @@ fn largest(
 
 impl ReportedFinding {
     pub(crate) fn name(&self) -> String {
-        name(self.effect, self.joint)
+        effect_name(self.effect, self.joint)
     }
 
     fn of(arm: &Arm, finding: &Finding) -> Self {
         let effect = &finding.effect;
         let joint = effect.joint().map(|joint| joint + 1);
         let slides = effect.joint().is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);
-        let alternatives = finding.rivals.iter().map(|(rival, confidence)| Alternative {
+        let alternatives = finding.alternatives.iter().map(|(rival, confidence)| Alternative {
             effect: rival.effect.spec().kind,
             joint: rival.effect.joint().map(|joint| joint + 1),
             confidence: Some(*confidence),
-            is_alike: rival.alike,
+            is_indistinguishable: rival.is_indistinguishable,
         });
-        let alternatives = Alternative::whole(finding.confidence, alternatives.collect());
+        let alternatives = Alternative::with_remainder(finding.confidence, alternatives.collect());
         Self {
             effect: effect.spec().kind,
             joint,
-            change: if finding.had.is_some() { "revised" } else { "new" },
+            change: if finding.stated.is_some() { "revised" } else { "new" },
             confidence: Some(finding.confidence),
             parameters: parameters(finding, slides),
-            heldout_rms_before: Some(MILLI * finding.heldout[0]),
-            heldout_rms_after: Some(MILLI * finding.heldout[1]),
-            heldout_rms_without: Some(MILLI * finding.heldout_without),
+            heldout_rms_before: Some(MILLI * finding.held_out_rms[0]),
+            heldout_rms_after: Some(MILLI * finding.held_out_rms[1]),
+            heldout_rms_without: Some(MILLI * finding.held_out_rms_without),
             size: Some(Size::of(finding.size, MILLI)),
             group: finding.group.map(|number| format!("group {number}")),
-            place: Where {
+            location: FindingLocation {
                 joint,
                 channels: finding.seen.channels.clone(),
-                condition: says::condition(effect),
+                condition: sentences::condition(effect),
                 intervals_s: finding.seen.intervals_s.clone(),
                 frequency_Hz: None,
             },
             alternatives,
-            says: says::sentence(effect, finding.had.as_deref(), slides),
+            says: sentences::sentence(effect, finding.stated.as_deref(), slides),
         }
     }
 }
@@ -441,11 +441,11 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
     let effect: &AnyEffect = &finding.effect;
     let mut all: BTreeMap<String, Value> = BTreeMap::new();
     for (k, value) in effect.values().iter().enumerate() {
-        let Some(entry) = named(effect, k) else { continue };
+        let Some(entry) = parameter_key(effect, k) else { continue };
         let si = entry.parameter.unit.suffix_and_si(kind).1;
-        let had = finding.had.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
+        let had = finding.stated.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
         let off = (value - had) / si;
-        let bounded = finding.had.is_none() && entry.parameter.range == Range::NotNegative;
+        let bounded = finding.stated.is_none() && entry.parameter.range == Range::NotNegative;
         let ci = finding.sigma.get(k).copied().flatten().map(|sigma| {
             let spread = NINETY_FIVE * sigma / si;
             let low = if bounded { (off - spread).max(0.0) } else { off - spread };
@@ -482,8 +482,8 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
     all
 }
 
-impl Place {
-    fn of(cell: &Cell) -> Self {
+impl MapCellReport {
+    fn of(cell: &MapCell) -> Self {
         let (off, spread) = (MILLI * cell.off, MILLI * NINETY_FIVE * cell.sigma);
         Self {
             joint: cell.joint + 1,
@@ -499,39 +499,39 @@ impl Place {
 impl Report {
     /// The report limited to the largest findings; the others become minor.
     pub(crate) fn limited_to(self, findings_most: usize) -> Self {
-        let (findings, minor) = largest(self.findings, findings_most);
+        let (findings, minor) = partition_by_size(self.findings, findings_most);
         Self { findings, minor, ..self }
     }
 
     /// All claimed effects, large and small.
-    pub fn claims(&self) -> impl Iterator<Item = &ReportedFinding> {
+    pub fn all_findings(&self) -> impl Iterator<Item = &ReportedFinding> {
         self.findings.iter().chain(&self.minor)
     }
 
     /// Whether `trued plan --for` can write the proposed experiment.
-    pub(crate) fn is_planned(&self) -> bool {
+    pub(crate) fn has_experiment(&self) -> bool {
         self.experiment.is_some()
     }
 }
 
 /// The result in one sentence, with the evaluation of a tolerance if one was stated.
 #[must_use]
-pub fn lead(report: &Report) -> String {
-    let lead = difference(report);
+pub fn summary(report: &Report) -> String {
+    let lead = deviation(report);
     match &report.tolerance {
-        Some(tolerance) => format!("{lead}; tolerance of {}", tolerance.words()),
+        Some(tolerance) => format!("{lead}; tolerance of {}", tolerance.evaluation()),
         None => lead,
     }
 }
 
 /// The deviation between model and recording as text.
-fn difference(report: &Report) -> String {
+fn deviation(report: &Report) -> String {
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
     else {
         return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
     };
-    let count = report.claims().count();
+    let count = report.all_findings().count();
     // Without findings the second figure differs only by nuisance parameters.
     let found = match count {
         0 => String::new(),
@@ -553,16 +553,21 @@ fn difference(report: &Report) -> String {
 
 impl Alternative {
     /// The alternatives of a finding, with the probability of unlisted ones as one more entry, so that all probabilities add up to one.
-    pub(crate) fn whole(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
+    pub(crate) fn with_remainder(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
         let sum = confidence + listed.iter().filter_map(|one| one.confidence).sum::<f64>();
         if 1.0 - sum > LEAST_LISTED {
             let confidence = Some(1.0 - sum);
-            listed.push(Self { effect: "other", joint: None, confidence, is_alike: false });
+            listed.push(Self {
+                effect: "other",
+                joint: None,
+                confidence,
+                is_indistinguishable: false,
+            });
         }
         listed
     }
 
     pub(crate) fn name(&self) -> String {
-        name(self.effect, self.joint)
+        effect_name(self.effect, self.joint)
     }
 }

@@ -1,12 +1,12 @@
 //! A simulated recording for people and programs: `trued.simulate/1` as JSON, text, table and description. What is simulated:
-//! [`diagnosis::simulated`].
+//! [`diagnosis::recording_simulation`].
 
 use std::path::Path;
 
-use diagnosis::simulated::{self, Noise, Readings};
+use diagnosis::recording_simulation::{self, Readings, SimulationNoise};
 use recording::model::RobotModel;
 use recording::series::Recording;
-use report::{TextLine, count};
+use report::{TextLine, pluralise};
 use serde::Serialize;
 
 use crate::error::Error;
@@ -62,12 +62,12 @@ pub struct Simulation {
 /// ```
 /// use diagnosis_report::simulation::{Settings, simulate};
 /// use recording::model::RobotModel;
-/// use recording::series::{Need, read_text};
+/// use recording::series::{RequiredData, read_text};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let model = RobotModel::read("irb120".as_ref())?;
 /// let text = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,0,10,20,0,30,0\n";
-/// let commands = read_text("commands.csv", text, None, None, Need::Path)?;
+/// let commands = read_text("commands.csv", text, None, None, RequiredData::Path)?;
 /// let simulation = simulate(&model, commands, &Settings::default())?;
 /// let description = simulation.about_toml();
 /// assert!(description.starts_with("# simulated: trued simulate --seed 0"));
@@ -82,13 +82,13 @@ pub fn simulate(
     recording: Recording,
     settings: &Settings,
 ) -> Result<Simulation, Error> {
-    let noise = Noise {
+    let noise = SimulationNoise {
         length_m: settings.noise_mm * 1e-3,
         torque_nm: settings.torque_noise_nm,
         force_n: settings.force_noise_n,
     };
-    let readings =
-        simulated::simulate(model, recording, &noise, settings.seed).map_err(Error::input)?;
+    let readings = recording_simulation::simulate(model, recording, &noise, settings.seed)
+        .map_err(Error::input)?;
     Ok(Simulation { settings: *settings, model: model.file.name.clone(), readings })
 }
 
@@ -116,7 +116,7 @@ impl Simulation {
     #[must_use]
     pub fn text(&self, file: &Path) -> Vec<TextLine> {
         let Self { settings, model, readings } = self;
-        let rows = count(readings.recording.len(), "row");
+        let rows = pluralise(readings.recording.len(), "row");
         let mut lines = vec![format!("{model}, {rows}: {}", readings.columns.join(", "))];
         let Settings { noise_mm, seed, .. } = settings;
         lines.push(format!("noise               {noise_mm} mm (mrad), seed {seed}"));
@@ -139,7 +139,7 @@ impl Simulation {
             ));
         }
         if *rows_beyond > 0 {
-            let rows = count(*rows_beyond, "row");
+            let rows = pluralise(*rows_beyond, "row");
             warnings.push(format!(
                 "in {rows} a joint is loaded beyond the range of its stiffness_hardening"
             ));

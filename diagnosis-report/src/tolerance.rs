@@ -3,7 +3,7 @@
 //! An error is the distance between a measured and a predicted point, including the noise of the instrument; measuring frames and targets are fitted.
 
 use diagnosis::diagnose::Diagnosis;
-use diagnosis::proof::Errors;
+use diagnosis::hold_out::PositionErrors;
 use report::significant;
 use serde::Serialize;
 
@@ -37,14 +37,14 @@ pub struct HeldOut {
 impl Tolerance {
     /// `None`: positions were not diagnosed.
     pub(crate) fn of(tolerance_mm: f64, diagnosis: Option<&Diagnosis>) -> Self {
-        let judged = diagnosis.filter(|diagnosis| diagnosis.proof.is_length);
+        let judged = diagnosis.filter(|diagnosis| diagnosis.test_errors.is_length);
         let lists = judged.map(Diagnosis::held_out).unwrap_or_default();
         let [before, after] = lists.map(|errors_m| HeldOut::of(tolerance_mm, errors_m));
         Self { tolerance_mm, before, after }
     }
 
     /// The evaluation, to follow the words "tolerance of".
-    pub(crate) fn words(&self) -> String {
+    pub(crate) fn evaluation(&self) -> String {
         let tolerance = significant(self.tolerance_mm, 3);
         let (Some(before), Some(after)) = (self.before, self.after) else {
             return format!(
@@ -68,7 +68,7 @@ impl HeldOut {
             return None;
         }
         sorted_m.sort_by(f64::total_cmp);
-        let p95_mm = MILLI * Errors { sorted_m }.quantile(SHARE);
+        let p95_mm = MILLI * PositionErrors { sorted_m }.quantile(SHARE);
         Some(Self { p95_mm, met: p95_mm <= tolerance_mm })
     }
 }
@@ -92,6 +92,6 @@ mod tests {
     fn a_tolerance_that_nothing_tells_of_is_not_called_met() {
         let tolerance = Tolerance::of(0.1, None);
         assert_eq!((tolerance.before, tolerance.after), (None, None));
-        assert!(tolerance.words().contains("not evaluated"), "{}", tolerance.words());
+        assert!(tolerance.evaluation().contains("not evaluated"), "{}", tolerance.evaluation());
     }
 }

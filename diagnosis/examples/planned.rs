@@ -1,17 +1,19 @@
-//! Planned poses against random ones, and a check after a collision: simulated campaigns, fitted and held against the truth; prints JSON.
+//! Planned poses compared with random ones, and the check after a collision, on simulated campaigns with known truth; prints JSON.
 //!
 //! `cargo run --release -p diagnosis --example planned -- poses [SEEDS]`, `… -- check [SEEDS]`, `… -- real MODEL RECORDING MAPPING [SEEDS]`
 #![expect(clippy::print_stdout, reason = "an example that prints")]
 
-use diagnosis::plan::check::{Damage, Terms, judge, poses};
-use diagnosis::plan::reach::Reach;
-use diagnosis::plan::sight::Sight;
-use diagnosis::plan::zone::Zone;
-use diagnosis::plan::{Criterion, Sees, Task, Wish, believed, plan};
-use diagnosis::proof::{Errors, Split};
+use diagnosis::hold_out::{HoldOutSplit, PositionErrors};
+use diagnosis::plan::arm_constraints::ArmConstraints;
+use diagnosis::plan::check::{Damage, ErrorRates, check_model, plan_check};
+use diagnosis::plan::line_of_sight::LineOfSight;
+use diagnosis::plan::working_zone::WorkingZone;
+use diagnosis::plan::{
+    Criterion, MeasurementKind, PlanSettings, Task, calibration_hypothesis, plan,
+};
 use diagnosis::{
-    Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Noise, Settings, Station, Surroundings,
-    fit, from_recording, simulate,
+    Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis, Influence,
+    MeasuringFrame, ReadingNoise, campaign_import, campaign_simulation, fit,
 };
 use glam::DVec3;
 use physics::{Frame, Joints, Model};
@@ -21,17 +23,17 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{self, Need};
+use recording::series::{self, RequiredData};
 use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
-/// A criterion, held-out errors and expected errors of the tool under it, one per seed.
+/// Name of a criterion; held-out errors (mean, 95 %) and expected tool errors of its plans, one per seed, mm.
 type Found = (&'static str, Vec<[f64; 2]>, Vec<f64>);
 
-/// A laser tracker's point, m.
+/// Standard uncertainty of a point measured by a laser tracker, m.
 const SIGMA_M: f64 = 3e-5;
 const POSES: usize = 30;
 
@@ -64,40 +66,43 @@ fn robot(name: &str) -> Fallible<RobotModel> {
     preset(name).ok_or("no such preset")?.model().map_err(|faults| faults.plain().into())
 }
 
-/// Three reflectors on the tool, seen from all sides (a mount of three); tracker 2.5 arm lengths before the robot.
+/// Three reflectors on the tool, visible from all directions; tracker 2.5 arm lengths in front of the robot.
 fn task(model: &Model) -> Task {
-    let reach = Reach::of(&model.arm);
+    let reach = ArmConstraints::of(&model.arm);
     let length = reach.link_radius_m / 0.08;
     let places = [[0.08, 0.0, 0.05], [-0.04, 0.07, 0.05], [-0.04, -0.07, 0.09]];
-    let station = Station {
+    let station = MeasuringFrame {
         measuring_from_base: Frame::IDENTITY,
         pivot: DVec3::new(0.5 * length, 0.0, 0.5 * length),
     };
-    let surroundings = Surroundings {
-        frames: vec![Fitted::unknown(station)],
-        targets: places.iter().map(|place| Fitted::unknown(DVec3::from_array(*place))).collect(),
-        ..Surroundings::default()
+    let surroundings = Extrinsics {
+        frames: vec![FitParameter::unknown(station)],
+        targets: places
+            .iter()
+            .map(|place| FitParameter::unknown(DVec3::from_array(*place)))
+            .collect(),
+        ..Extrinsics::default()
     };
-    let sight = Sight {
+    let sight = LineOfSight {
         instrument_base: DVec3::new(2.5 * length, -0.8 * length, 0.6 * length),
         range_m: [0.3, 30.0],
         acceptance_rad: 0.5,
         facing_tool: vec![None; places.len()],
     };
     Task {
-        hypothesis: believed(model, &[]),
+        hypothesis: calibration_hypothesis(model, &[]),
         surroundings,
-        sees: Sees::Points { least: 3, orientation_rad: None },
-        noise: Noise::Equal(SIGMA_M),
+        measurement: MeasurementKind::Points { least: 3, orientation_rad: None },
+        noise: ReadingNoise::Equal(SIGMA_M),
         sight: Some(sight),
         reach,
-        both_ways: false,
-        among: Vec::new(),
-        asked: Vec::new(),
+        both_directions: false,
+        given_poses: Vec::new(),
+        test_poses: Vec::new(),
     }
 }
 
-/// A robot with errors within the hypothesis: geometry as calibrations find it, drives of a few mrad/kNm.
+/// A random robot whose errors are all parameters of the hypothesis: geometry errors of typical size, positive compliances of a few mrad/kNm.
 fn drawn(task: &Task, seed: u64) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let step: Vec<f64> = task
@@ -118,11 +123,12 @@ fn drawn(task: &Task, seed: u64) -> Model {
 }
 
 fn fitted(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
-    let settings = Settings { used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let settings =
+        FitSettings { used, influence: Influence::Huber, from: None, effort: FitEffort::Full };
     fit(campaign, hypothesis, &settings)
 }
 
-/// Held-out mean and 95 % of the targets, mm: measured at `stops`, then asked without noise at `asked`.
+/// Mean and 95 % quantile of the target errors, mm: fitted to measurements at `stops`, evaluated without noise at `asked`.
 fn held_out(
     task: &Task,
     truth: &Model,
@@ -130,11 +136,23 @@ fn held_out(
     asked: &[Joints],
     seed: u64,
 ) -> Fallible<[f64; 2]> {
-    let made = simulate::readings(&task.campaign(stops), truth, &task.surroundings, 1.0, seed);
+    let made = campaign_simulation::simulate_readings(
+        &task.campaign(stops),
+        truth,
+        &task.surroundings,
+        1.0,
+        seed,
+    );
     let found = fitted(&made, &task.hypothesis, &vec![true; made.poses.len()]);
     let anywhere = Task { sight: None, ..task.clone() };
-    let asked = simulate::readings(&anywhere.campaign(asked), truth, &task.surroundings, 0.0, 0);
-    let errors = Errors::of(&found, &asked, &vec![true; asked.poses.len()]);
+    let asked = campaign_simulation::simulate_readings(
+        &anywhere.campaign(asked),
+        truth,
+        &task.surroundings,
+        0.0,
+        0,
+    );
+    let errors = PositionErrors::of(&found, &asked, &vec![true; asked.poses.len()]);
     Ok([1e3 * errors.mean(), 1e3 * errors.quantile(0.95)])
 }
 
@@ -144,14 +162,14 @@ fn middle(mut values: Vec<f64>) -> f64 {
     if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-/// What is compared.
+/// A comparison of planned and random poses.
 #[derive(Clone, Copy)]
 struct Case {
     model: &'static str,
-    /// The robot that is measured; none: with errors drawn within the model's form.
+    /// The robot that is measured; `None`: random errors that the parameters can represent.
     robot: Option<&'static str>,
     targets: usize,
-    /// Whether what counts is a box in front of the robot, the tool pointing down; else the workspace.
+    /// Whether test poses are in a box in front of the robot with the tool pointing down; otherwise in the whole workspace.
     is_zone: bool,
 }
 
@@ -169,21 +187,21 @@ const CASES: [Case; 6] = [
 ];
 
 impl Case {
-    /// Where the tool's error counts.
+    /// Test poses.
     fn asked(&self, task: &Task, seed: u64) -> Vec<Joints> {
         if !self.is_zone {
             return task.workspace(100, seed);
         }
         let corners = [DVec3::new(0.6, -0.25, 0.3), DVec3::new(0.95, 0.25, 0.6)];
-        let zone = Zone { corners, directions: vec![DVec3::NEG_Z] };
+        let zone = WorkingZone { corners, directions: vec![DVec3::NEG_Z] };
         zone.positions(&task.hypothesis.model.arm, &task.reach, 100, seed)
     }
 
     fn against_chance(self, seeds: u64) -> Fallible<Value> {
         let mut task = task(&robot(self.model)?.physics);
         task.surroundings.targets.truncate(self.targets);
-        task.sees = Sees::Points { least: self.targets, orientation_rad: None };
-        task.asked = self.asked(&task, 99);
+        task.measurement = MeasurementKind::Points { least: self.targets, orientation_rad: None };
+        task.test_poses = self.asked(&task, 99);
         let mut figures: [Found; 3] =
             ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new()));
         for seed in 0..seeds {
@@ -194,7 +212,7 @@ impl Case {
             let asked = self.asked(&task, 5000 + seed);
             for (name, errors, said) in &mut figures {
                 let criterion = by_name(name);
-                let wish = Wish { count: POSES, criterion, candidates: 300, seed };
+                let wish = PlanSettings { count: POSES, criterion, candidates: 300, seed };
                 let planned = plan(&task, None, &wish)?;
                 let stops: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
                 said.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
@@ -226,40 +244,41 @@ fn by_name(name: &str) -> Criterion {
     }
 }
 
-/// Poses of a real recording chosen by plan and by chance, the rest held out.
+/// Poses of a real recording, selected by plan and at random; errors on the held-out half.
 fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
     let model = RobotModel::read(Path::new(model))?;
-    let recording = series::read(Path::new(file), Some(Path::new(mapping)), Need::Measurement)?;
-    let campaign = from_recording::campaign(&model.physics.arm, &[recording])?;
+    let recording =
+        series::read(Path::new(file), Some(Path::new(mapping)), RequiredData::Measurement)?;
+    let campaign = campaign_import::campaign(&model.physics.arm, &[recording])?;
     let mut planning = task(&model.physics);
     planning.sight = None;
-    planning.reach = Reach {
+    planning.reach = ArmConstraints {
         margin_rad: 0.0,
         link_radius_m: 1e-6,
         base_radius_m: 1e-6,
         floor_m: None,
         ..planning.reach
     };
-    planning.surroundings = diagnosis::start::surroundings(
+    planning.surroundings = diagnosis::initial_extrinsics::estimate_extrinsics(
         &campaign,
         &model.physics,
         &vec![true; campaign.poses.len()],
     );
-    planning.sees = Sees::Points { least: 1, orientation_rad: None };
+    planning.measurement = MeasurementKind::Points { least: 1, orientation_rad: None };
     let mut shown = Vec::new();
     for count in [20, 30, 60] {
         let mut figures: Vec<(&str, Vec<f64>)> =
             ["random", "d", "zone"].map(|name| (name, Vec::new())).into();
         for seed in 0..seeds {
-            // Half of the poses to choose from, the other half held out, for all.
-            let halves = Split::random(&campaign, 0.5, seed);
+            // All criteria select from the same half; the other half is held out.
+            let halves = HoldOutSplit::random(&campaign, 0.5, seed);
             let open: Vec<usize> =
                 (0..campaign.poses.len()).filter(|pose| halves.training[*pose]).collect();
-            planning.among = open.iter().map(|pose| campaign.poses[*pose].inputs.q).collect();
-            planning.asked = planning.among.iter().step_by(5).copied().collect();
+            planning.given_poses = open.iter().map(|pose| campaign.poses[*pose].inputs.q).collect();
+            planning.test_poses = planning.given_poses.iter().step_by(5).copied().collect();
             for (name, errors) in &mut figures {
                 let criterion = by_name(name);
-                let wish = Wish { count, criterion, candidates: 1, seed };
+                let wish = PlanSettings { count, criterion, candidates: 1, seed };
                 let picks: Vec<Joints> =
                     plan(&planning, None, &wish)?.poses.iter().map(|pose| pose.q).collect();
                 let used: Vec<bool> = campaign
@@ -269,7 +288,7 @@ fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
                     .map(|(pose, open)| *open && picks.contains(&pose.inputs.q))
                     .collect();
                 let found = fitted(&campaign, &planning.hypothesis, &used);
-                errors.push(1e3 * Errors::of(&found, &campaign, &halves.held_out()).mean());
+                errors.push(1e3 * PositionErrors::of(&found, &campaign, &halves.held_out()).mean());
             }
         }
         for (name, errors) in figures {
@@ -280,17 +299,17 @@ fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
     Ok(json!({ "recording": file, "seeds": seeds, "geometry_and_compliance": shown }))
 }
 
-/// False alarms of sound robots and how often damage is seen and named, ten poses.
+/// Rate of false alarms for undamaged robots, and how often damage is detected and identified, with ten poses.
 fn check(seeds: u64) -> Fallible<Value> {
     let model = robot("irb1600-6-145-thesis")?;
     let mut planning = task(&model.physics);
     planning.hypothesis = Hypothesis::fixed(model.physics);
     planning.surroundings.targets.iter_mut().for_each(|target| target.free = false);
-    let terms = Terms { alarm: 0.01, power: 0.9 };
-    let wish = Wish { count: 10, criterion: Criterion::D, candidates: 300, seed: 1 };
-    let checkup = poses(&planning, &model.sigma, &wish, &terms)?;
+    let terms = ErrorRates { alarm: 0.01, power: 0.9 };
+    let wish = PlanSettings { count: 10, criterion: Criterion::D, candidates: 300, seed: 1 };
+    let checkup = plan_check(&planning, &model.sigma, &wish, &terms)?;
     let measured = |truth: &Model, seed: u64| {
-        simulate::readings(
+        campaign_simulation::simulate_readings(
             &planning.campaign(&checkup.poses),
             truth,
             &planning.surroundings,
@@ -302,7 +321,7 @@ fn check(seeds: u64) -> Fallible<Value> {
     for seed in 0..seeds {
         let truth = sound(&model, seed);
         alarms += usize::from(
-            !judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms).holds,
+            !check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms).holds,
         );
     }
     let mut seen = Vec::new();
@@ -315,10 +334,10 @@ fn check(seeds: u64) -> Fallible<Value> {
         let (mut noticed, mut named) = (0_u64, 0_u64);
         for seed in 0..damages {
             let truth = damaged(&sound(&model, seed), found.damage, least, seed)?;
-            let judged = judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
+            let judged = check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
             noticed += u64::from(!judged.holds);
             let truth = damaged(&sound(&model, seed), found.damage, 2.0 * least, seed)?;
-            let judged = judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
+            let judged = check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
             named += u64::from(
                 judged.suspects.first().is_some_and(|first| first.damage == found.damage),
             );
@@ -331,7 +350,7 @@ fn check(seeds: u64) -> Fallible<Value> {
     )
 }
 
-/// The calibrated robot as its stated uncertainty allows.
+/// An undamaged robot: parameters drawn within their stated uncertainties.
 fn sound(model: &RobotModel, seed: u64) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut truth = model.physics;
@@ -345,7 +364,7 @@ fn sound(model: &RobotModel, seed: u64) -> Model {
     truth
 }
 
-/// A damage of this size in a direction by chance.
+/// Adds a damage of this size in a random direction.
 fn damaged(sound: &Model, damage: Damage, size: f64, seed: u64) -> Fallible<Model> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut effect = damage.effect(sound).ok_or("no such damage")?;

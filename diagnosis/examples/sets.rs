@@ -1,16 +1,16 @@
-//! The laser-tracker sets whose robot is not the thesis': held-out errors of the model as it is, with the geometry of every joint, and with the effects that
-//! the poses which train ask for. Prints the rows of the table in docs/figures.md, mm.
+//! Laser-tracker data sets of other robots than that of the thesis: held-out errors of the nominal model, with calibrated geometry, and with the effects
+//! selected on the training poses. Prints the rows of the table in docs/figures.md, mm.
 //!
 //! `cargo run --release -p diagnosis --example sets -- DATA [SEEDS]`
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example that prints")]
 
-use diagnosis::proof::{Calibration, Errors, Split, calibrate};
-use diagnosis::{Campaign, Effort, Fit, Hypothesis, Influence, Settings, fit};
-use diagnosis::{Chosen, from_recording};
+use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::{AddedEffect, campaign_import};
+use diagnosis::{Campaign, Fit, FitEffort, FitSettings, Hypothesis, Influence, fit};
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{Need, Recording, read_text};
+use recording::series::{Recording, RequiredData, read_text};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,7 @@ fn main() -> Answer<()> {
     hilti(&data)
 }
 
-/// A recording and its robot, where the data is there.
+/// A recording as campaign and series; `None` if the file does not exist.
 fn read(
     data: &Path,
     file: &str,
@@ -53,9 +53,9 @@ fn read(
         &std::fs::read_to_string(&path)?,
         Some(&Mapping::parse("mapping", mapping)?),
         None,
-        Need::Measurement,
+        RequiredData::Measurement,
     )?;
-    let campaign = from_recording::campaign(&model.physics.arm, std::slice::from_ref(&recording))?;
+    let campaign = campaign_import::campaign(&model.physics.arm, std::slice::from_ref(&recording))?;
     Ok(Some((campaign, recording)))
 }
 
@@ -69,8 +69,8 @@ fn stations(campaign: &Campaign) -> Vec<usize> {
     campaign.poses.iter().map(|pose| pose.frame().unwrap_or(0)).collect()
 }
 
-/// Mean, 95 % and largest, mm.
-fn figures(errors: &Errors) -> [f64; 3] {
+/// Mean, 95 % quantile and maximum, mm.
+fn figures(errors: &PositionErrors) -> [f64; 3] {
     [errors.mean(), errors.quantile(0.95), errors.max()].map(|metres| metres * 1e3)
 }
 
@@ -89,7 +89,7 @@ fn row(what: &str, poses: usize, models: [[f64; 3]; 3]) {
     println!("| {what} | {poses} | {} |", cells.join(" | "));
 }
 
-/// Random halves, by kind of row; medians over the seeds.
+/// Errors on random halves by station; medians over the seeds.
 fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
     let model = preset(&format!("motoman-{arm}")).ok_or("preset")?.model()?;
     let mapping = mapping(&format!("motoman-leica-{arm}"))?;
@@ -100,7 +100,7 @@ fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
     let stations = stations(&campaign);
     let mut seen: Vec<Vec<[[f64; 3]; 3]>> = vec![Vec::new(); kinds.len() + 1];
     for seed in 1..=seeds {
-        let split = Split::random(&campaign, 0.5, seed);
+        let split = HoldOutSplit::random(&campaign, 0.5, seed);
         let found =
             calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
         let held = split.held_out();
@@ -110,7 +110,9 @@ fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
                 .zip(&stations)
                 .map(|(held, at)| *held && (kind == kinds.len() || *at == kind))
                 .collect();
-            seen.push(fits(&found).map(|fit| figures(&Errors::of(fit, &campaign, &wanted))));
+            seen.push(
+                fits(&found).map(|fit| figures(&PositionErrors::of(fit, &campaign, &wanted))),
+            );
         }
     }
     for (kind, seen) in seen.iter().enumerate() {
@@ -126,7 +128,7 @@ fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
     Ok(())
 }
 
-/// Thirty-six poses are few: each is held out once.
+/// Leave-one-out errors of the set of 36 poses.
 fn sweeps(data: &Path) -> Answer<()> {
     let model = preset("fanuc-r2000ib").ok_or("preset")?.model()?;
     let Some((campaign, _)) = read(data, "kuka-3smr/poses_36.csv", &mapping("kuka-3smr")?, &model)?
@@ -134,31 +136,32 @@ fn sweeps(data: &Path) -> Answer<()> {
         return Ok(());
     };
     let mut errors = [const { Vec::new() }; 3];
-    for (pose, split) in Split::one_by_one(&campaign).iter().enumerate() {
+    for (pose, split) in HoldOutSplit::leave_one_out(&campaign).iter().enumerate() {
         let found =
             calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
         let mut only = vec![false; campaign.poses.len()];
         only[pose] = true;
         for (list, fit) in errors.iter_mut().zip(fits(&found)) {
-            list.extend(Errors::of(fit, &campaign, &only).sorted_m);
+            list.extend(PositionErrors::of(fit, &campaign, &only).sorted_m);
         }
     }
     let models = errors.map(|mut sorted_m| {
         sorted_m.sort_by(f64::total_cmp);
-        figures(&Errors { sorted_m })
+        figures(&PositionErrors { sorted_m })
     });
     row("kuka-3smr (FANUC), pose by pose", campaign.poses.len(), models);
     Ok(())
 }
 
-/// Scenes: rows that station the robot place it, the others score; the model comes from `flat` alone, and from all scenes but the one that is scored.
+/// Errors by scene: the frame is fitted to the stationing rows and the errors are those of the other rows; the model is calibrated on scene `flat`, and
+/// on all scenes except the evaluated one.
 fn hilti(data: &Path) -> Answer<()> {
     let urdf = data.join("hilti/trailblazer.urdf");
     if !urdf.is_file() {
         eprintln!("SKIPPED: {} is not there", urdf.display());
         return Ok(());
     }
-    let ends = recording::urdf::Ends { base: Some("base_link"), tip: Some("prism") };
+    let ends = recording::urdf::ChainEnds { base: Some("base_link"), tip: Some("prism") };
     let model = recording::urdf::read(&urdf, &ends)?.model;
     let text = mapping("hilti")?;
     if !text.contains(HILTI_STATION) {
@@ -197,10 +200,10 @@ fn hilti(data: &Path) -> Answer<()> {
                 *scored && (0..bases.len()).any(|k| stationing[k] && bases[k] == *base)
             })
             .collect();
-        let rigid_mean = figures(&Errors::of(&baseline, &rigid, &has_base));
+        let rigid_mean = figures(&PositionErrors::of(&baseline, &rigid, &has_base));
         let scores = |found: &Calibration| {
             fits(found).map(|fit| {
-                figures(&Errors::of(
+                figures(&PositionErrors::of(
                     &placed(&campaign, &fit.hypothesis, &stationing),
                     &campaign,
                     &scored,
@@ -222,7 +225,7 @@ fn hilti(data: &Path) -> Answer<()> {
     Ok(())
 }
 
-/// The mapping with a base of its own for each height and arm, without the accelerometer.
+/// The mapping with a separate base frame for each column height and arm configuration, without the accelerometer.
 fn by_height(mapping: &str) -> String {
     let flat = mapping.replace("heldout = [", "# heldout = [");
     let station = "station = { from = [\"dataset\", \"column_height_m\", \"solution_space\"], labels = true }";
@@ -231,13 +234,14 @@ fn by_height(mapping: &str) -> String {
     kept.flat_map(|line| [line, "\n"]).collect()
 }
 
-/// The surroundings alone, placed by the poses `used` with the effects of a model as they are.
+/// Fit of the extrinsic parameters alone to the poses `used`.
 fn placed(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
-    let settings = Settings { used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let settings =
+        FitSettings { used, influence: Influence::Huber, from: None, effort: FitEffort::Full };
     fit(campaign, &Hypothesis::fixed(*hypothesis.model), &settings)
 }
 
-fn told(chosen: &[Chosen], found: &Calibration) {
+fn told(chosen: &[AddedEffect], found: &Calibration) {
     for chosen in chosen {
         if let Some(effect) = found.advanced.fit.hypothesis.model.effects().nth(chosen.effect) {
             eprintln!(

@@ -1,14 +1,15 @@
-//! How long one fit takes: a thousand poses, three targets each, about sixty numbers, one thread; prints JSON.
+//! Computing time of one fit: a thousand poses with three targets each, about sixty parameters, one thread; prints JSON.
 //!
 //! `cargo run --release -p diagnosis --example speed`
 #![expect(clippy::print_stdout, reason = "an example that prints")]
 
 use diagnosis::{
-    Arrival, Campaign, Effort, Fitted, Influence, Instrument, Noise, Observation, Place, Pose,
-    Reading, Settings, Source, Station, Surroundings, fit, geometry, simulate,
+    Arrival, Campaign, Extrinsics, FitEffort, FitParameter, FitSettings, Influence, Instrument,
+    MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo, ToolPoint,
+    campaign_simulation, fit, geometry,
 };
 use glam::DVec3;
-use physics::{AnyEffect, Frame, Given, Inputs, JOINTS_MAX};
+use physics::{AnyEffect, Frame, Inputs, JOINTS_MAX, ParameterValues};
 use recording::model::presets::preset;
 use serde_json::json;
 use std::error::Error;
@@ -20,20 +21,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth = preset("irb1600-6-145-thesis").ok_or("no preset")?.model()?.physics;
     let nominal = preset("irb1600-6-145").ok_or("no preset")?.model()?.physics;
     let campaign = empty()?;
-    let campaign = simulate::readings(&campaign, &truth, &campaign.surroundings, 1.0, 1);
+    let campaign =
+        campaign_simulation::simulate_readings(&campaign, &truth, &campaign.surroundings, 1.0, 1);
     let mut hypothesis = geometry(&nominal, &[]);
     for joint in 1..6 {
         let sag = vec![0.0; 3 * (6 - joint)];
         let given: &[(&str, &[f64])] = &[("sag", &sag)];
-        let effect = AnyEffect::build("gravity_sag", &nominal.arm, Some(joint), Given(given))?;
+        let effect =
+            AnyEffect::build("gravity_sag", &nominal.arm, Some(joint), ParameterValues(given))?;
         hypothesis.add(effect, &[])?;
     }
     let used = vec![true; campaign.poses.len()];
-    let settings = Settings {
+    let settings = FitSettings {
         used: &used,
         influence: Influence::Redescending,
         from: None,
-        effort: Effort::Full,
+        effort: FitEffort::Full,
     };
     let start = Instant::now();
     let found = fit(&campaign, &hypothesis, &settings);
@@ -48,15 +51,16 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn empty() -> Result<Campaign, Box<dyn Error>> {
     let places = [[0.1, 0.0, 0.05], [-0.05, 0.09, 0.06], [-0.05, -0.08, 0.1]];
     let frame = Frame::translation(DVec3::new(2.0, -1.0, 0.4));
-    let station = Station { measuring_from_base: frame, pivot: DVec3::ZERO };
-    let surroundings = Surroundings {
-        frames: vec![Fitted::unknown(station)],
-        targets: places.map(|place| Fitted::unknown(DVec3::from_array(place))).to_vec(),
-        ..Surroundings::default()
+    let station = MeasuringFrame { measuring_from_base: frame, pivot: DVec3::ZERO };
+    let surroundings = Extrinsics {
+        frames: vec![FitParameter::unknown(station)],
+        targets: places.map(|place| FitParameter::unknown(DVec3::from_array(place))).to_vec(),
+        ..Extrinsics::default()
     };
-    let whitening = Noise::Equal(5e-5).whitening(DVec3::ZERO).ok_or("noise")?;
+    let whitening = ReadingNoise::Equal(5e-5).whitening(DVec3::ZERO).ok_or("noise")?;
     let seen = |target| {
-        let reading = Reading::Point { place: Place::Target(target), frame: 0, at: DVec3::ZERO };
+        let reading =
+            Reading::Point { place: ToolPoint::Target(target), frame: 0, at: DVec3::ZERO };
         Observation { reading, whitening, instrument: 0 }
     };
     let poses = (0..POSES).map(|row| {
@@ -78,6 +82,6 @@ fn empty() -> Result<Campaign, Box<dyn Error>> {
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec![Source::of_poses("made")],
+        recordings: vec![RecordingInfo::of_poses("made")],
     })
 }

@@ -3,20 +3,20 @@
 //! Kinds of measurements can be mixed: points of the tool and its orientation in a measuring frame, distances to a fixed point (ballbar, cable
 //! encoder), contacts of a probe with planes and spheres, joint positions on the link side.
 //!
-//! All values are SI. A campaign contains no effects; it is built from files by [`crate::from_recording`].
+//! All values are SI. A campaign contains no effects; it is built from files by [`crate::campaign_import`].
 
-use crate::colour::Colour;
-use crate::nests::Nests;
-use crate::surroundings::Surroundings;
+use crate::autocorrelation::ArModel;
+use crate::extrinsics::Extrinsics;
+use crate::frame_drift::FrameDrift;
 use glam::{DMat3, DVec3};
 use physics::Inputs;
 
 /// The measured point of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum ToolPoint {
     /// The tool centre point.
     Tcp,
-    /// A target (reflector, probe tip) of [`Surroundings::targets`].
+    /// A target (reflector, probe tip) of [`Extrinsics::targets`].
     Target(usize),
 }
 
@@ -26,15 +26,15 @@ pub enum Reading {
     /// A point of the tool, m, measuring frame.
     Point {
         /// The measured point.
-        place: Place,
-        /// Measuring frame, index into [`Surroundings::frames`].
+        place: ToolPoint,
+        /// Measuring frame, index into [`Extrinsics::frames`].
         frame: usize,
         /// Measured position, m, in that frame.
         at: DVec3,
     },
     /// The tool's orientation in a measuring frame.
     Orientation {
-        /// Measuring frame, index into [`Surroundings::frames`].
+        /// Measuring frame, index into [`Extrinsics::frames`].
         frame: usize,
         /// Measured rotation matrix from tool axes to measuring axes.
         measuring_from_tool: DMat3,
@@ -42,8 +42,8 @@ pub enum Reading {
     /// The distance of a point of the tool from a fixed point.
     Distance {
         /// The measured point.
-        place: Place,
-        /// The fixed point, index into [`Surroundings::anchors`].
+        place: ToolPoint,
+        /// The fixed point, index into [`Extrinsics::anchors`].
         anchor: usize,
         /// Measured distance, m.
         length_m: f64,
@@ -51,8 +51,8 @@ pub enum Reading {
     /// A probe touches a plane from the side of its normal.
     Plane {
         /// Centre of the probe's ball.
-        place: Place,
-        /// The plane, index into [`Surroundings::planes`].
+        place: ToolPoint,
+        /// The plane, index into [`Extrinsics::planes`].
         plane: usize,
         /// Radius of the probe's ball, m.
         radius_m: f64,
@@ -60,8 +60,8 @@ pub enum Reading {
     /// A probe touches a sphere from outside.
     Sphere {
         /// Centre of the probe's ball.
-        place: Place,
-        /// The sphere, index into [`Surroundings::spheres`].
+        place: ToolPoint,
+        /// The sphere, index into [`Extrinsics::spheres`].
         sphere: usize,
         /// Radius of the probe's ball, m.
         radius_m: f64,
@@ -86,7 +86,7 @@ impl Reading {
     }
 
     /// The extrinsic object that the measurement refers to, if any: its kind and its index among objects of that kind.
-    pub(crate) fn against(&self) -> Option<(u8, usize)> {
+    pub(crate) fn extrinsic_object(&self) -> Option<(u8, usize)> {
         match *self {
             Self::Point { frame, .. } | Self::Orientation { frame, .. } => Some((0, frame)),
             Self::Distance { anchor, .. } => Some((1, anchor)),
@@ -105,7 +105,7 @@ impl Reading {
 
 /// Standard uncertainty of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Noise {
+pub enum ReadingNoise {
     /// The same in every direction, m or rad.
     Equal(f64),
     /// Per axis of the measuring frame, m or rad.
@@ -121,7 +121,7 @@ pub enum Noise {
     Covariance(DMat3),
 }
 
-impl Noise {
+impl ReadingNoise {
     /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `seen` is the measured point, m.
     ///
     /// `None` if the noise is not positive and finite.
@@ -167,7 +167,7 @@ fn inverse_root(c: &DMat3) -> Option<DMat3> {
 pub struct Observation {
     /// The measurement.
     pub reading: Reading,
-    /// See [`Noise::whitening`]; a scalar measurement uses only the first entry.
+    /// See [`ReadingNoise::whitening`]; a scalar measurement uses only the first entry.
     pub whitening: DMat3,
     /// Index into [`Campaign::instruments`].
     pub instrument: usize,
@@ -179,7 +179,7 @@ pub enum Arrival {
     /// After a long move that ended in the direction given by the inputs: the memory is fully developed.
     Settled,
     /// From the preceding pose: the memory continues.
-    FromBefore,
+    FromPrevious,
 }
 
 /// One pose of the arm with its measurements.
@@ -198,7 +198,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Measuring frame of the first measurement that has one, index into [`Surroundings::frames`].
+    /// Measuring frame of the first measurement that has one, index into [`Extrinsics::frames`].
     #[must_use]
     pub fn frame(&self) -> Option<usize> {
         self.seen.iter().find_map(|seen| match seen.reading {
@@ -216,12 +216,12 @@ pub struct Instrument {
     /// Whether its standard uncertainty is known; otherwise the fit estimates a factor on it.
     pub noise_is_known: bool,
     /// Autocorrelation of its noise.
-    pub colour: Colour,
+    pub noise_model: ArModel,
 }
 
 /// One recording from which poses are taken.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Source {
+pub struct RecordingInfo {
     /// Name for users.
     pub name: String,
     /// Whether the arm moved along a path; otherwise it was at rest at each pose.
@@ -229,10 +229,10 @@ pub struct Source {
     /// Whether joint positions were read back from the controller; otherwise they are commands.
     pub reads_back: bool,
     /// Drift of the instrument, where reference targets on the base measure it; points and orientations are already corrected for it.
-    pub nests: Option<Nests>,
+    pub frame_drift: Option<FrameDrift>,
 }
 
-impl Source {
+impl RecordingInfo {
     /// Settled poses with commanded positions.
     #[must_use]
     pub fn of_poses(name: &str) -> Self {
@@ -246,11 +246,11 @@ pub struct Campaign {
     /// In the order of measurement.
     pub poses: Vec<Pose>,
     /// Frames, targets and touched objects: known, or to be fitted.
-    pub surroundings: Surroundings,
+    pub surroundings: Extrinsics,
     /// The instruments.
     pub instruments: Vec<Instrument>,
     /// The recordings, indexed by [`Pose::recording`].
-    pub recordings: Vec<Source>,
+    pub recordings: Vec<RecordingInfo>,
 }
 
 impl Campaign {
@@ -270,7 +270,7 @@ mod tests {
         #[test]
         fn whitening_takes_the_covariance_to_one(a in prop::array::uniform3(0.1..2.0_f64), b in prop::array::uniform3(-0.05..0.05_f64)) {
             let c = DMat3::from_cols(DVec3::new(a[0], b[0], b[1]), DVec3::new(b[0], a[1], b[2]), DVec3::new(b[1], b[2], a[2]));
-            let w = Noise::Covariance(c).whitening(DVec3::ZERO).expect("positive definite");
+            let w = ReadingNoise::Covariance(c).whitening(DVec3::ZERO).expect("positive definite");
             let one = w * c * w.transpose();
             prop_assert!((one - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-12));
         }
@@ -278,7 +278,7 @@ mod tests {
         #[test]
         fn a_tracker_is_sharp_along_the_beam_and_blunt_across(at in prop::array::uniform3(1.0..9.0_f64)) {
             let at = DVec3::from_array(at);
-            let noise = Noise::Tracker { along: (1e-6, 0.0), across: (0.0, 6e-6) };
+            let noise = ReadingNoise::Tracker { along: (1e-6, 0.0), across: (0.0, 6e-6) };
             let w = noise.whitening(at).expect("sound");
             let (beam, side) = (at.normalize(), at.normalize().any_orthonormal_vector());
             prop_assert!(((w * beam).length() - 1e6).abs() < 1e-3);
@@ -289,9 +289,11 @@ mod tests {
 
     #[test]
     fn a_noise_that_is_none_is_refused() {
-        for noise in [Noise::Equal(0.0), Noise::Equal(f64::NAN), Noise::Axes(DVec3::X)] {
+        for noise in
+            [ReadingNoise::Equal(0.0), ReadingNoise::Equal(f64::NAN), ReadingNoise::Axes(DVec3::X)]
+        {
             assert_eq!(noise.whitening(DVec3::ONE), None, "{noise:?}");
         }
-        assert_eq!(Noise::Covariance(DMat3::ZERO).whitening(DVec3::ONE), None);
+        assert_eq!(ReadingNoise::Covariance(DMat3::ZERO).whitening(DVec3::ONE), None);
     }
 }

@@ -4,40 +4,40 @@
 //! wave. Nonlinear parameters (a time constant, a load) are tried at a few values each.
 //!
 //! Invariant: no candidate needs a signal that the campaign lacks, and none duplicates an effect of the model. Residuals are not used here; see
-//! [`crate::score`].
+//! [`crate::score_test`].
 
-mod families;
-mod heat;
-mod joining;
+mod dynamics;
+mod exclusions;
+mod insertion;
 mod loads;
-mod over_path;
-mod standing;
+mod relinearisation;
+mod thermal;
 
-use families::slot;
-pub(crate) use joining::{is_sound, put};
-pub(crate) use loads::{loaded_compliances, remainders, springs_at};
-pub(crate) use over_path::{Driven, mode, over_paths};
+pub(crate) use dynamics::{ModeExcitation, mode_candidate, path_candidates};
+use exclusions::slot;
+pub(crate) use insertion::{insert, is_physical};
+pub(crate) use loads::{joint_polynomials, loaded_compliances, springs_at};
 
 use crate::campaign::{Arrival, Campaign};
 use physics::spec::{Need, Role};
-use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind};
+use physics::{AnyEffect, Arm, JOINTS_MAX, JointKind, ParameterValues};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Reversal distances of a hysteresis that are tried, rad or m.
 pub(crate) const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
 /// Loads at which the soft zone ends that are tried, as fractions of the joint's largest load.
-const SOFT: [f64; 3] = [0.05, 0.2, 0.6];
+const SOFT_ZONE_LOADS: [f64; 3] = [0.05, 0.2, 0.6];
 
 /// One parameter of an effect, evaluated by its column of the Jacobian.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Probe {
+pub(crate) struct CandidateParameter {
     pub(crate) effect: AnyEffect,
     pub(crate) value: usize,
 }
 
 /// How estimated parameters become effects.
 #[derive(Clone, Copy, Debug)]
-enum Make {
+enum ParameterMapping {
     /// The effect of the probes with its linear parameters set.
     Values,
     /// Sine and cosine components of one wave of a joint's position.
@@ -53,7 +53,7 @@ enum Make {
     /// Masses at given positions, combined to their sum at their centre of mass.
     Masses,
     /// A natural mode of a joint or of the base.
-    Mode(Driven),
+    Mode(ModeExcitation),
 }
 
 /// An effect that the model may lack.
@@ -63,30 +63,33 @@ pub(crate) struct Candidate {
     pub(crate) slot: String,
     /// Joint of the effect, 0-based; `None` for effects of the whole arm.
     pub(crate) joint: Option<usize>,
-    pub(crate) probes: Vec<Probe>,
+    pub(crate) probes: Vec<CandidateParameter>,
     /// Parameters that no fit changes, with their values, SI.
     pub(crate) settings: Vec<(&'static str, Vec<f64>)>,
-    make: Make,
+    mapping: ParameterMapping,
 }
 
 impl Candidate {
     /// The effect with `found` as the values of its probes; `None` if it cannot be built, or if the candidate is not an effect of its own.
     pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
-        match self.make {
-            Make::Change { .. } => None,
-            Make::Masses => loads::at_their_middle(&self.probes, found),
-            Make::Values | Make::Remainder | Make::Spring | Make::Mode(_) => {
+        match self.mapping {
+            ParameterMapping::Change { .. } => None,
+            ParameterMapping::Masses => loads::at_centre_of_mass(&self.probes, found),
+            ParameterMapping::Values
+            | ParameterMapping::Remainder
+            | ParameterMapping::Spring
+            | ParameterMapping::Mode(_) => {
                 let mut effect = self.probes.first()?.effect;
                 for (probe, value) in self.probes.iter().zip(found) {
                     effect.values_mut()[probe.value] = *value;
                 }
                 Some(effect)
             }
-            Make::Wave { joint, cycles } => {
+            ParameterMapping::Wave { joint, cycles } => {
                 let [sine, cosine] = *found else { return None };
                 wave(arm, joint, cycles, sine.hypot(cosine), libm::atan2(cosine, sine))
             }
-            Make::Wobble { joint, cycles } => {
+            ParameterMapping::Wobble { joint, cycles } => {
                 let [s1, s2, c1, c2] = *found else { return None };
                 let phases = [libm::atan2(c1, s1), libm::atan2(c2, s2)];
                 wobble(arm, joint, cycles, [s1.hypot(c1), s2.hypot(c2)], phases)
@@ -95,50 +98,55 @@ impl Candidate {
     }
 
     /// Stems of the parameters that a fit keeps: the period of a wave unless it was searched for.
-    pub(crate) fn kept(&self) -> &'static [&'static str] {
-        match self.make {
-            Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
-            Make::Spring => &["L"],
-            Make::Mode(driven) => driven.kept(),
-            Make::Values | Make::Change { .. } | Make::Remainder | Make::Masses => &[],
+    pub(crate) fn fixed_stems(&self) -> &'static [&'static str] {
+        match self.mapping {
+            ParameterMapping::Wave { .. } | ParameterMapping::Wobble { .. } => &["cycles"],
+            ParameterMapping::Spring => &["L"],
+            ParameterMapping::Mode(driven) => driven.fixed_stems(),
+            ParameterMapping::Values
+            | ParameterMapping::Change { .. }
+            | ParameterMapping::Remainder
+            | ParameterMapping::Masses => &[],
         }
     }
 
     /// Number of identifiable parameters that were selected from a list of trial values beforehand and are still to be fitted.
-    pub(crate) fn tried_numbers(&self) -> usize {
-        if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
+    pub(crate) fn trial_parameter_count(&self) -> usize {
+        if matches!(self.mapping, ParameterMapping::Spring) { loads::SHAPE } else { 0 }
     }
 
     /// Whether it is a spring with a trial geometry.
     pub(crate) fn is_spring(&self) -> bool {
-        matches!(self.make, Make::Spring)
+        matches!(self.mapping, ParameterMapping::Spring)
     }
 
     /// Whether its probes together form one mass.
     pub(crate) fn is_one_mass(&self) -> bool {
-        matches!(self.make, Make::Masses)
+        matches!(self.mapping, ParameterMapping::Masses)
     }
 
     /// Whether a fit may change this parameter of its effect.
-    pub(crate) fn frees(&self, value: usize) -> bool {
-        !matches!(self.make, Make::Remainder) || self.probes.iter().any(|p| p.value == value)
+    pub(crate) fn may_fit(&self, value: usize) -> bool {
+        !matches!(self.mapping, ParameterMapping::Remainder)
+            || self.probes.iter().any(|p| p.value == value)
     }
 
     /// Whether it excludes this effect of the model: same slot, or conflicting kinds.
-    pub(crate) fn is_rival_of(&self, effect: &AnyEffect) -> bool {
+    pub(crate) fn excludes_effect(&self, effect: &AnyEffect) -> bool {
         if self.changes().is_some() {
             return false;
         }
         let own = self.probes.first().map(|probe| &probe.effect);
-        self.slot == slot(effect) || own.is_some_and(|own| families::clash(own, effect))
+        self.slot == slot(effect)
+            || own.is_some_and(|own| exclusions::are_incompatible(own, effect))
     }
 
     /// Whether it excludes the effect that another candidate would add.
-    pub(crate) fn is_rival_to(&self, other: &Self) -> bool {
+    pub(crate) fn excludes(&self, other: &Self) -> bool {
         let effect = |candidate: &Self| candidate.probes.first().map(|probe| probe.effect);
         let clash = || {
             let pair = effect(self).zip(effect(other));
-            pair.is_some_and(|(own, other)| families::clash(&own, &other))
+            pair.is_some_and(|(own, other)| exclusions::are_incompatible(&own, &other))
         };
         self.changes().is_none() && (self.slot == other.slot || clash())
     }
@@ -152,13 +160,14 @@ impl Candidate {
 
     /// All parameters of an existing effect as probes.
     pub(crate) fn of_values(effect: &AnyEffect) -> Self {
-        let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
+        let probes =
+            (0..effect.values().len()).map(|value| CandidateParameter { effect: *effect, value });
         Self {
             slot: slot(effect),
             joint: effect.joint(),
             probes: probes.collect(),
             settings: Vec::new(),
-            make: Make::Values,
+            mapping: ParameterMapping::Values,
         }
     }
 }
@@ -167,16 +176,16 @@ impl Candidate {
 pub(crate) fn wave_candidate(arm: &Arm, joint: usize, cycles: f64) -> Option<Candidate> {
     let sine = wave(arm, joint, cycles, 1.0, 0.0)?;
     let cosine = wave(arm, joint, cycles, 1.0, FRAC_PI_2)?;
-    let probes = [sine, cosine].map(|effect| Probe { effect, value: 0 }).to_vec();
+    let probes = [sine, cosine].map(|effect| CandidateParameter { effect, value: 0 }).to_vec();
     let slot = format!("wave {joint} {cycles}");
-    let make = Make::Wave { joint, cycles };
-    Some(Candidate { slot, joint: Some(joint), probes, settings: Vec::new(), make })
+    let make = ParameterMapping::Wave { joint, cycles };
+    Some(Candidate { slot, joint: Some(joint), probes, settings: Vec::new(), mapping: make })
 }
 
 fn wave(arm: &Arm, joint: usize, cycles: f64, amplitude: f64, phase: f64) -> Option<AnyEffect> {
     let given: &[(&str, &[f64])] =
         &[("amplitude", &[amplitude]), ("cycles", &[cycles]), ("phase", &[phase])];
-    AnyEffect::build("transmission_error", arm, Some(joint), Given(given)).ok()
+    AnyEffect::build("transmission_error", arm, Some(joint), ParameterValues(given)).ok()
 }
 
 fn wobble(
@@ -188,12 +197,12 @@ fn wobble(
 ) -> Option<AnyEffect> {
     let given: &[(&str, &[f64])] =
         &[("amplitude", &amplitude), ("phase", &phase), ("cycles", &[cycles])];
-    AnyEffect::build("axis_wobble", arm, Some(joint), Given(given)).ok()
+    AnyEffect::build("axis_wobble", arm, Some(joint), ParameterValues(given)).ok()
 }
 
 /// Signals of the campaign besides joint positions.
 #[derive(Clone, Copy, Debug, Default)]
-struct Shows {
+struct AvailableSignals {
     masses: bool,
     wrench: bool,
     direction: bool,
@@ -201,7 +210,7 @@ struct Shows {
     longest_s: f64,
 }
 
-impl Shows {
+impl AvailableSignals {
     fn of(arm: &Arm, campaign: &Campaign) -> Self {
         let poses = &campaign.poses;
         let first = poses.first().map(|pose| pose.inputs.wrench_base);
@@ -235,139 +244,150 @@ impl Shows {
 
 /// Whether most poses are reached by a move of this joint shorter than the largest of [`REVERSALS`]: only such moves show a hysteresis that builds up
 /// over a distance.
-fn small_moves(campaign: &Campaign, joint: usize) -> bool {
+fn has_small_moves(campaign: &Campaign, joint: usize) -> bool {
     let near = |pose: &&crate::campaign::Pose| {
         let moved = (pose.inputs.q[joint] - pose.inputs.q_before[joint]).abs();
-        pose.arrival == Arrival::FromBefore && moved < REVERSALS[2]
+        pose.arrival == Arrival::FromPrevious && moved < REVERSALS[2]
     };
     campaign.poses.iter().filter(near).count() > campaign.poses.len() / 2
 }
 
 /// All effects that these data could show, except geometry, each at its trial values.
 pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
-    let mut list = List::new(arm, campaign);
+    let mut list = CandidateList::new(arm, campaign);
     for joint in 0..arm.count() {
-        list.of_joint(joint, campaign);
+        list.add_joint_effects(joint, campaign);
     }
-    if list.shows.masses || list.shows.wrench {
-        list.values("base_compliance", None, &[("compliance", &[0.0])]);
+    if list.signals.masses || list.signals.wrench {
+        list.add_effect("base_compliance", None, &[("compliance", &[0.0])]);
     }
-    if list.shows.masses {
-        list.values("gravity_tilt", None, &[("tilt", &[0.0; 2])]);
-        list.found.extend(loads::payload(arm));
-        list.found.extend(loads::springs(arm, campaign));
+    if list.signals.masses {
+        list.add_effect("gravity_tilt", None, &[("tilt", &[0.0; 2])]);
+        list.candidates.extend(loads::payload(arm));
+        list.candidates.extend(loads::springs(arm, campaign));
     }
-    if list.shows.wrench {
-        list.values("tool_compliance", None, &[("compliance", &[0.0; 3])]);
+    if list.signals.wrench {
+        list.add_effect("tool_compliance", None, &[("compliance", &[0.0; 3])]);
     }
-    list.found
+    list.candidates
 }
 
-pub(crate) struct List<'a> {
+pub(crate) struct CandidateList<'a> {
     arm: &'a Arm,
-    shows: Shows,
-    pub(crate) found: Vec<Candidate>,
+    signals: AvailableSignals,
+    pub(crate) candidates: Vec<Candidate>,
 }
 
-impl<'a> List<'a> {
+impl<'a> CandidateList<'a> {
     pub(crate) fn new(arm: &'a Arm, campaign: &Campaign) -> Self {
-        List { arm, shows: Shows::of(arm, campaign), found: Vec::new() }
+        CandidateList { arm, signals: AvailableSignals::of(arm, campaign), candidates: Vec::new() }
     }
 
-    fn of_joint(&mut self, joint: usize, campaign: &Campaign) {
+    fn add_joint_effects(&mut self, joint: usize, campaign: &Campaign) {
         let at = Some(joint);
-        self.values("joint_ratio", at, &[("ratio", &[0.0])]);
-        for from in (0..joint).filter(|from| couples(self.arm, *from, joint)) {
+        self.add_effect("joint_ratio", at, &[("ratio", &[0.0])]);
+        for from in (0..joint).filter(|from| may_be_coupled(self.arm, *from, joint)) {
             let from = [(from + 1) as f64];
-            self.values("joint_coupling", at, &[("ratio", &[0.0]), ("from_joint", &from)]);
+            self.add_effect("joint_coupling", at, &[("ratio", &[0.0]), ("from_joint", &from)]);
         }
-        if self.shows.has(Need::Direction) {
-            self.values("backlash", at, &[("width", &[0.0])]);
+        if self.signals.has(Need::Direction) {
+            self.add_effect("backlash", at, &[("width", &[0.0])]);
         }
-        if small_moves(campaign, joint) && self.shows.has(Need::Direction) {
+        if has_small_moves(campaign, joint) && self.signals.has(Need::Direction) {
             for reversal in REVERSALS {
-                self.values("hysteresis", at, &[("amplitude", &[0.0]), ("reversal", &[reversal])]);
+                self.add_effect(
+                    "hysteresis",
+                    at,
+                    &[("amplitude", &[0.0]), ("reversal", &[reversal])],
+                );
             }
         }
-        self.weight(joint, campaign);
-        self.waves(joint);
-        self.heat(joint);
+        self.add_compliances(joint, campaign);
+        self.add_waves(joint);
+        self.add_thermal(joint);
     }
 
     /// Adds candidates for deflection under weight or external wrench.
-    fn weight(&mut self, joint: usize, campaign: &Campaign) {
+    fn add_compliances(&mut self, joint: usize, campaign: &Campaign) {
         let at = Some(joint);
         let sag = [0.0; 3 * JOINTS_MAX];
         let bodies = 3 * (self.arm.count() - joint);
-        self.values("gravity_sag", at, &[("sag", &sag[..bodies])]);
-        if self.shows.wrench {
-            self.values("load_compliance", at, &[("compliance", &[0.0])]);
+        self.add_effect("gravity_sag", at, &[("sag", &sag[..bodies])]);
+        if self.signals.wrench {
+            self.add_effect("load_compliance", at, &[("compliance", &[0.0])]);
         }
-        if self.shows.wrench && self.shows.masses {
+        if self.signals.wrench && self.signals.masses {
             // With only one of masses and wrench, it is equivalent to `joint_compliance`.
-            self.values("gravity_compliance", at, &[("compliance", &[0.0])]);
+            self.add_effect("gravity_compliance", at, &[("compliance", &[0.0])]);
         }
-        if self.shows.masses || self.shows.wrench {
-            self.values("joint_compliance", at, &[("compliance", &[0.0])]);
-            self.values("stiffness_hardening", at, &[("cubic", &[0.0])]);
-            self.values("bearing_compliance", at, &[("compliance", &[0.0])]);
+        if self.signals.masses || self.signals.wrench {
+            self.add_effect("joint_compliance", at, &[("compliance", &[0.0])]);
+            self.add_effect("stiffness_hardening", at, &[("cubic", &[0.0])]);
+            self.add_effect("bearing_compliance", at, &[("compliance", &[0.0])]);
         }
-        if self.shows.masses {
-            let most = loads::largest(self.arm, campaign, |loads| loads.torque(joint));
-            for share in SOFT.iter().filter(|_| most > 0.0) {
+        if self.signals.masses {
+            let most = loads::largest_load(self.arm, campaign, |loads| loads.torque(joint));
+            for share in SOFT_ZONE_LOADS.iter().filter(|_| most > 0.0) {
                 let torque = [share * most];
-                self.values("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);
+                self.add_effect("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);
             }
         }
     }
 
-    fn waves(&mut self, joint: usize) {
+    fn add_waves(&mut self, joint: usize) {
         let unit = match self.arm.joints()[joint].kind {
             JointKind::Revolute => 1.0,
             JointKind::Prismatic => TAU,
         };
         for cycles in [unit, 2.0 * unit] {
-            self.found.extend(wave_candidate(self.arm, joint, cycles));
+            self.candidates.extend(wave_candidate(self.arm, joint, cycles));
             let at = |phase: f64| wobble(self.arm, joint, cycles, [1.0; 2], [phase; 2]);
             let (Some(sine), Some(cosine)) = (at(0.0), at(FRAC_PI_2)) else { continue };
             let probes = [(sine, 0), (sine, 1), (cosine, 0), (cosine, 1)];
-            self.found.push(Candidate {
+            self.candidates.push(Candidate {
                 slot: format!("wobble {joint} {cycles}"),
                 joint: Some(joint),
-                probes: probes.map(|(effect, value)| Probe { effect, value }).to_vec(),
+                probes: probes.map(|(effect, value)| CandidateParameter { effect, value }).to_vec(),
                 settings: Vec::new(),
-                make: Make::Wobble { joint, cycles },
+                mapping: ParameterMapping::Wobble { joint, cycles },
             });
         }
     }
 
     /// Adds an effect with all its linear parameters as probes; returns false if it cannot be built.
-    pub(crate) fn values(
+    pub(crate) fn add_effect(
         &mut self,
         kind: &str,
         joint: Option<usize>,
         given: &[(&str, &[f64])],
     ) -> bool {
-        let Ok(effect) = AnyEffect::build(kind, self.arm, joint, Given(given)) else {
+        let Ok(effect) = AnyEffect::build(kind, self.arm, joint, ParameterValues(given)) else {
             return false;
         };
         let values = 0..effect.values().len();
         let linear = |value: &usize| {
-            crate::hypothesis::named(&effect, *value)
+            crate::hypothesis::parameter_key(&effect, *value)
                 .is_some_and(|named| named.parameter.role == Role::Linear)
         };
-        let probes = values.filter(linear).map(|value| Probe { effect, value }).collect();
+        let probes =
+            values.filter(linear).map(|value| CandidateParameter { effect, value }).collect();
         let entries = effect.spec().parameters.iter().filter(|p| p.role == Role::Setting);
         let number = |stem| given.iter().find(|(name, _)| *name == stem).map(|(_, x)| x.to_vec());
         let settings = entries.filter_map(|p| Some((p.stem, number(p.stem)?))).collect();
         let slot = slot(&effect);
-        self.found.push(Candidate { slot, joint, probes, settings, make: Make::Values });
+        self.candidates.push(Candidate {
+            slot,
+            joint,
+            probes,
+            settings,
+            mapping: ParameterMapping::Values,
+        });
         true
     }
 }
 
 /// Whether the drive of `joint` may be routed through joint `from`: within the last three joints of an arm (gears of a wrist), and from the second
 /// joint to the third (parallel rod).
-pub(crate) fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
+pub(crate) fn may_be_coupled(arm: &Arm, from: usize, joint: usize) -> bool {
     (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
 }

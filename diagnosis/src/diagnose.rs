@@ -1,88 +1,88 @@
 //! Diagnosis of positions: where model and recording differ, which effects explain it with which parameters, and the error on a test set.
 //!
-//! Steps and modules, in the order in which to read them: `ingest` (screening of recordings), `ready` (rows to use), `library` (candidate effects),
-//! `noise` (AR noise model), `selection` with `stepwise`, `starts` and `outer_iteration` (which effects, and their alternatives), `prove` (validation
-//! and test), `unknown` (structure that no effect explains), `judge` (verdict, posterior probabilities), `findings` (the result). The method with its
-//! mathematics: `docs/diagnosis.md`.
+//! Steps and modules, in the order in which to read them: `screening` (of recordings), `preparation` (rows to use), `dictionary` (candidate effects),
+//! `noise_models` (AR noise models), `selection` with `stepwise`, `multistart` and `outer_iteration` (which effects, and their alternatives),
+//! `validation` (validation and test), `unexplained` (structure that no effect explains), `verdict` (verdict, posterior probabilities), `findings` (the
+//! result). The method with its mathematics: `docs/diagnosis.md`.
 //!
 //! Input: a campaign (poses with measurements, SI units) and a model. Output: a [`Diagnosis`]. The module opens no file.
 //!
 //! Invariants: the same input and seed give the same result, bit for bit; rows of the test set take no part in selection or fit.
 
+mod additive_regression;
 mod calibration;
+mod covariates;
+mod dictionary;
 pub mod experiment;
-mod features;
 mod findings;
-mod flexible;
-mod gram;
+mod gram_matrix;
 mod hysteresis;
-mod ingest;
 mod jacobian_cache;
-mod judge;
-mod library;
-mod locate;
-mod look;
 mod modes;
-mod noise;
+mod multistart;
+mod noise_models;
 mod outer_iteration;
-mod prove;
-mod ready;
-pub mod says;
+mod plot_data;
+mod preparation;
+mod residual_map;
+mod screening;
 mod selection;
+pub mod sentences;
 mod springs;
-mod starts;
 mod stepwise;
 mod substitution;
 mod terms;
+mod thinned_recordings;
 mod thinning;
-mod unknown;
+mod unexplained;
 mod untested;
-mod view;
+mod validation;
+mod verdict;
 
+use crate::autocorrelation::series_index;
 use crate::campaign::{Campaign, Reading};
-use crate::colour::stream;
+use crate::effect_size::EffectSize;
 use crate::engine::verdict::{VerdictSettings, claimed};
-use crate::fit::{Effort, Settings, fit};
+use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit_result::Fit;
+use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
-use crate::proof::Split;
-use crate::readback;
-use crate::result::Fit;
-use crate::robust::Influence;
-use crate::score::Fitted;
-use crate::size::Size;
-use experiment::Proposed;
-use features::Word;
-use flexible::Taken;
+use crate::joint_readback;
+use crate::robust_weights::Influence;
+use crate::score_test::ScoreTest;
+use additive_regression::CovariateChoice;
+use covariates::Covariate;
+use experiment::ProposedExperiment;
 use glam::DVec3;
 use jacobian_cache::JacobianCache;
 use physics::{AnyEffect, Model};
-use prove::Held;
-use selection::{Search, Selection as Selected};
+use selection::{EffectSelection, Search};
+use validation::FitEvaluator;
 
 use std::collections::BTreeMap;
 
 pub use crate::engine::verdict::Verdict;
-pub use calibration::{Chosen, Selection, select};
-pub use ingest::{Ingested, ingest};
-pub use locate::{Cell, Seen};
-pub use look::Thinned;
-pub use prove::Proof;
-pub use selection::Rival;
-pub use untested::Untested;
-pub use view::{Beside, Over, Spectra, Trace};
+pub use calibration::{AddedEffect, ExtendedModel, select_effects};
+pub use plot_data::{CovariatePlot, CovariatePoint, ResidualSeries, Spectra};
+pub use residual_map::{MapCell, Visibility};
+pub use screening::{ScreeningReport, screen_recordings};
+pub use selection::AlternativeEffect;
+pub use thinned_recordings::ThinnedRecordings;
+pub use untested::UntestedEffect;
+pub use validation::TestErrors;
 
 /// Relative standard uncertainty of a parameter that remains whatever the noise: scale of the instrument, nominal lever arms, simplified equation of
 /// the effect.
-const FLOOR: f64 = 5e-3;
+const RELATIVE_SIGMA_FLOOR: f64 = 5e-3;
 
 /// Half-width of a normal 95 % interval, in standard deviations.
-const QUANTILE: f64 = 1.96;
+const NORMAL_QUANTILE_95: f64 = 1.96;
 
 /// Largest share of outlier rows (of the final fit) at which findings are claimed; 0 to 1.
-const FAR_MOST: f64 = 0.2;
-/// Exception to [`FAR_MOST`]: without findings, a smooth function that reduces the RMS error on the test set below this share explains the outlying
+const OUTLIER_SHARE_MAX: f64 = 0.2;
+/// Exception to [`OUTLIER_SHARE_MAX`]: without findings, a smooth function that reduces the RMS error on the test set below this share explains the outlying
 /// rows.
-const FOLLOWS: f64 = 0.5;
+const EXPLAINED_RMS_SHARE: f64 = 0.5;
 
 /// An effect that the model lacks, or whose stated parameters are wrong.
 #[derive(Clone, Debug)]
@@ -90,9 +90,9 @@ pub struct Finding {
     /// The effect with its estimated parameters, SI; for a correction, the effect with the corrected parameters.
     pub effect: AnyEffect,
     /// Index among the effects of the model in [`Diagnosis::fit`].
-    pub place: usize,
+    pub effect_index: usize,
     /// For a correction: the parameters that the model states, SI. `None` for an effect that the model lacks.
-    pub had: Option<Vec<f64>>,
+    pub stated: Option<Vec<f64>>,
     /// Standard uncertainty of each parameter, SI units; `None` if the parameter was not fitted.
     pub sigma: Vec<Option<f64>>,
     /// Whether the data determine each parameter; otherwise its standard uncertainty is that of its prior.
@@ -104,21 +104,21 @@ pub struct Finding {
     /// Gain in log-likelihood on the training rows by this effect.
     pub gain: f64,
     /// Alternatives with their posterior probabilities.
-    pub rivals: Vec<(Rival, f64)>,
+    pub alternatives: Vec<(AlternativeEffect, f64)>,
     /// RMS error on the test set without it (but with all findings before it in order of importance) and with it, m or rad.
-    pub heldout: [f64; 2],
+    pub held_out_rms: [f64; 2],
     /// RMS error on the test set when this effect is removed and all others are refitted, m or rad.
-    pub heldout_without: f64,
+    pub held_out_rms_without: f64,
     /// Change of the measured quantities by this effect alone, with frames and targets refitted; m or rad.
-    pub size: Size,
+    pub size: EffectSize,
     /// Where in the recording it is largest.
-    pub seen: Seen,
+    pub seen: Visibility,
     /// Findings with the same group number (from 1) have strongly correlated parameters and are determined only together; `None` if it correlates
     /// with no other.
     pub group: Option<usize>,
 }
 
-/// Structure in the residual that no effect of the library explains, modelled as a smooth function of one or two covariates.
+/// Structure in the residual that no effect of the dictionary explains, modelled as a smooth function of one or two covariates.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
     /// Names of the covariates, as in docs/reference/results.md.
@@ -136,12 +136,12 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Claimed findings, most important first.
     pub findings: Vec<Finding>,
-    /// Effects with too low a posterior probability to be claimed. `fit` and `proof` include them.
+    /// Effects with too low a posterior probability to be claimed. `fit` and `test_errors` include them.
     pub candidates: Vec<Finding>,
     /// Structure that findings and candidates leave unexplained.
     pub unexplained: Option<Unexplained>,
     /// Errors on the test set.
-    pub proof: Proof,
+    pub test_errors: TestErrors,
     /// Fit of the model as given: only frames and targets are estimated.
     pub given: Fit,
     /// Fit with findings and candidates.
@@ -149,19 +149,19 @@ pub struct Diagnosis {
     /// RMS of the measured values about their means, m or rad.
     pub signal_rms: f64,
     /// Proposed experiment that would distinguish indistinguishable alternatives.
-    pub next_experiment: Option<Proposed>,
+    pub next_experiment: Option<ProposedExperiment>,
     /// Map of the differences between the model as given and the recording.
-    pub map: Vec<Cell>,
+    pub map: Vec<MapCell>,
     /// Effects that this recording cannot show.
-    pub not_tested: Vec<Untested>,
+    pub not_tested: Vec<UntestedEffect>,
     /// Messages for the user about the processing of the data.
     pub notes: Vec<String>,
     /// Message if the joint positions appear to have been recorded before the arm had settled.
-    early: Option<String>,
+    unsettled_message: Option<String>,
     /// The campaign as it was used, after exclusion and subsampling of rows.
     pub campaign: Campaign,
     /// Split into training and test poses.
-    pub split: Split,
+    pub split: HoldOutSplit,
 }
 
 /// Diagnoses `model` from the measurements of `campaign`.
@@ -177,16 +177,16 @@ pub fn diagnose(
     seed: u64,
 ) -> Diagnosis {
     let mut notes = Vec::new();
-    ready::set_moving(&mut campaign, model.arm.count());
-    let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
+    preparation::set_velocities(&mut campaign, model.arm.count());
+    let kept = preparation::subsample(&mut campaign, model.arm.count(), &mut notes);
     let held_out = held_out.map(|held| {
         held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(held, _)| *held).collect()
     });
-    of_chosen(campaign, notes, model, sigma, held_out, seed)
+    diagnose_selected_rows(campaign, notes, model, sigma, held_out, seed)
 }
 
 /// [`diagnose`] for a campaign whose rows are already subsampled and have their speeds.
-fn of_chosen(
+fn diagnose_selected_rows(
     mut campaign: Campaign,
     mut notes: Vec<String>,
     model: &Model,
@@ -194,114 +194,119 @@ fn of_chosen(
     held_out: Option<Vec<bool>>,
     seed: u64,
 ) -> Diagnosis {
-    ready::set_begun(&mut campaign, model, &mut notes);
+    preparation::exclude_path_starts(&mut campaign, model, &mut notes);
     let split = match held_out {
-        Some(held) => Split {
-            says: "what the recordings reserve for validation".to_owned(),
+        Some(held) => HoldOutSplit {
+            description: "what the recordings reserve for validation".to_owned(),
             training: held.iter().map(|held| !held).collect(),
         },
-        None => Split::in_blocks(&campaign, seed),
+        None => HoldOutSplit::in_blocks(&campaign, seed),
     };
-    let selection_split = split.keeping_some(&campaign, seed);
-    prove::set_apart(&mut campaign, [&split, &selection_split]);
-    let words = features::words(&campaign, model);
+    let selection_split = split.with_validation_set(&campaign, seed);
+    validation::remove_rows_at_boundaries(&mut campaign, [&split, &selection_split]);
+    let covariates = covariates::all_covariates(&campaign, model);
     let influence = Influence::Redescending;
     let used = selection_split.training.as_slice();
-    let settings = Settings { used, influence, from: None, effort: Effort::Full };
-    let known = ready::known(model, sigma);
+    let settings = FitSettings { used, influence, from: None, effort: FitEffort::Full };
+    let known = preparation::stated_hypothesis(model, sigma);
     let base = fit(&campaign, &known, &settings);
-    let library = library::library(model, &campaign);
-    let cache = JacobianCache::default();
-    let base =
-        whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
-    let search =
-        Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
+    let dictionary = dictionary::candidate_dictionary(model, &campaign);
+    let (known, dictionary, cache) = (&known, dictionary.as_slice(), &JacobianCache::default());
+    let chosen = (covariates.as_slice(), CovariateChoice::All);
+    let base = update_noise_models(&mut campaign, known, &settings, &base, chosen).unwrap_or(base);
+    let search = Search { campaign: &campaign, known, settings, dictionary, cache };
     let validation = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let validation: Vec<bool> = validation.collect();
-    let (preselected, also) = selection::preselected(&search, &base, unknown::PATCHES);
-    let (selection, law) = match unknown::ahead_at_once(&search, &preselected, &words, &validation)
-    {
-        Some((few, law)) => (few, Some(law)),
-        None => {
-            // The alternatives of each effect are not needed yet: this selection only serves to separate effects from noise.
-            let first = search.until_stable(preselected, &also);
-            let taken = (words.as_slice(), Taken::Validated);
-            let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
-            let (known, library, cache) = (&known, library.as_slice(), &cache);
-            let search = Search { campaign: &campaign, known, settings, library, cache };
-            let selection = match again {
-                None => selection::select(&search, first),
-                Some(bare) => selection::restarted(&search, &bare, first),
-            };
-            let looks = (&selection_split, validation.as_slice());
-            let selection = prove::confirmed(&campaign, model, looks, selection);
-            match unknown::instead_of_names(&search, &selection, &words, &validation) {
-                Some((few, law)) => (few, Some(law)),
-                None => {
-                    let law = unknown::confirmed(&search, &selection, &words, &validation);
-                    (selection, law)
+    let (preselected, also) =
+        selection::preselect(&search, &base, unexplained::IMITATING_EFFECTS_MIN);
+    let (selection, law) =
+        match unexplained::early_replacement(&search, &preselected, &covariates, &validation) {
+            Some((few, law)) => (few, Some(law)),
+            None => {
+                // The alternatives of each effect are not needed yet: this selection only serves to separate effects from noise.
+                let first = search.iterate_until_stable(preselected, &also);
+                let chosen = (covariates.as_slice(), CovariateChoice::Validated);
+                let again =
+                    update_noise_models(&mut campaign, known, &settings, &first.fit, chosen);
+                let search = Search { campaign: &campaign, known, settings, dictionary, cache };
+                let selection = match again {
+                    None => selection::select(&search, first),
+                    Some(bare) => selection::restart(&search, &bare, first),
+                };
+                let splits = (&selection_split, validation.as_slice());
+                let selection = validation::drop_unsupported(&campaign, model, splits, selection);
+                match unexplained::instead_of_effects(&search, &selection, &covariates, &validation)
+                {
+                    Some((few, law)) => (few, Some(law)),
+                    None => {
+                        let law = unexplained::supported_function(
+                            &search,
+                            &selection,
+                            &covariates,
+                            &validation,
+                        );
+                        (selection, law)
+                    }
                 }
             }
-        }
-    };
+        };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
     let around = selection.fit.surroundings.clone();
-    let settings = Settings { used: &split.training, from: Some(&around), ..settings };
+    let settings = FitSettings { used: &split.training, from: Some(&around), ..settings };
     let selection =
-        Selected { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
-    let search =
-        Search { campaign: &campaign, known: &known, settings, library: &library, cache: &cache };
-    let selection = substitution::with_rivals(&search, selection);
-    let not_tested = untested::untested(&model.arm, &library, &words);
-    finish(campaign, model, selection, law, split, &words, (not_tested, notes))
+        EffectSelection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
+    let search = Search { campaign: &campaign, known, settings, dictionary, cache };
+    let selection = substitution::with_alternatives(&search, selection);
+    let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
+    finish(campaign, model, selection, law, split, &covariates, (not_tested, notes))
 }
 
 /// Sets the campaign's AR noise models to those of the residual of `seen` and refits the known model with them; `None` if the noise models are
 /// unchanged.
-fn whiten(
+fn update_noise_models(
     campaign: &mut Campaign,
     known: &Hypothesis,
-    settings: &Settings<'_>,
+    settings: &FitSettings<'_>,
     seen: &Fit,
-    (words, taken): (&[Word], Taken),
+    (covariates, taken): (&[Covariate], CovariateChoice),
 ) -> Option<Fit> {
-    let colours = noise::colours(campaign, seen, settings.used, (words, taken));
-    if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour) {
+    let colours = noise_models::noise_models(campaign, seen, settings.used, (covariates, taken));
+    if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.noise_model) {
         return None;
     }
-    campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.colour = colour);
+    campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.noise_model = colour);
     let around = seen.surroundings.clone();
-    Some(fit(campaign, known, &Settings { from: Some(&around), ..*settings }))
+    Some(fit(campaign, known, &FitSettings { from: Some(&around), ..*settings }))
 }
 
 /// Assembles the result: errors on the test set, verdict, findings, map and proposed experiment.
 fn finish(
     campaign: Campaign,
     model: &Model,
-    selection: Selected,
-    law: Option<unknown::Law>,
-    split: Split,
-    words: &[Word],
-    (not_tested, mut notes): (Vec<Untested>, Vec<String>),
+    selection: EffectSelection,
+    law: Option<unexplained::SmoothFunction>,
+    split: HoldOutSplit,
+    covariates: &[Covariate],
+    (not_tested, mut notes): (Vec<UntestedEffect>, Vec<String>),
 ) -> Diagnosis {
-    let settings = Settings {
+    let settings = FitSettings {
         used: &split.training,
         influence: Influence::Redescending,
         from: None,
-        effort: Effort::Full,
+        effort: FitEffort::Full,
     };
-    let Selected { fit: last, named } = selection;
+    let EffectSelection { fit: last, selected: named } = selection;
     let held_out = split.held_out();
-    let held = Held::new(&campaign, (&split, &held_out), &last);
-    let given = held.beside(&Hypothesis::fixed(*model), &last);
-    let fitted = Fitted::new(&campaign, &last, &settings);
+    let held = FitEvaluator::new(&campaign, (&split, &held_out), &last);
+    let given = held.compared(&Hypothesis::fixed(*model), &last);
+    let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
     // A smooth function is reported only if it reduces the error on the test set, by as much as is required of the validation set.
     let rest = law.and_then(|law| {
-        let [without, with] = law.on(&fitted, words, &held_out);
+        let [without, with] = law.sums_of_squares(&fitted, covariates, &held_out);
         let is_supported = law.is_supported(last.design_effect, [without, with]);
         (is_supported && with < without).then(|| Unexplained {
-            depends_on: law.depends_on(words),
+            depends_on: law.covariate_names(covariates),
             joint: law.joint,
             heldout: [after, after * (with / without).sqrt()],
         })
@@ -310,18 +315,19 @@ fn finish(
         let left = after.powi(2) - rest.heldout[1].powi(2);
         (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)
     });
-    let verdict = judge::verdict(&named, &last, carried);
-    let map = locate::map(&campaign, &given, &settings, words);
+    let verdict = verdict::decide(&named, &last, carried);
+    let map = residual_map::map(&campaign, &given, &settings, covariates);
     let uncertainty = fitted.uncertainty();
     let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
     let unexplained = rest;
-    let proof = held.proof(before, after, &last);
+    let proof = held.test_errors(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);
-    let next_experiment = design.proposed(&named);
-    let early = readback::ahead(&campaign, &last, &settings).map(|suspicion| suspicion.says);
-    let (far, rows) = far(&last, &campaign);
+    let next_experiment = design.propose(&named);
+    let early = joint_readback::detect_early_readback(&campaign, &last, &settings)
+        .map(|suspicion| suspicion.message);
+    let (far, rows) = outlier_counts(&last, &campaign);
     if far > 0 {
         notes.push(format!(
             "{far} of {rows} rows are outliers of the final model and have little or no weight"
@@ -332,7 +338,7 @@ fn finish(
         findings,
         candidates,
         unexplained,
-        proof,
+        test_errors: proof,
         given,
         fit: last,
         signal_rms: signal_rms(&campaign, held.is_length),
@@ -340,14 +346,14 @@ fn finish(
         map,
         not_tested,
         notes,
-        early,
+        unsettled_message: early,
         campaign,
         split,
     }
 }
 
 /// Number of outlier rows of the final fit, and number of measured rows.
-fn far(last: &Fit, campaign: &Campaign) -> (usize, usize) {
+fn outlier_counts(last: &Fit, campaign: &Campaign) -> (usize, usize) {
     let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
     (last.outliers(campaign).len(), rows)
 }
@@ -355,15 +361,15 @@ fn far(last: &Fit, campaign: &Campaign) -> (usize, usize) {
 impl Diagnosis {
     /// Reason why no finding may be claimed; `None` if there is none.
     #[must_use]
-    pub fn doubt(&self) -> Option<String> {
-        if self.early.is_some() {
-            return self.early.clone();
+    pub fn reason_not_to_claim(&self) -> Option<String> {
+        if self.unsettled_message.is_some() {
+            return self.unsettled_message.clone();
         }
-        let (far, rows) = far(&self.fit, &self.campaign);
+        let (far, rows) = outlier_counts(&self.fit, &self.campaign);
         // Rows that a single smooth function explains are not inconsistent with the others.
         let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
-        let follows = self.findings.is_empty() && with < FOLLOWS * without;
-        (far as f64 > FAR_MOST * rows as f64 && !follows).then(|| {
+        let follows = self.findings.is_empty() && with < EXPLAINED_RMS_SHARE * without;
+        (far as f64 > OUTLIER_SHARE_MAX * rows as f64 && !follows).then(|| {
             format!(
                 "{far} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
             )
@@ -380,7 +386,7 @@ fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
             Reading::JointPosition { position, .. } if !lengths => DVec3::X * *position,
             _ => continue,
         };
-        streams.entry(stream(reading)).or_default().push(value);
+        streams.entry(series_index(reading)).or_default().push(value);
     }
     let (mut sum, mut count) = (0.0, 0.0);
     for values in streams.values() {

@@ -6,16 +6,16 @@
 
 pub(crate) mod attribution;
 pub(crate) mod criterion;
-pub(crate) mod library;
+pub(crate) mod dictionary;
 pub(crate) mod noise;
 pub(crate) mod normal_equations;
 pub(crate) mod partial_cholesky;
 pub(crate) mod posterior;
+pub(crate) mod product_cache;
+pub(crate) mod regression_data;
 pub(crate) mod sandwich;
 pub(crate) mod split;
 pub(crate) mod statistics;
 pub(crate) mod stepwise;
-pub(crate) mod sums;
-pub(crate) mod table;
 pub(crate) mod validation;
 pub(crate) mod verdict;

@@ -6,57 +6,57 @@
 //! Deterministic: the same input gives the same bits. Sign constraints are satisfied, and every parameter that was not fitted is listed. Effects are
 //! selected in [`mod@crate::diagnose`].
 
+use crate::autocorrelation::is_next_row;
 use crate::campaign::Campaign;
-use crate::colour::follows;
+use crate::extrinsics::Extrinsics;
+use crate::fit_result::{Fit, FitParts};
 use crate::hypothesis::Hypothesis;
-use crate::independent::Dependent;
-use crate::linearisation::{Length, Linearisation};
-use crate::minimise::{Minimum, Until, minimise};
-use crate::problem::{State, Weighing};
-use crate::result::{Fit, Parts};
-use crate::robust::{Influence, scale, weight};
-use crate::start;
-use crate::surroundings::Surroundings;
-use crate::triangle::Triangle;
+use crate::identifiability::ConfoundedColumn;
+use crate::initial_extrinsics;
+use crate::least_squares::{FitState, ReadingWeights};
+use crate::levenberg_marquardt::{Minimum, Termination, minimise};
+use crate::linearisation::{Linearisation, ResidualNorm};
+use crate::qr::QrFactor;
+use crate::robust_weights::{Influence, robust_noise_factor, weight};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Largest number of iterations over noise scale and set of determined parameters.
-const SETTLING: usize = 4;
+const ITERATIONS_MAX: usize = 4;
 /// Largest number of reweighting iterations.
-const WEIGHING: usize = 8;
+const REWEIGHTINGS_MAX: usize = 8;
 /// Steps between two updates of scale and weights.
 const STEPS: usize = 12;
-/// Steps of a [`Effort::Sketch`].
+/// Steps of a [`FitEffort::Sketch`].
 const SKETCH: usize = 3;
 /// Intermediate minimisations end when a full step would reduce the sum of squares by less than this, in units of the noise variance; the last one
 /// converges fully. Decisions between two fits are based on differences of fifty times this or more.
-const SETTLED: f64 = 0.01;
+const GAIN_LEAST: f64 = 0.01;
 /// Weights have converged when none changes by more than this.
-const STANDS: f64 = 1e-3;
+const WEIGHT_CHANGE_MAX: f64 = 1e-3;
 
 /// A stream with at least this many measurements has its own scale for outlier detection: their median.
 const ENOUGH: usize = 20;
 
 /// This many consecutive rows of a path with large residuals indicate a missing effect, not outliers.
-const LASTING: usize = 4;
+const OUTLIER_RUN_MIN: usize = 4;
 
 /// Settings of a fit.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings<'a> {
+pub struct FitSettings<'a> {
     /// Whether each pose takes part, one entry per pose.
     pub used: &'a [bool],
     /// Influence of outliers.
     pub influence: Influence,
     /// Initial extrinsic parameters; `None`: estimated from the nominal geometry.
-    pub from: Option<&'a Surroundings>,
+    pub from: Option<&'a Extrinsics>,
     /// How far the minimisation is carried.
-    pub effort: Effort,
+    pub effort: FitEffort,
 }
 
 /// How far a minimisation is carried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effort {
+pub enum FitEffort {
     /// Until convergence.
     Full,
     /// A few steps from the initial values: enough to see which effects are missing.
@@ -65,66 +65,70 @@ pub enum Effort {
 
 /// Fits the free parameters of `hypothesis` and the extrinsic parameters of `campaign` to the poses that take part.
 #[must_use]
-pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>) -> Fit {
-    let surroundings = settings
-        .from
-        .cloned()
-        .unwrap_or_else(|| start::surroundings(campaign, &hypothesis.model, settings.used));
-    let state = State { surroundings, hypothesis: hypothesis.clone() };
-    let mut fitting = Fitting::new(campaign, state, settings.used);
+pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &FitSettings<'_>) -> Fit {
+    let surroundings = settings.from.cloned().unwrap_or_else(|| {
+        initial_extrinsics::estimate_extrinsics(campaign, &hypothesis.model, settings.used)
+    });
+    let state = FitState { surroundings, hypothesis: hypothesis.clone() };
+    let mut fitting = Fitter::new(campaign, state, settings.used);
     match settings.effort {
-        Effort::Full => {
-            fitting.settle(settings.from.is_none(), settings.influence);
+        FitEffort::Full => {
+            fitting.iterate_to_convergence(settings.from.is_none(), settings.influence);
             if settings.influence == Influence::Redescending {
-                fitting.weigh(Influence::Redescending);
+                fitting.iterate_weights(Influence::Redescending);
             }
-            fitting.end();
+            fitting.finish();
         }
-        Effort::Sketch => fitting.sketch(settings.influence),
+        FitEffort::Sketch => fitting.sketch(settings.influence),
     }
-    fitting.done()
+    fitting.into_fit()
 }
 
 /// Refits from the result `before`, with its weights and noise factors fixed, so that the sums of squares of two such fits are comparable.
 #[must_use]
-pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used: &[bool]) -> Fit {
+pub fn refit_with_fixed_weights(
+    campaign: &Campaign,
+    hypothesis: &Hypothesis,
+    before: &Fit,
+    used: &[bool],
+) -> Fit {
     let surroundings = before.surroundings.clone();
-    let state = State { surroundings, hypothesis: hypothesis.clone() };
-    let mut fitting = Fitting::new(campaign, state, used);
+    let state = FitState { surroundings, hypothesis: hypothesis.clone() };
+    let mut fitting = Fitter::new(campaign, state, used);
     fitting.weighing.weights.clone_from(&before.weights);
-    fitting.weighing.factors.clone_from(&before.factors);
+    fitting.weighing.noise_factors.clone_from(&before.factors);
     fitting.choose_columns();
-    fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
-    fitting.leave_at_zero();
+    fitting.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
+    fitting.fix_at_bounds();
     let has_converged = fitting.minimum.as_ref().is_some_and(|minimum| minimum.converged);
     if !(has_converged && fitting.bounded.is_empty()) {
-        fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
+        fitting.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
     }
-    fitting.done()
+    fitting.into_fit()
 }
 
 /// Influence used until outliers are identified: redescending weights would freeze the first, possibly wrong, classification.
-fn careful(influence: Influence) -> Influence {
+fn monotone_influence(influence: Influence) -> Influence {
     if influence == Influence::Redescending { Influence::Huber } else { influence }
 }
 
-struct Fitting<'a> {
+struct Fitter<'a> {
     campaign: &'a Campaign,
     linearisation: Arc<Linearisation>,
-    weighing: Weighing,
+    weighing: ReadingWeights,
     active: Vec<usize>,
-    dependent: Vec<Dependent>,
+    dependent: Vec<ConfoundedColumn>,
     /// Columns fixed at zero at the end, because the sign constraint is active.
     bounded: Vec<usize>,
     minimum: Option<Minimum>,
     /// The data reduced to these columns; valid while state, weights and factors are unchanged.
-    reduced: Option<(Vec<usize>, Triangle)>,
+    reduced: Option<(Vec<usize>, QrFactor)>,
     steps: usize,
 }
 
-impl<'a> Fitting<'a> {
-    fn new(campaign: &'a Campaign, state: State, used: &[bool]) -> Self {
-        let weighing = Weighing::equal(campaign, used);
+impl<'a> Fitter<'a> {
+    fn new(campaign: &'a Campaign, state: FitState, used: &[bool]) -> Self {
+        let weighing = ReadingWeights::equal(campaign, used);
         Self {
             campaign,
             linearisation: Arc::new(Linearisation::of(campaign, state, used)),
@@ -139,24 +143,24 @@ impl<'a> Fitting<'a> {
     }
 
     /// Iterates noise scale, weights and the set of determined parameters until they converge.
-    fn settle(&mut self, afresh: bool, influence: Influence) {
+    fn iterate_to_convergence(&mut self, afresh: bool, influence: Influence) {
         if afresh {
-            self.active = (0..self.linearisation.state.surroundings.numbers().len()).collect();
-            self.look_again(influence);
-            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
+            self.active = (0..self.linearisation.state.surroundings.parameters().len()).collect();
+            self.update_scale_and_weights(influence);
+            self.run(Termination { steps_max: STEPS, gain_least: GAIN_LEAST });
         }
-        for _ in 0..SETTLING {
-            let before = (self.active.clone(), self.weighing.factors.clone());
-            self.look_again(influence);
+        for _ in 0..ITERATIONS_MAX {
+            let before = (self.active.clone(), self.weighing.noise_factors.clone());
+            self.update_scale_and_weights(influence);
             self.choose_columns();
-            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
+            self.run(Termination { steps_max: STEPS, gain_least: GAIN_LEAST });
             let stands = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
-            let same_scale = self.weighing.factors.iter().zip(&before.1).all(stands);
+            let same_scale = self.weighing.noise_factors.iter().zip(&before.1).all(stands);
             if before.0 == self.active && same_scale {
                 break;
             }
         }
-        self.weigh(careful(influence));
+        self.iterate_weights(monotone_influence(influence));
     }
 
     /// A few steps from an earlier fit, whose outliers are known.
@@ -164,41 +168,41 @@ impl<'a> Fitting<'a> {
         self.rescale();
         self.reweigh(influence);
         self.choose_columns();
-        self.run(Until { steps_max: SKETCH, gain_least: SETTLED });
-        self.leave_at_zero();
+        self.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
+        self.fix_at_bounds();
         self.final_factors();
-        self.run(Until { steps_max: 1, gain_least: SETTLED });
+        self.run(Termination { steps_max: 1, gain_least: GAIN_LEAST });
     }
 
     /// Updates scale and weights from the present residuals.
-    fn look_again(&mut self, influence: Influence) {
+    fn update_scale_and_weights(&mut self, influence: Influence) {
         self.rescale();
-        self.reweigh(careful(influence));
+        self.reweigh(monotone_influence(influence));
     }
 
     /// Iterates the weights until they converge.
-    fn weigh(&mut self, influence: Influence) {
-        for _ in 0..WEIGHING {
+    fn iterate_weights(&mut self, influence: Influence) {
+        for _ in 0..REWEIGHTINGS_MAX {
             let before = self.weighing.weights.clone();
             self.rescale();
             self.reweigh(influence);
             let pairs = self.weighing.weights.iter().zip(&before);
             let changed = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            if changed < STANDS {
+            if changed < WEIGHT_CHANGE_MAX {
                 break;
             }
-            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
+            self.run(Termination { steps_max: STEPS, gain_least: GAIN_LEAST });
         }
     }
 
     /// Final pass: sign constraints, noise factors, then full convergence.
-    fn end(&mut self) {
-        self.leave_at_zero();
+    fn finish(&mut self) {
+        self.fix_at_bounds();
         self.final_factors();
-        self.run(Until::CONVERGED);
+        self.run(Termination::CONVERGED);
     }
 
-    fn run(&mut self, until: Until) {
+    fn run(&mut self, until: Termination) {
         let (linearisation, data) = (Arc::clone(&self.linearisation), self.data());
         let found =
             minimise(self.campaign, linearisation, data, &self.weighing, &self.active, until);
@@ -209,7 +213,7 @@ impl<'a> Fitting<'a> {
     }
 
     /// The data reduced to the active columns by QR.
-    fn data(&self) -> Triangle {
+    fn data(&self) -> QrFactor {
         if let Some((columns, data)) = &self.reduced {
             let place = |column: &usize| columns.binary_search(column).ok();
             let places: Option<Vec<usize>> = self.active.iter().map(place).collect();
@@ -227,9 +231,9 @@ impl<'a> Fitting<'a> {
         let state = &self.linearisation.state;
         let all: Vec<usize> = (0..state.width()).collect();
         let data = self.linearisation.triangle(self.campaign, &self.weighing, &all);
-        let (kept, dependent) = state.sort(&data);
+        let (kept, dependent) = state.split_columns(&data);
         self.reduced = Some((all, data));
-        let first = state.surroundings.numbers().len();
+        let first = state.surroundings.parameters().len();
         let free = &state.hypothesis.free;
         let held = dependent.iter().filter(|d| kept.binary_search(&d.column).is_err());
         let places = held.clone().filter_map(|d| d.column.checked_sub(first));
@@ -237,21 +241,21 @@ impl<'a> Fitting<'a> {
         let held = held.cloned().collect();
         self.active = kept;
         self.dependent = held;
-        self.put(&believed);
+        self.set_parameters(&believed);
     }
 
     /// Parameters that ended on their lower bound zero are fixed there; below zero they would compensate for other parameters.
-    fn leave_at_zero(&mut self) {
-        let lowest = self.linearisation.state.lowest(&self.active);
+    fn fix_at_bounds(&mut self) {
+        let lowest = self.linearisation.state.step_lower_bounds(&self.active);
         let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
         self.bounded = at_zero.map(|(column, _)| *column).collect();
         self.active.retain(|column| !self.bounded.contains(column));
     }
 
     /// Sets free parameters, given as index and value.
-    fn put(&mut self, values: &[(usize, f64)]) {
+    fn set_parameters(&mut self, values: &[(usize, f64)]) {
         let mut state = self.linearisation.state.clone();
-        let State { hypothesis, .. } = &mut state;
+        let FitState { hypothesis, .. } = &mut state;
         for (k, value) in values {
             let free = hypothesis.free[*k];
             hypothesis.model.change(free.effect, |effect| effect.values_mut()[free.value] = *value);
@@ -266,12 +270,12 @@ impl<'a> Fitting<'a> {
     /// Noise factor of each instrument from its residuals (robust); not below one where the noise is known.
     fn rescale(&mut self) {
         self.reduced = None;
-        let lengths = self.linearisation.lengths();
+        let lengths = self.linearisation.residual_norms();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let own = lengths.iter().filter(|one| one.instrument == index);
             let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
-            if let Some(found) = scale(own.map(|one| (one.count, one.length))) {
-                self.weighing.factors[index] = found.max(least);
+            if let Some(found) = robust_noise_factor(own.map(|one| (one.count, one.length))) {
+                self.weighing.noise_factors[index] = found.max(least);
             }
         }
     }
@@ -280,34 +284,42 @@ impl<'a> Fitting<'a> {
     /// the cause is a missing effect, which must stay visible, not outliers. The same holds for several consecutive rows of a path.
     fn reweigh(&mut self, influence: Influence) {
         self.reduced = None;
-        let lengths = self.linearisation.lengths();
+        let lengths = self.linearisation.residual_norms();
         let mut streams: BTreeMap<(usize, usize), Vec<(usize, f64)>> = BTreeMap::new();
-        for Length { instrument, stream, count, length, .. } in &lengths {
+        for ResidualNorm { instrument, stream, count, length, .. } in &lengths {
             streams.entry((*instrument, *stream)).or_default().push((*count, *length));
         }
         let own = |((instrument, stream), of): ((usize, usize), Vec<(usize, f64)>)| {
-            let factor = self.weighing.factors[instrument];
-            let wide = if of.len() < ENOUGH { 0.0 } else { scale(of.into_iter()).unwrap_or(0.0) };
+            let factor = self.weighing.noise_factors[instrument];
+            let wide = if of.len() < ENOUGH {
+                0.0
+            } else {
+                robust_noise_factor(of.into_iter()).unwrap_or(0.0)
+            };
             ((instrument, stream), wide.max(factor))
         };
         let own: BTreeMap<(usize, usize), f64> = streams.into_iter().map(own).collect();
-        let size = |one: &Length| one.length / own[&(one.instrument, one.stream)];
-        let lasting = self.lasting(&lengths, size);
+        let size = |one: &ResidualNorm| one.length / own[&(one.instrument, one.stream)];
+        let lasting = self.in_outlier_runs(&lengths, size);
         for (one, lasts) in lengths.iter().zip(lasting) {
-            let influence = if lasts { careful(influence) } else { influence };
+            let influence = if lasts { monotone_influence(influence) } else { influence };
             self.weighing.weights[one.reading] = weight(influence, one.count, size(one));
         }
     }
 
-    /// Which measurements have large residuals together with those of the same stream in adjacent rows: at least [`LASTING`] consecutive rows of one
+    /// Which measurements have large residuals together with those of the same stream in adjacent rows: at least [`OUTLIER_RUN_MIN`] consecutive rows of one
     /// path.
-    fn lasting(&self, lengths: &[Length], size: impl Fn(&Length) -> f64) -> Vec<bool> {
+    fn in_outlier_runs(
+        &self,
+        lengths: &[ResidualNorm],
+        size: impl Fn(&ResidualNorm) -> f64,
+    ) -> Vec<bool> {
         let mut lasting = vec![false; lengths.len()];
         let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (place, one) in lengths.iter().enumerate() {
             let run = runs.entry((one.instrument, one.stream)).or_default();
             let goes_on = run.last().is_some_and(|last: &usize| {
-                follows(self.campaign, lengths[*last].pose, one.pose)
+                is_next_row(self.campaign, lengths[*last].pose, one.pose)
                     && self.campaign.recordings[self.campaign.poses[one.pose].recording].is_path
             });
             let is_far = weight(Influence::Redescending, one.count, size(one)) < 1.0;
@@ -318,15 +330,15 @@ impl<'a> Fitting<'a> {
                 run.push(place);
             }
             match run.len() {
-                ..LASTING => {}
-                LASTING => run.iter().for_each(|place| lasting[*place] = true),
+                ..OUTLIER_RUN_MIN => {}
+                OUTLIER_RUN_MIN => run.iter().for_each(|place| lasting[*place] = true),
                 _ => lasting[place] = true,
             }
         }
         lasting
     }
 
-    fn done(self) -> Fit {
+    fn into_fit(self) -> Fit {
         let sum = self.linearisation.cost(self.campaign, &self.weighing);
         let Self {
             campaign,
@@ -340,7 +352,7 @@ impl<'a> Fitting<'a> {
             ..
         } = self;
         let parts =
-            Parts { linearisation, weighing, active, dependent, bounded, minimum, steps, sum };
+            FitParts { linearisation, weighing, active, dependent, bounded, minimum, steps, sum };
         Fit::of(campaign, parts)
     }
 
@@ -348,7 +360,7 @@ impl<'a> Fitting<'a> {
     /// excluded. A known noise is kept unless the mean square residual exceeds it by three standard deviations.
     fn final_factors(&mut self) {
         self.reduced = None;
-        let lengths = self.linearisation.lengths();
+        let lengths = self.linearisation.residual_norms();
         let clean = lengths.iter().filter(|l| self.weighing.weights[l.reading] >= 0.5);
         let all: f64 =
             clean.clone().map(|l| self.weighing.weights[l.reading] * l.count as f64).sum();
@@ -362,7 +374,7 @@ impl<'a> Fitting<'a> {
             }
             let ratio = square / (count * freedom).max(1.0);
             let too_large = ratio > 1.0 + 3.0 * (2.0 / (count * freedom).max(1.0)).sqrt();
-            self.weighing.factors[index] =
+            self.weighing.noise_factors[index] =
                 if !instrument.noise_is_known || too_large { ratio.sqrt().max(1e-9) } else { 1.0 };
         }
     }

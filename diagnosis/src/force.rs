@@ -23,13 +23,13 @@ use recording::series::{Channel, Recording};
 use crate::diagnose::Verdict;
 use signal::Signal;
 
-pub use cut::{Compared, Rest, Silence, Traced};
-pub use lines::{Cause, Tone};
+pub use cut::{CutComparison, ForceTrace, NoComparison, UnexplainedForce};
+pub use lines::{Cause, SpectralLine};
 pub use phases::{Phase, State};
 
 /// Why an analysis is impossible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Doubt {
+pub enum DiagnosisError {
     /// No channel contains samples.
     #[error(
         "no force or acceleration has samples in it: record fx_N, fy_N, fz_N, or name them in a mapping"
@@ -44,7 +44,7 @@ pub enum Doubt {
     #[error(
         "{channel} stands at {limit} N (m/s²) in {percent:.1} % of its rows: the amplifier is at its limit there, so no force is known; record with a larger range"
     )]
-    Overloaded {
+    Saturated {
         /// Name of the channel.
         channel: String,
         /// Value at which it saturates, N or m/s².
@@ -56,7 +56,7 @@ pub enum Doubt {
     #[error(
         "the longest run without a hole is {rows} rows, expected at least {least}: record more"
     )]
-    Short {
+    TooShort {
         /// Rows of the longest run without gaps.
         rows: usize,
         /// Rows that are required.
@@ -79,11 +79,11 @@ pub enum Finding {
     /// A spectral line of the cut that is not forced: chatter.
     Chatter {
         /// The spectral line.
-        tone: Tone,
+        line: SpectralLine,
         /// Half the width of a frequency bin, Hz.
         resolution_hz: f64,
         /// Whether the spindle speed is known, so that its harmonics are excluded as causes.
-        is_alone: bool,
+        is_speed_known: bool,
     },
 }
 
@@ -97,7 +97,7 @@ pub struct Diagnosis {
     /// Phases in time order, contiguous within a run.
     pub phases: Vec<Phase>,
     /// Spectral lines of the cut, strongest first.
-    pub tones: Vec<Tone>,
+    pub spectral_lines: Vec<SpectralLine>,
     /// Whether forces were recorded; otherwise accelerations.
     pub is_force: bool,
     /// Names of the analysed channels.
@@ -117,13 +117,13 @@ pub struct Diagnosis {
     /// Effects that this recording cannot show, with the reason.
     pub not_tested: Vec<(&'static str, &'static str)>,
     /// Comparison with the stated cut, or why there is none.
-    pub compared: Result<Compared, Silence>,
+    pub cut_comparison: Result<CutComparison, NoComparison>,
     /// Level over time for the HTML page: time in s, level in N or m/s².
     pub level: Vec<(f64, f64)>,
 }
 
 /// Effects that only a comparison with a stated cut can show.
-const OF_CUT: [&str; 7] = [
+const CUT_EFFECTS: [&str; 7] = [
     "edge_force",
     "cutting_force",
     "tool_wear",
@@ -146,26 +146,26 @@ pub fn has_force(recording: &Recording) -> bool {
 /// effects, SI units, in their order.
 ///
 /// # Errors
-/// [`Doubt`] if the signals are empty, constant, saturated or too short.
+/// [`DiagnosisError`] if the signals are empty, constant, saturated or too short.
 pub fn diagnose(
     model: &Model,
     sigma: &[Vec<f64>],
     recording: &Recording,
-) -> Result<Diagnosis, Doubt> {
-    let signal = Signal::of(recording)?;
-    let level = phases::levels(&signal);
-    let phases = phases::of(&signal, &level);
-    let (tones, spindle_hz, resolution_hz) = lines::of(&signal, &phases, recording);
+) -> Result<Diagnosis, DiagnosisError> {
+    let signal = Signal::from_recording(recording)?;
+    let level = phases::block_levels(&signal);
+    let phases = phases::find_phases(&signal, &level);
+    let (tones, spindle_hz, resolution_hz) = lines::find_lines(&signal, &phases, recording);
     let mut findings = Vec::new();
     let mut not_tested = Vec::new();
     let has = |state: State| phases.iter().any(|phase| phase.state == state);
     let mut notes = signal.notes.clone();
     if has(State::Cut) {
-        let chatter = tones.iter().filter(|tone| tone.cause == Cause::Unforced);
+        let chatter = tones.iter().filter(|tone| tone.cause == Cause::SelfExcited);
         findings.extend(chatter.take(1).map(|tone| Finding::Chatter {
-            tone: tone.clone(),
+            line: tone.clone(),
             resolution_hz,
-            is_alone: spindle_hz.is_some(),
+            is_speed_known: spindle_hz.is_some(),
         }));
     } else {
         not_tested.push(("chatter", "cutting and air cannot be distinguished in this recording"));
@@ -173,8 +173,8 @@ pub fn diagnose(
     if !signal.is_force {
         not_tested.push(("wrench_bias", "no force was recorded"));
     } else if has(State::Air) {
-        findings.extend(phases::bias(&level, &phases));
-        notes.extend(phases::drift(&level, &phases));
+        findings.extend(phases::bias_finding(&level, &phases));
+        notes.extend(phases::drift_note(&level, &phases));
     } else {
         not_tested.push((
             "wrench_bias",
@@ -188,38 +188,39 @@ pub fn diagnose(
             not_tested.clone_from(&compared.not_tested);
         }
         Err(silence) => {
-            not_tested.extend(OF_CUT.map(|kind| (kind, silence.why())));
+            not_tested.extend(CUT_EFFECTS.map(|kind| (kind, silence.reason())));
             // If the forces contradict the stated cut, findings from the same recording are not reliable.
-            if silence.is_grave() {
+            if silence.is_input_error() {
                 findings.clear();
-                notes.push(format!("not compared with the stated cut: {}", silence.why()));
+                notes.push(format!("not compared with the stated cut: {}", silence.reason()));
             }
         }
     }
-    let verdict = compared.as_ref().map_or_else(|_| alone(&findings), |one| one.verdict);
+    let verdict =
+        compared.as_ref().map_or_else(|_| verdict_without_cut(&findings), |one| one.verdict);
     not_tested.sort_unstable();
     Ok(Diagnosis {
         verdict,
         findings,
-        noise: phases::noise(&level, &phases),
+        noise: phases::noise_in_air(&level, &phases),
         specific_force_pa: specific_force(&signal, &phases, recording, spindle_hz),
         phases,
-        tones,
+        spectral_lines: tones,
         is_force: signal.is_force,
-        channels: signal.names(),
+        channels: signal.channel_names(),
         rows: signal.rows(),
         signal: signal.rms(),
         spindle_hz,
         notes,
         not_tested,
-        compared,
+        cut_comparison: compared,
         level: level.plot(),
     })
 }
 
 /// Verdict without a comparison with a stated cut.
-fn alone(findings: &[Finding]) -> Verdict {
-    let doubtful = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
+fn verdict_without_cut(findings: &[Finding]) -> Verdict {
+    let doubtful = |one: &Finding| matches!(one, Finding::Chatter { is_speed_known: false, .. });
     match findings {
         [] => Verdict::Undetermined,
         all if all.iter().any(doubtful) => Verdict::Undetermined,
@@ -234,7 +235,7 @@ fn specific_force(
     recording: &Recording,
     spindle_hz: Option<f64>,
 ) -> Option<f64> {
-    let cut = recording.about.cut.as_ref().filter(|cut| cut.turning)?;
+    let cut = recording.metadata.cut.as_ref().filter(|cut| cut.turning)?;
     let along = signal.channels.iter().position(|(axis, _)| signal.is_force && *axis == 1)?;
     let of = |state: State| {
         let here = phases.iter().filter(move |phase| phase.state == state);

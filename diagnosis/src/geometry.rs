@@ -6,11 +6,11 @@
 //!
 //! The priors are too wide to affect directions that the data determine.
 
-use crate::campaign::{Campaign, Place, Reading};
-use crate::hypothesis::{Belief, Hypothesis};
-use physics::{AnyEffect, Given, JointKind, Model};
+use crate::campaign::{Campaign, Reading, ToolPoint};
+use crate::hypothesis::{Hypothesis, PriorSource};
+use physics::{AnyEffect, JointKind, Model, ParameterValues};
 
-/// Manufacturing and mastering tolerances of a robot's geometry: standard deviations of the priors that [`geometry_within`] puts on each parameter.
+/// Manufacturing and mastering tolerances of a robot's geometry: standard deviations of the priors that [`geometry_with_tolerances`] puts on each parameter.
 /// With an unknown measuring frame and unknown targets a third of these parameters are gauge freedoms, for which the priors select the smallest
 /// values; they are too wide to move what the data determine.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,7 +84,9 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
         let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
         let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
-        if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers)) {
+        if !there
+            && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), ParameterValues(numbers))
+        {
             hypothesis.add(e, &[]).unwrap_or_default();
         }
     }
@@ -97,7 +99,7 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
 /// As [`geometry`], with tolerances as priors: every geometric parameter is fitted, and the priors fix gauge freedoms. Includes the tool's pose on
 /// the flange if the measurements of `campaign` depend on it; otherwise errors of the last axes would be confounded with it.
 #[must_use]
-pub fn geometry_within(
+pub fn geometry_with_tolerances(
     model: &Model,
     sigma: &[Vec<f64>],
     tolerances: &Tolerances,
@@ -107,17 +109,18 @@ pub fn geometry_within(
     let has_tool = model.effects().any(|effect| effect.spec().kind == "tool_offset");
     if !has_tool && depends_on_tool(campaign) {
         let given: &[(&str, &[f64])] = &[("shift", &[0.0; 3]), ("turn", &[0.0; 3])];
-        if let Ok(tool) = AnyEffect::build("tool_offset", &model.arm, None, Given(given)) {
+        if let Ok(tool) = AnyEffect::build("tool_offset", &model.arm, None, ParameterValues(given))
+        {
             hypothesis.add(tool, &[]).unwrap_or_default();
         }
     }
     let Hypothesis { model, free } = &mut hypothesis;
     let effects: Vec<&AnyEffect> = model.effects().collect();
-    for free in free.iter_mut().filter(|free| free.belief == Belief::Guard) {
+    for free in free.iter_mut().filter(|free| free.prior_source == PriorSource::WideDefault) {
         let effect = effects[free.effect];
         let kind = effect.joint().map_or(JointKind::Revolute, |j| model.arm.joints()[j].kind);
         if let Some(sigma) = tolerances.of(effect, free.value, kind) {
-            (free.sigma, free.belief) = (sigma, Belief::Tolerance);
+            (free.sigma, free.prior_source) = (sigma, PriorSource::Tolerance);
         }
     }
     hypothesis
@@ -125,9 +128,9 @@ pub fn geometry_within(
 
 /// Whether any measurement depends on a point of known position on the tool, or on the tool's orientation.
 fn depends_on_tool(campaign: &Campaign) -> bool {
-    let is_known = |place: &Place| match place {
-        Place::Tcp => true,
-        Place::Target(target) => !campaign.surroundings.targets[*target].free,
+    let is_known = |place: &ToolPoint| match place {
+        ToolPoint::Tcp => true,
+        ToolPoint::Target(target) => !campaign.surroundings.targets[*target].free,
     };
     campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| match &seen.reading {
         Reading::Orientation { .. } => true,

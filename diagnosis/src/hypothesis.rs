@@ -12,7 +12,7 @@ const ASIDE: f64 = 5e-3;
 
 /// A parameter of an effect that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Free {
+pub struct FreeParameter {
     /// Index into [`Model::effects`].
     pub effect: usize,
     /// Index into the parameters of the effect.
@@ -22,14 +22,14 @@ pub struct Free {
     /// Standard deviation of the prior, SI.
     pub sigma: f64,
     /// Origin of the prior.
-    pub belief: Belief,
+    pub prior_source: PriorSource,
 }
 
 /// Origin of the prior of a free parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Belief {
-    /// A wide default, [`much`]: the parameter is fitted only if the data determine it.
-    Guard,
+pub enum PriorSource {
+    /// A wide default, [`plausible_size`]: the parameter is fitted only if the data determine it.
+    WideDefault,
     /// A manufacturing tolerance: the parameter is always fitted, and the prior fixes gauge freedoms. It does not count as information.
     Tolerance,
     /// Stated with the model: the parameter is always fitted, and the prior counts as information.
@@ -42,12 +42,12 @@ pub struct Hypothesis {
     /// The arm and its effects; the present values are the initial values of a fit.
     pub model: Box<Model>,
     /// The free parameters, in the order of the columns of a fit.
-    pub free: Vec<Free>,
+    pub free: Vec<FreeParameter>,
 }
 
 /// A parameter of an effect by its key in files.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Named {
+pub struct ParameterKey {
     /// The key with its unit and range.
     pub parameter: &'static Parameter,
     /// Index in the list of that key, 0-based.
@@ -73,30 +73,37 @@ impl Hypothesis {
     }
 
     /// Frees all parameters of the effect at `index` except those of the stems `kept`. Positive entries of `sigma` (in the order of the effect's
-    /// parameters, SI) are the standard deviations of the priors; the others use [`much`].
+    /// parameters, SI) are the standard deviations of the priors; the others use [`plausible_size`].
     pub fn free_all(&mut self, index: usize, kept: &[&str], sigma: &[f64]) {
         let Some(effect) = self.model.effects().nth(index).copied() else { return };
         for (value, mean) in effect.values().iter().enumerate() {
-            let named = named(&effect, value);
+            let named = parameter_key(&effect, value);
             let stated = sigma.get(value).copied().filter(|sigma| *sigma > 0.0);
             if named.is_some_and(|named| !kept.contains(&named.parameter.stem)) {
-                let sigma = stated.unwrap_or_else(|| much(&effect, value));
-                let belief = if stated.is_some() { Belief::Stated } else { Belief::Guard };
-                self.free.push(Free { effect: index, value, mean: *mean, sigma, belief });
+                let sigma = stated.unwrap_or_else(|| plausible_size(&effect, value));
+                let belief =
+                    if stated.is_some() { PriorSource::Stated } else { PriorSource::WideDefault };
+                self.free.push(FreeParameter {
+                    effect: index,
+                    value,
+                    mean: *mean,
+                    sigma,
+                    prior_source: belief,
+                });
             }
         }
     }
 
     /// Replaces the priors of the effect at `index` by wide ones and returns the former priors.
-    pub fn revise(&mut self, index: usize) -> Vec<Free> {
+    pub fn widen_priors(&mut self, index: usize) -> Vec<FreeParameter> {
         let (stated, kept) = self.free.iter().partition(|free| free.effect == index);
         self.free = kept;
         self.free_all(index, &[], &[]);
         stated
     }
 
-    /// Undoes [`Hypothesis::revise`]: parameters and priors of the effect at `index` are those of `given` and `stated` again.
-    pub fn restore(&mut self, index: usize, given: &Model, stated: &[Free]) {
+    /// Undoes [`Hypothesis::widen_priors`]: parameters and priors of the effect at `index` are those of `given` and `stated` again.
+    pub fn restore_priors(&mut self, index: usize, given: &Model, stated: &[FreeParameter]) {
         self.free.retain(|free| free.effect != index);
         self.free.extend_from_slice(stated);
         let values = given.effects().nth(index).map(AnyEffect::values);
@@ -106,11 +113,11 @@ impl Hypothesis {
     }
 
     /// Fixes the parameters with stated priors of the effects selected by `wanted` at their prior means.
-    pub fn believe(&mut self, wanted: impl Fn(&AnyEffect) -> bool) {
+    pub fn fix_at_stated_means(&mut self, wanted: impl Fn(&AnyEffect) -> bool) {
         let Self { model, free } = self;
         free.retain(|free| {
             let held = model.change(free.effect, |effect| {
-                let held = free.belief == Belief::Stated && wanted(effect);
+                let held = free.prior_source == PriorSource::Stated && wanted(effect);
                 if held {
                     effect.values_mut()[free.value] = free.mean;
                 }
@@ -132,21 +139,24 @@ impl Hypothesis {
         }
         let others = self.free.iter().filter(|free| free.effect != index);
         less.free = others
-            .map(|free| Free { effect: free.effect - usize::from(free.effect > index), ..*free })
+            .map(|free| FreeParameter {
+                effect: free.effect - usize::from(free.effect > index),
+                ..*free
+            })
             .collect();
         less
     }
 
     /// The effect that a free parameter belongs to.
     #[must_use]
-    pub fn effect_of(&self, free: &Free) -> Option<&AnyEffect> {
+    pub fn effect_of(&self, free: &FreeParameter) -> Option<&AnyEffect> {
         self.model.effects().nth(free.effect)
     }
 
     /// Whether a parameter is nonlinear, except the phase of a wave.
     #[must_use]
-    pub fn bends(&self, free: &Free) -> bool {
-        let named = self.effect_of(free).and_then(|effect| named(effect, free.value));
+    pub fn is_nonlinear(&self, free: &FreeParameter) -> bool {
+        let named = self.effect_of(free).and_then(|effect| parameter_key(effect, free.value));
         named.is_some_and(|named| {
             named.parameter.role == Role::Nonlinear && named.parameter.unit != Unit::PhaseRadian
         })
@@ -159,14 +169,15 @@ impl Hypothesis {
         self.free.iter().map(|free| effects[free.effect].values()[free.value]).collect()
     }
 
-    /// The free parameters after a step. No parameter goes below the bound given by [`Hypothesis::lowest`]; amplitude and phase of a wave move along
+    /// The free parameters after a step. No parameter goes below the bound given by [`Hypothesis::step_lower_bounds`]; amplitude and phase of a wave move along
     /// the straight line of their sine and cosine components.
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
-        for ((free, by), least) in self.free.iter().zip(step).zip(self.lowest()) {
+        for ((free, by), least) in self.free.iter().zip(step).zip(self.step_lower_bounds()) {
             next.model.change(free.effect, |effect| {
-                effect.values_mut()[free.value] += by.max(least).min(most(effect, free.value));
+                effect.values_mut()[free.value] +=
+                    by.max(least).min(step_upper_bound(effect, free.value));
             });
         }
         let values = self.values();
@@ -187,10 +198,10 @@ impl Hypothesis {
     /// Lower bound on the step of each free parameter: a parameter that must stay positive moves at most nine tenths of the way to zero, a
     /// non-negative one at most to zero, one with two bounds to slightly inside them.
     #[must_use]
-    pub fn lowest(&self) -> Vec<f64> {
+    pub fn step_lower_bounds(&self) -> Vec<f64> {
         let values = self.values();
-        let least = |(free, value): (&Free, f64)| {
-            let named = self.effect_of(free).and_then(|effect| named(effect, free.value));
+        let least = |(free, value): (&FreeParameter, f64)| {
+            let named = self.effect_of(free).and_then(|effect| parameter_key(effect, free.value));
             match named.map(|named| named.parameter.range) {
                 Some(Range::Positive) => -0.9 * value,
                 Some(Range::NotNegative) => -value,
@@ -203,12 +214,14 @@ impl Hypothesis {
 
     /// Largest plausible change of each free parameter: the unit in which a column counts as determined or not. For a phase it is scaled by the
     /// present amplitude relative to the largest plausible one, so that a wave whose amplitude is momentarily near zero keeps both parameters.
-    pub(crate) fn widths(&self) -> Vec<f64> {
+    pub(crate) fn plausible_sizes(&self) -> Vec<f64> {
         // A narrow stated prior must not make a direction count as undetermined.
-        let wide = |free: &Free| self.effect_of(free).map_or(0.0, |e| much(e, free.value));
-        let of = |free: &Free| match free.belief {
-            Belief::Stated => free.sigma.max(wide(free)),
-            Belief::Guard | Belief::Tolerance => free.sigma,
+        let wide = |free: &FreeParameter| {
+            self.effect_of(free).map_or(0.0, |e| plausible_size(e, free.value))
+        };
+        let of = |free: &FreeParameter| match free.prior_source {
+            PriorSource::Stated => free.sigma.max(wide(free)),
+            PriorSource::WideDefault | PriorSource::Tolerance => free.sigma,
         };
         let mut widths: Vec<f64> = self.free.iter().map(of).collect();
         let values = self.values();
@@ -222,12 +235,14 @@ impl Hypothesis {
 
     /// Amplitude and phase of each wave of which both are free, as indices of free parameters.
     fn waves(&self) -> Vec<(usize, usize)> {
-        let entry = |free: &Free| named(self.effect_of(free)?, free.value);
-        let is = |free: &Free, stem: &str| entry(free).filter(|named| named.parameter.stem == stem);
+        let entry = |free: &FreeParameter| parameter_key(self.effect_of(free)?, free.value);
+        let is = |free: &FreeParameter, stem: &str| {
+            entry(free).filter(|named| named.parameter.stem == stem)
+        };
         let mut waves = Vec::new();
         for (phase, of_phase) in self.free.iter().enumerate() {
             let Some(named) = is(of_phase, "phase") else { continue };
-            let same = |free: &Free| {
+            let same = |free: &FreeParameter| {
                 let other = is(free, "amplitude");
                 free.effect == of_phase.effect && other.is_some_and(|o| o.index == named.index)
             };
@@ -238,15 +253,15 @@ impl Hypothesis {
 
     /// Name of a free parameter for users, see [`describe`].
     #[must_use]
-    pub fn describe(&self, free: &Free) -> String {
+    pub fn describe(&self, free: &FreeParameter) -> String {
         let Some(effect) = self.effect_of(free) else { return String::new() };
         describe(effect, free.value)
     }
 }
 
 /// Upper bound on the step of a parameter: slightly inside its upper bound.
-fn most(effect: &AnyEffect, value: usize) -> f64 {
-    match named(effect, value).map(|named| named.parameter.range) {
+fn step_upper_bound(effect: &AnyEffect, value: usize) -> f64 {
+    match parameter_key(effect, value).map(|named| named.parameter.range) {
         Some(Range::Between(low, high)) => high - ASIDE * (high - low) - effect.values()[value],
         _ => f64::INFINITY,
     }
@@ -254,7 +269,7 @@ fn most(effect: &AnyEffect, value: usize) -> f64 {
 
 /// The key of files that a parameter of an effect belongs to.
 #[must_use]
-pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
+pub fn parameter_key(effect: &AnyEffect, value: usize) -> Option<ParameterKey> {
     let mut first = 0;
     for parameter in effect.fitted() {
         let count = match parameter.count {
@@ -263,7 +278,7 @@ pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
             Count::UpTo(_) | Count::ThreePerCarriedBody => effect.values().len() - first,
         };
         if value < first + count {
-            return Some(Named { parameter, index: value - first });
+            return Some(ParameterKey { parameter, index: value - first });
         }
         first += count;
     }
@@ -274,7 +289,9 @@ pub fn named(effect: &AnyEffect, value: usize) -> Option<Named> {
 #[must_use]
 pub fn describe(effect: &AnyEffect, value: usize) -> String {
     let kind = effect.spec().kind;
-    let Some(Named { parameter, index }) = named(effect, value) else { return kind.to_owned() };
+    let Some(ParameterKey { parameter, index }) = parameter_key(effect, value) else {
+        return kind.to_owned();
+    };
     let whose = effect.joint().map_or("the robot's".to_owned(), |j| format!("joint {}'s", j + 1));
     let which = match parameter.count {
         Count::One => parameter.stem.to_owned(),
@@ -289,8 +306,8 @@ pub fn describe(effect: &AnyEffect, value: usize) -> String {
 
 /// Largest plausible value of a parameter of an undamaged robot, SI: the width of the prior if none is stated.
 #[must_use]
-pub fn much(effect: &AnyEffect, value: usize) -> f64 {
-    let Some(Named { parameter, .. }) = named(effect, value) else { return 1.0 };
+pub fn plausible_size(effect: &AnyEffect, value: usize) -> f64 {
+    let Some(ParameterKey { parameter, .. }) = parameter_key(effect, value) else { return 1.0 };
     let stands = effect.values()[value].abs();
     match (effect.spec().kind, parameter.unit) {
         ("joint_offset", _) => 0.02,
@@ -338,17 +355,17 @@ pub fn without_axial_part(axis: DVec3, shift: DVec3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::made::nominal;
-    use physics::Given;
+    use crate::test_campaigns::nominal_robot;
+    use physics::ParameterValues;
     use proptest::prelude::*;
 
     /// One transmission error of joint 1 with amplitude and phase free.
     fn wave(amplitude: f64, phase: f64) -> Hypothesis {
-        let mut hypothesis = Hypothesis::fixed(nominal());
+        let mut hypothesis = Hypothesis::fixed(nominal_robot());
         let arm = hypothesis.model.arm;
         let given: &[(&str, &[f64])] =
             &[("amplitude", &[amplitude]), ("cycles", &[9.9]), ("phase", &[phase])];
-        let effect = AnyEffect::build("transmission_error", &arm, Some(0), Given(given));
+        let effect = AnyEffect::build("transmission_error", &arm, Some(0), ParameterValues(given));
         hypothesis.add(effect.expect("sound"), &["cycles"]).expect("room");
         hypothesis
     }
@@ -370,18 +387,18 @@ mod tests {
 
     #[test]
     fn a_wave_that_stands_near_nothing_keeps_its_phase_among_what_can_be_told() {
-        let strong = wave(5e-4, 0.0).widths()[1];
-        let weak = wave(1e-9, 0.0).widths()[1];
+        let strong = wave(5e-4, 0.0).plausible_sizes()[1];
+        let weak = wave(1e-9, 0.0).plausible_sizes()[1];
         assert!((strong - 6.0).abs() < 1e-12 && weak * 1e-9 > 0.5e-3, "{strong}, {weak}");
-        assert!(wave(0.0, 0.0).widths()[1].is_finite());
+        assert!(wave(0.0, 0.0).plausible_sizes()[1].is_finite());
     }
 
     #[test]
     fn what_must_stay_above_zero_stays_there_and_what_may_be_zero_ends_there() {
-        let mut hypothesis = Hypothesis::fixed(nominal());
+        let mut hypothesis = Hypothesis::fixed(nominal_robot());
         let arm = hypothesis.model.arm;
         let given: &[(&str, &[f64])] = &[("width", &[1e-4]), ("torque", &[20.0])];
-        let effect = AnyEffect::build("lost_motion", &arm, Some(1), Given(given));
+        let effect = AnyEffect::build("lost_motion", &arm, Some(1), ParameterValues(given));
         hypothesis.add(effect.expect("sound"), &[]).expect("room");
         let after = hypothesis.stepped(&[-1.0, -100.0]).values();
         assert!(after[0].abs() < 1e-18 && (after[1] - 2.0).abs() < 1e-12, "{after:?}");

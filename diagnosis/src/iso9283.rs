@@ -135,7 +135,7 @@ impl Placement {
 ///
 /// # Errors
 /// Fewer than two visits, or values that are not finite.
-pub fn pose(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, IsoError> {
+pub fn pose_figures(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, IsoError> {
     check(command, attained)?;
     let barycentre = mean(attained.iter().map(|visit| visit.position_m));
     let distances: Vec<f64> =
@@ -160,7 +160,7 @@ pub fn pose(command: &Placement, attained: &[Placement]) -> Result<PoseFigures, 
 /// # Errors
 /// Fewer than two cycles, fewer than two visits in one, or values that are not finite.
 pub fn drift(command: &Placement, cycles: &[&[Placement]]) -> Result<Drift, IsoError> {
-    let figures = each(command, cycles)?;
+    let figures = cycle_figures(command, cycles)?;
     let first = figures[0];
     let start = Drift {
         accuracy_m: 0.0,
@@ -170,7 +170,7 @@ pub fn drift(command: &Placement, cycles: &[&[Placement]]) -> Result<Drift, IsoE
     };
     Ok(figures[1..].iter().fold(start, |most, now| Drift {
         accuracy_m: most.accuracy_m.max((now.accuracy_m - first.accuracy_m).abs()),
-        accuracy_abc_rad: wider(
+        accuracy_abc_rad: larger_change(
             most.accuracy_abc_rad,
             first.accuracy_abc_rad,
             now.accuracy_abc_rad,
@@ -186,7 +186,7 @@ pub fn drift(command: &Placement, cycles: &[&[Placement]]) -> Result<Drift, IsoE
 ///
 /// # Errors
 /// Fewer than two pairs of visits, or values that are not finite.
-pub fn distance(
+pub fn distance_figures(
     command: [Placement; 2],
     attained: &[[Placement; 2]],
 ) -> Result<DistanceFigures, IsoError> {
@@ -217,11 +217,14 @@ pub fn distance(
 }
 
 /// Figures of each group; there must be at least two groups.
-fn each(command: &Placement, groups: &[&[Placement]]) -> Result<Vec<PoseFigures>, IsoError> {
+fn cycle_figures(
+    command: &Placement,
+    groups: &[&[Placement]],
+) -> Result<Vec<PoseFigures>, IsoError> {
     if groups.len() < 2 {
         return Err(IsoError::Groups(groups.len()));
     }
-    groups.iter().map(|group| pose(command, group)).collect()
+    groups.iter().map(|group| pose_figures(command, group)).collect()
 }
 
 fn check(command: &Placement, attained: &[Placement]) -> Result<(), IsoError> {
@@ -238,7 +241,7 @@ fn angles(command: &Placement, attained: &[Placement]) -> Option<Vec<DVec3>> {
 }
 
 /// Elementwise maximum of `so_far` and the absolute difference of two vectors.
-fn wider(so_far: Option<DVec3>, one: Option<DVec3>, other: Option<DVec3>) -> Option<DVec3> {
+fn larger_change(so_far: Option<DVec3>, one: Option<DVec3>, other: Option<DVec3>) -> Option<DVec3> {
     Some(so_far?.max((one? - other?).abs()))
 }
 

@@ -7,8 +7,8 @@
 //! Sign: actual minus commanded (the thesis plots the opposite), precise for small angles. The joint offset is not estimated, because a sweep of one
 //! joint does not determine it.
 
+use crate::qr::QrFactor;
 use crate::single_joint::{JointAxis, SAME_STEP_RAD, Sweep, angle_about};
-use crate::triangle::Triangle;
 use glam::DVec3;
 use physics::frame::{normals, rotation_about};
 use physics::{Inputs, JOINTS_MAX, Model};
@@ -43,7 +43,7 @@ pub struct JointErrors {
 }
 
 /// One target at one step.
-struct Seen {
+struct TargetAngle {
     step: usize,
     target: usize,
     /// Angle relative to the command, minus its value at the first measurement of this target, rad.
@@ -52,7 +52,7 @@ struct Seen {
 }
 
 /// One step, averaged over its targets.
-struct Read {
+struct StepAngle {
     step: usize,
     angle: f64,
     sigma: f64,
@@ -65,10 +65,10 @@ impl Sweep {
     #[must_use]
     pub fn errors(&self, model: &Model, found: &JointAxis, zero_at_rad: f64) -> JointErrors {
         let read = self.angles(model, found);
-        let mut order: Vec<&Read> = read.iter().collect();
-        let position = |read: &Read| self.steps[read.step].inputs.q[self.joint];
+        let mut order: Vec<&StepAngle> = read.iter().collect();
+        let position = |read: &StepAngle| self.steps[read.step].inputs.q[self.joint];
         order.sort_by(|a, b| position(a).total_cmp(&position(b)));
-        let same = |a: &&Read, b: &&Read| position(b) - position(a) <= SAME_STEP_RAD;
+        let same = |a: &&StepAngle, b: &&StepAngle| position(b) - position(a) <= SAME_STEP_RAD;
         let mut steps: Vec<StepError> =
             order.chunk_by(same).filter_map(|group| self.step_error(group)).collect();
         let away = |error: &StepError| (error.position_rad - zero_at_rad).abs();
@@ -80,27 +80,27 @@ impl Sweep {
     }
 
     /// Angle minus command for each step with a target, up to a constant.
-    fn angles(&self, model: &Model, found: &JointAxis) -> Vec<Read> {
+    fn angles(&self, model: &Model, found: &JointAxis) -> Vec<StepAngle> {
         let weights: Vec<f64> =
             found.axis.circles.iter().map(|circle| circle.radius_m * circle.radius_m).collect();
         let ahead = self.seen(model, found);
         let starts = starting_angles(&ahead, &weights);
-        let one = |step: &[Seen]| -> Option<Read> {
+        let one = |step: &[TargetAngle]| -> Option<StepAngle> {
             let weight: f64 = step.iter().map(|seen| weights[seen.target]).sum();
-            let mean = |of: &dyn Fn(&Seen) -> f64| -> f64 {
+            let mean = |of: &dyn Fn(&TargetAngle) -> f64| -> f64 {
                 step.iter().map(|seen| weights[seen.target] * of(seen)).sum::<f64>() / weight
             };
-            Some(Read {
+            Some(StepAngle {
                 step: step.first()?.step,
                 angle: mean(&|seen| seen.angle - starts[seen.target]),
-                sigma: found.axis.left_m / weight.sqrt(),
+                sigma: found.axis.residual_rms_m / weight.sqrt(),
                 by_shift: [0, 1].map(|n| mean(&|seen| seen.by_shift[n])),
             })
         };
         ahead.chunk_by(|a, b| a.step == b.step).filter_map(one).collect()
     }
 
-    fn seen(&self, model: &Model, found: &JointAxis) -> Vec<Seen> {
+    fn seen(&self, model: &Model, found: &JointAxis) -> Vec<TargetAngle> {
         let e = found.axis.direction;
         let (n1, n2) = normals(e);
         let mut first: Vec<Option<(DVec3, f64)>> = vec![None; found.targets.len()];
@@ -116,13 +116,13 @@ impl Sweep {
                 let across = lever - e * e.dot(lever);
                 let rate = e.cross(across) / across.length_squared().max(f64::MIN_POSITIVE);
                 let by_shift = [-rate.dot(n1), -rate.dot(n2)];
-                ahead.push(Seen { step: i, target, angle, by_shift });
+                ahead.push(TargetAngle { step: i, target, angle, by_shift });
             }
         }
         ahead
     }
 
-    fn step_error(&self, group: &[&Read]) -> Option<StepError> {
+    fn step_error(&self, group: &[&StepAngle]) -> Option<StepError> {
         let mut inputs = self.steps[group.first()?.step].inputs;
         let side = |wanted: fn(f64) -> bool| -> Option<(f64, f64)> {
             let here = group.iter();
@@ -160,8 +160,8 @@ impl Sweep {
 
 /// Initial angle error of each target relative to the first target: targets measured from different steps on would otherwise distort those steps.
 /// Least squares over all measurements; the error of the step itself cancels.
-fn starting_angles(ahead: &[Seen], weights: &[f64]) -> Vec<f64> {
-    let mut triangle = Triangle::new(weights.len());
+fn starting_angles(ahead: &[TargetAngle], weights: &[f64]) -> Vec<f64> {
+    let mut triangle = QrFactor::new(weights.len());
     for step in ahead.chunk_by(|a, b| a.step == b.step) {
         let all: f64 = step.iter().map(|seen| weights[seen.target]).sum();
         let middle = step.iter().map(|seen| weights[seen.target] * seen.angle).sum::<f64>() / all;

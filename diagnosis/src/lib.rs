@@ -6,66 +6,67 @@
 //!
 //! The same input and seed give the same bits. No shared memory, no clock, no file access, no special treatment of a data set.
 
-mod blocks;
+pub mod autocorrelation;
 pub mod campaign;
+pub mod campaign_import;
+pub mod campaign_simulation;
 mod candidates;
-pub mod circle;
-pub mod colour;
+pub mod circle_point;
+mod cluster_robust;
 pub mod diagnose;
+pub mod effect_size;
 mod engine;
-pub mod enhanced;
-pub mod expected;
+pub mod enhanced_stiffness;
+pub mod extrinsics;
 pub mod fit;
+pub mod fit_result;
 pub mod force;
-pub mod from_recording;
+pub mod frame_drift;
 pub mod geometry;
-pub mod gross;
+pub mod gross_errors;
+pub mod hold_out;
 pub mod hypothesis;
-mod independent;
+mod identifiability;
+pub mod initial_extrinsics;
 pub mod iso9283;
 pub mod joint_error;
+pub mod joint_readback;
+pub mod joint_regression;
+mod least_squares;
+mod levenberg_marquardt;
 mod linearisation;
-pub mod loaded;
-#[cfg(test)]
-mod made;
-mod minimise;
-pub mod motion;
-mod motions;
-pub mod nests;
-pub mod on_links;
-pub mod per_joint;
+pub mod link_targets;
+pub mod load_pairs;
+mod path_dynamics;
+mod periodogram;
 pub mod plan;
-mod problem;
-pub mod proof;
-pub mod readback;
+pub mod qr;
+pub mod recording_simulation;
 mod residual;
-pub mod result;
-mod rides;
-pub mod rigid;
-pub mod robust;
-mod score;
-pub mod share;
-pub mod simulate;
-pub mod simulated;
+pub mod rigid_motion;
+pub mod robust_weights;
+mod score_test;
+mod simd;
 pub mod single_joint;
-pub mod size;
-pub mod start;
 pub mod stiffness;
-pub mod surroundings;
 pub mod sweeps;
+#[cfg(test)]
+mod test_campaigns;
 pub mod threads;
+pub mod tool_displacement;
+mod tool_jacobian;
+pub mod tool_motion;
 pub mod torque;
-pub mod triangle;
-mod waves;
-mod wide;
+pub mod uncertainty_propagation;
 
 pub use campaign::{
-    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+    Arrival, Campaign, Instrument, Observation, Pose, Reading, ReadingNoise, RecordingInfo,
+    ToolPoint,
 };
-pub use diagnose::{Chosen, Selection, select};
-pub use fit::{Effort, Settings, fit};
-pub use geometry::{Tolerances, geometry, geometry_within};
-pub use hypothesis::{Free, Hypothesis};
-pub use result::{Conditioning, Fit, Undetermined};
-pub use robust::Influence;
-pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};
+pub use diagnose::{AddedEffect, ExtendedModel, select_effects};
+pub use extrinsics::{Anchor, Extrinsics, FitParameter, MeasuringFrame, Plane, Sphere};
+pub use fit::{FitEffort, FitSettings, fit};
+pub use fit_result::{Conditioning, Fit, UndeterminedParameter};
+pub use geometry::{Tolerances, geometry, geometry_with_tolerances};
+pub use hypothesis::{FreeParameter, Hypothesis};
+pub use robust_weights::Influence;

@@ -1,54 +1,54 @@
 //! Optimal experimental design of measuring poses for the identification of a robot model, and the contribution of each pose.
 //!
 //! Reading order: [`Task`] (parameters, instruments, constraints), [`setup`] and [`starting_point`] (a task from a description and from recordings),
-//! [`plan()`] (poses for a [`Criterion`]), [`next()`] (one pose, and a stopping rule), [`check`] (test of a model after a collision).
+//! [`plan()`] (poses for a [`Criterion`]), [`best_next_pose`] (one pose, and a stopping rule), [`check`] (test of a model after a collision).
 //!
 //! Based on the information matrix `M = Σ AᵀA + prior`, with `A` the whitened derivatives of a pose's readings with respect to every fitted
 //! parameter, scaled by its prior. The unknown measuring frame and targets are included, so that directions confounded with them do not count.
 //! Sources: Borm and Menq 1991 (O1), Fedorov 1972 (exchange), Klimchik et al. 2012, arXiv 1211.5739 (test-pose error). SI units.
 //!
-//! Invariants: the same task and seed give the same poses; every pose is within the limits, visible, and free of the described obstacles ([`reach`],
-//! [`sight`]). Motions between poses are not checked for collisions, and effects missing in the hypothesis are not considered.
+//! Invariants: the same task and seed give the same poses; every pose is within the limits, visible, and free of the described obstacles
+//! ([`arm_constraints`], [`line_of_sight`]). Motions between poses are not checked for collisions, and effects missing in the hypothesis are not considered.
 
-mod bank;
+pub mod arm_constraints;
+mod candidate_jacobians;
 pub mod check;
-mod choose;
-mod gain;
-pub mod inverse;
+mod contributions;
+pub mod inverse_kinematics;
 pub mod iso;
-pub mod next;
-pub mod order;
-pub mod reach;
+pub mod line_of_sight;
+pub mod next_pose;
+pub mod pose_order;
+mod pose_selection;
 pub mod setup;
-pub mod sight;
 pub mod starting_point;
 pub mod task;
 #[cfg(test)]
 mod tests;
-pub mod zone;
+pub mod working_zone;
 
-pub use choose::Criterion;
-pub use gain::{Added, Falls};
-pub use next::{Next, next};
-pub use task::{Patch, Sees, Task, believed};
+pub use contributions::{PoseContribution, UncertaintyReduction};
+pub use next_pose::{NextPose, best_next_pose};
+pub use pose_selection::Criterion;
+pub use task::{MeasurementKind, Task, TouchSurface, calibration_hypothesis};
 
 use crate::campaign::Campaign;
-use crate::result::Fit;
-use bank::Bank;
-use choose::{Design, choose, exchange};
-use gain::{gains, numbers};
+use crate::fit_result::Fit;
+use candidate_jacobians::CandidateJacobians;
+use contributions::{contributions, parameter_uncertainties};
 use physics::Joints;
+use pose_selection::{PoseCriterion, exchange, select_greedily};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Number of random neighbours tried for each selected pose.
-const NEAR: usize = 6;
+const NEIGHBOURS: usize = 6;
 /// Largest joint displacement of a neighbour, rad or m.
-const NEAR_BY: f64 = 0.12;
+const NEIGHBOUR_DISTANCE: f64 = 0.12;
 
 /// Existing measurements and their fit.
 #[derive(Clone, Copy, Debug)]
-pub struct Known<'a> {
+pub struct ExistingMeasurements<'a> {
     /// The measurements.
     pub campaign: &'a Campaign,
     /// Their fit; its hypothesis and extrinsic parameters are those of the [`Task`].
@@ -57,7 +57,7 @@ pub struct Known<'a> {
 
 /// Settings of a plan.
 #[derive(Clone, Copy, Debug)]
-pub struct Wish {
+pub struct PlanSettings {
     /// Number of poses.
     pub count: usize,
     /// Criterion of optimality.
@@ -72,9 +72,9 @@ pub struct Wish {
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The poses in an order with short moves, each with its contribution.
-    pub poses: Vec<Added>,
+    pub poses: Vec<PoseContribution>,
     /// Standard uncertainty of every parameter, without and with all poses.
-    pub numbers: Vec<Falls>,
+    pub numbers: Vec<UncertaintyReduction>,
     /// Parameters that the poses together do not determine, as sentences.
     pub undetermined: Vec<String>,
     /// Number of candidate poses.
@@ -83,17 +83,17 @@ pub struct Plan {
 
 /// Why there is no plan.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum NoPlan {
+pub enum PlanError {
     /// Too few poses satisfy the constraints.
     #[error(
         "of {drawn} poses {origin} {free} are free of base, floor and boxes, and {seen} of these can be measured: {wanted} are needed; {remedy}"
     )]
-    Barred {
+    TooFewPoses {
         /// Number of random poses, or of given ones.
         drawn: usize,
         /// Which of the two.
         origin: &'static str,
-        /// Number accepted by [`reach::Reach`].
+        /// Number accepted by [`arm_constraints::ArmConstraints`].
         free: usize,
         /// Number of these that are visible too.
         seen: usize,
@@ -106,46 +106,58 @@ pub enum NoPlan {
     #[error(
         "no pose determines any parameter of the model: what is measured does not depend on them"
     )]
-    Nothing,
+    NothingIdentifiable,
 }
 
 /// Selects poses for `task` that complement the measurements in `known`.
 ///
 /// # Errors
-/// [`NoPlan`] if fewer poses than required satisfy the constraints, or none determines a parameter.
-pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, NoPlan> {
+/// [`PlanError`] if fewer poses than required satisfy the constraints, or none determines a parameter.
+pub fn plan(
+    task: &Task,
+    known: Option<ExistingMeasurements<'_>>,
+    wish: &PlanSettings,
+) -> Result<Plan, PlanError> {
     let mut rng = ChaCha8Rng::seed_from_u64(wish.seed);
     let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
     let candidates = drawn.len();
-    let mut bank = Bank::of(task, known, drawn)?;
+    let mut bank = CandidateJacobians::of(task, known, drawn)?;
     let picks = if wish.criterion == Criterion::Random {
         (0..wish.count).map(|place| place * candidates / wish.count).collect()
     } else {
-        best(task, &mut bank, wish, &mut rng)
+        select_poses(task, &mut bank, wish, &mut rng)
     };
     let start = match known.and_then(|known| known.campaign.poses.last()) {
         Some(pose) => pose.inputs.q,
-        None => order::home(&task.hypothesis.model.arm, &task.reach),
+        None => pose_order::home(&task.hypothesis.model.arm, &task.reach),
     };
     let stops: Vec<Joints> = picks.iter().map(|pick| bank.candidates[*pick].q).collect();
-    let order = order::visit(&task.hypothesis.model.arm, &start, &stops);
+    let order = pose_order::visit(&task.hypothesis.model.arm, &start, &stops);
     let picks: Vec<usize> = order.into_iter().map(|place| picks[place]).collect();
     Ok(Plan {
-        poses: gains(task, &bank, &picks),
-        numbers: numbers(task, &bank, &picks),
+        poses: contributions(task, &bank, &picks),
+        numbers: parameter_uncertainties(task, &bank, &picks),
         undetermined: bank.undetermined.clone(),
         candidates,
     })
 }
 
 /// The best of the candidates, improved by exchanges with neighbours of the selected poses.
-fn best(task: &Task, bank: &mut Bank, wish: &Wish, rng: &mut ChaCha8Rng) -> Vec<usize> {
-    let design = Design::of(bank, wish.criterion);
-    let mut picks = choose(&|picks| design.worths(picks), wish.count);
+fn select_poses(
+    task: &Task,
+    bank: &mut CandidateJacobians,
+    wish: &PlanSettings,
+    rng: &mut ChaCha8Rng,
+) -> Vec<usize> {
+    let design = PoseCriterion::of(bank, wish.criterion);
+    let mut picks = select_greedily(&|picks| design.improvements(picks), wish.count);
     let chosen: Vec<Joints> = picks.iter().map(|pick| bank.candidates[*pick].q).collect();
-    let near: Vec<_> = chosen.iter().flat_map(|q| task.near(rng, q, NEAR_BY, NEAR)).collect();
+    let near: Vec<_> = chosen
+        .iter()
+        .flat_map(|q| task.neighbours(rng, q, NEIGHBOUR_DISTANCE, NEIGHBOURS))
+        .collect();
     bank.add(task, near);
-    let design = Design::of(bank, wish.criterion);
-    exchange(&|picks| design.worths(picks), &mut picks);
+    let design = PoseCriterion::of(bank, wish.criterion);
+    exchange(&|picks| design.improvements(picks), &mut picks);
     picks
 }

@@ -4,11 +4,11 @@
 //! fit solves `J dx ≈ residual`.
 //!
 //! Derivatives are exact where the residual is small compared with a radian and with the measured distances; they agree with central differences
-//! (property tests). Robust weights: [`crate::robust`].
+//! (property tests). Robust weights: [`crate::robust_weights`].
 
-use crate::campaign::{Observation, Place, Reading};
-use crate::motion::Motion;
-use crate::surroundings::{Number, Surroundings};
+use crate::campaign::{Observation, Reading, ToolPoint};
+use crate::extrinsics::{ExtrinsicParameter, Extrinsics};
+use crate::tool_motion::ToolMotion;
 use glam::{DMat3, DVec3};
 use physics::frame::{normals, vector_from_rotation};
 use physics::{Evaluation, Joints};
@@ -16,20 +16,20 @@ use std::collections::BTreeMap;
 
 /// First column of each extrinsic object in a fit.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Columns(BTreeMap<(u8, usize), usize>);
+pub(crate) struct ExtrinsicColumns(BTreeMap<(u8, usize), usize>);
 
-impl Columns {
-    pub(crate) fn of(surroundings: &Surroundings) -> Self {
+impl ExtrinsicColumns {
+    pub(crate) fn of(surroundings: &Extrinsics) -> Self {
         let mut first = BTreeMap::new();
-        for (column, number) in surroundings.numbers().into_iter().enumerate() {
+        for (column, number) in surroundings.parameters().into_iter().enumerate() {
             let key = match number {
-                Number::Frame(i, _) => (0, i),
-                Number::Target(i, _) => (1, i),
-                Number::Anchor(i, 3) => (6, i),
-                Number::Anchor(i, _) => (2, i),
-                Number::Plane(i, _) => (3, i),
-                Number::Sphere(i, 3) => (5, i),
-                Number::Sphere(i, _) => (4, i),
+                ExtrinsicParameter::Frame(i, _) => (0, i),
+                ExtrinsicParameter::Target(i, _) => (1, i),
+                ExtrinsicParameter::Anchor(i, 3) => (6, i),
+                ExtrinsicParameter::Anchor(i, _) => (2, i),
+                ExtrinsicParameter::Plane(i, _) => (3, i),
+                ExtrinsicParameter::Sphere(i, 3) => (5, i),
+                ExtrinsicParameter::Sphere(i, _) => (4, i),
             };
             first.entry(key).or_insert(column);
         }
@@ -43,7 +43,7 @@ impl Columns {
 
 /// A measurement compared with the model.
 #[derive(Clone, Debug)]
-pub(crate) struct Rows {
+pub(crate) struct ReadingResidual {
     /// Number of components in use, 1 to 3.
     pub(crate) count: usize,
     /// Measured minus predicted, in units of the noise.
@@ -58,16 +58,16 @@ pub(crate) struct Rows {
     local: Vec<(usize, Vec<DVec3>)>,
 }
 
-impl Rows {
+impl ReadingResidual {
     /// Compares a measurement with the evaluation `seen` of the arm.
     pub(crate) fn of(
         observation: &Observation,
         seen: &Evaluation,
         commanded: &Joints,
-        surroundings: &Surroundings,
-        columns: &Columns,
+        surroundings: &Extrinsics,
+        columns: &ExtrinsicColumns,
     ) -> Self {
-        let scene = Scene { seen, surroundings, columns };
+        let scene = ReadingPrediction { seen, surroundings, columns };
         let mut rows = match observation.reading {
             Reading::Point { place, frame, at } => scene.point(place, frame, at),
             Reading::Orientation { frame, measuring_from_tool } => {
@@ -80,7 +80,10 @@ impl Rows {
             Reading::Sphere { place, sphere, radius_m } => scene.sphere(place, sphere, radius_m),
             Reading::JointPosition { joint, position } => {
                 let predicted = commanded[joint] + seen.deviation.joints[joint];
-                Self { by_joint: Some(joint), ..Self::blank(1, DVec3::X * (position - predicted)) }
+                Self {
+                    by_joint: Some(joint),
+                    ..Self::without_derivatives(1, DVec3::X * (position - predicted))
+                }
             }
         };
         rows.whiten(&observation.whitening);
@@ -88,7 +91,12 @@ impl Rows {
     }
 
     /// Writes the derivatives to `rows`, one slice per component: extrinsic parameters first, then one column per motion from `effects_from`.
-    pub(crate) fn fill(&self, effects_from: usize, motions: &[Motion], rows: &mut [Vec<f64>]) {
+    pub(crate) fn write_derivatives(
+        &self,
+        effects_from: usize,
+        motions: &[ToolMotion],
+        rows: &mut [Vec<f64>],
+    ) {
         for row in rows.iter_mut() {
             row.fill(0.0);
         }
@@ -101,12 +109,12 @@ impl Rows {
             block.iter().enumerate().for_each(|(k, value)| put(first + k, *value));
         }
         for (k, motion) in motions.iter().enumerate() {
-            put(effects_from + k, self.along(motion));
+            put(effects_from + k, self.derivative_along(motion));
         }
     }
 
     /// Derivative of the prediction along a motion of the tool, in units of the noise.
-    pub(crate) fn along(&self, motion: &Motion) -> DVec3 {
+    pub(crate) fn derivative_along(&self, motion: &ToolMotion) -> DVec3 {
         self.along_parts((motion.turn, motion.shift), |joint| motion.joints[joint])
     }
 
@@ -122,7 +130,7 @@ impl Rows {
         }
     }
 
-    fn blank(count: usize, residual: DVec3) -> Self {
+    fn without_derivatives(count: usize, residual: DVec3) -> Self {
         Self {
             count,
             residual,
@@ -149,31 +157,37 @@ impl Rows {
     }
 }
 
-struct Scene<'a> {
+struct ReadingPrediction<'a> {
     seen: &'a Evaluation,
-    surroundings: &'a Surroundings,
-    columns: &'a Columns,
+    surroundings: &'a Extrinsics,
+    columns: &'a ExtrinsicColumns,
 }
 
-impl Scene<'_> {
+impl ReadingPrediction<'_> {
     /// Position of a point of the tool in base coordinates, and its lever arm from the TCP.
-    fn place(&self, place: Place) -> (DVec3, DVec3) {
+    fn place(&self, place: ToolPoint) -> (DVec3, DVec3) {
         let tool = &self.seen.real.base_from_tool;
         let lever = match place {
-            Place::Tcp => DVec3::ZERO,
-            Place::Target(i) => tool.rotation * self.surroundings.targets[i].value,
+            ToolPoint::Tcp => DVec3::ZERO,
+            ToolPoint::Target(i) => tool.rotation * self.surroundings.targets[i].value,
         };
         (tool.origin + lever, lever)
     }
 
     /// Rows whose derivative is `slope · (displacement of the point)`, by the tool and by the position of the target on it.
-    fn of_point(&self, count: usize, residual: DVec3, slope: DMat3, place: Place) -> Rows {
+    fn of_point(
+        &self,
+        count: usize,
+        residual: DVec3,
+        slope: DMat3,
+        place: ToolPoint,
+    ) -> ReadingResidual {
         let (_, lever) = self.place(place);
-        let mut rows = Rows::blank(count, residual);
+        let mut rows = ReadingResidual::without_derivatives(count, residual);
         rows.by_shift = slope;
         // turn × lever = −lever × turn
         rows.by_turn = slope * -cross_matrix(lever);
-        if let Place::Target(i) = place
+        if let ToolPoint::Target(i) = place
             && let Some(first) = self.columns.first(1, i)
         {
             let tool = self.seen.real.base_from_tool.rotation;
@@ -183,7 +197,7 @@ impl Scene<'_> {
         rows
     }
 
-    fn point(&self, place: Place, frame: usize, at: DVec3) -> Rows {
+    fn point(&self, place: ToolPoint, frame: usize, at: DVec3) -> ReadingResidual {
         let station = &self.surroundings.frames[frame].value;
         let predicted = station.measuring_from_base.point(self.place(place).0);
         let slope = station.measuring_from_base.rotation;
@@ -195,11 +209,14 @@ impl Scene<'_> {
         rows
     }
 
-    fn orientation(&self, frame: usize, measured: &DMat3) -> Rows {
+    fn orientation(&self, frame: usize, measured: &DMat3) -> ReadingResidual {
         let turned = self.surroundings.frames[frame].value.measuring_from_base.rotation;
         let predicted = turned * self.seen.real.base_from_tool.rotation;
         let residual = vector_from_rotation(&(*measured * predicted.transpose()));
-        let mut rows = Rows { by_turn: turned, ..Rows::blank(3, residual) };
+        let mut rows = ReadingResidual {
+            by_turn: turned,
+            ..ReadingResidual::without_derivatives(3, residual)
+        };
         if let Some(first) = self.columns.first(0, frame) {
             rows.local.push((first, DVec3::AXES.to_vec()));
         }
@@ -207,7 +224,7 @@ impl Scene<'_> {
     }
 
     /// A scalar measurement that changes with the displacement of the point along `direction`.
-    fn along(&self, residual: f64, direction: DVec3, place: Place) -> Rows {
+    fn along(&self, residual: f64, direction: DVec3, place: ToolPoint) -> ReadingResidual {
         let slope = DMat3::from_cols(
             DVec3::X * direction.x,
             DVec3::X * direction.y,
@@ -216,7 +233,7 @@ impl Scene<'_> {
         self.of_point(1, DVec3::X * residual, slope, place)
     }
 
-    fn distance(&self, place: Place, anchor: usize, length_m: f64) -> Rows {
+    fn distance(&self, place: ToolPoint, anchor: usize, length_m: f64) -> ReadingResidual {
         let fixed = &self.surroundings.anchors[anchor];
         let away = self.place(place).0 - fixed.place.value;
         let direction = away.normalize_or_zero();
@@ -232,7 +249,7 @@ impl Scene<'_> {
         rows
     }
 
-    fn plane(&self, place: Place, plane: usize, radius_m: f64) -> Rows {
+    fn plane(&self, place: ToolPoint, plane: usize, radius_m: f64) -> ReadingResidual {
         let wall = &self.surroundings.planes[plane].value;
         let point = self.place(place).0;
         let height = wall.normal.dot(point) - wall.offset_m;
@@ -245,7 +262,7 @@ impl Scene<'_> {
         rows
     }
 
-    fn sphere(&self, place: Place, sphere: usize, radius_m: f64) -> Rows {
+    fn sphere(&self, place: ToolPoint, sphere: usize, radius_m: f64) -> ReadingResidual {
         let ball = &self.surroundings.spheres[sphere];
         let away = self.place(place).0 - ball.centre.value;
         let direction = away.normalize_or_zero();

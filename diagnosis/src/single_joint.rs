@@ -1,13 +1,13 @@
 //! Single-joint analysis: the axis of rotation of a joint (thesis 3.1 to 3.2.7). Its errors at equal steps are in [`crate::joint_error`].
 //!
 //! While one joint sweeps, the gravity deflection of the preceding joints varies and moves its axis, which appears as a shift in an axis from raw
-//! tracks (thesis 3.2.4, 3.2.6). [`Sag`] contains the deflection removed by a gravity compliance model, and [`JointAxis`] the
+//! tracks (thesis 3.2.4, 3.2.6). [`SagCorrection`] contains the deflection removed by a gravity compliance model, and [`JointAxis`] the
 //! resulting change.
 //!
 //! Without noise and with known deflection, the result is the axis of the unloaded arm, to rounding. This is not a global fit: the preceding axes are
 //! taken from the given model.
 
-use crate::circle::{Axis, CircleError, axis, smallest_turn};
+use crate::circle_point::{Axis, CircleError, axis, smallest_turn};
 use glam::DVec3;
 use physics::deviation::{Contribution, Deviation};
 use physics::frame::normals;
@@ -38,7 +38,7 @@ pub struct Sweep {
 
 /// The varying gravity deflection that is removed from the tracks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Sag {
+pub enum SagCorrection {
     /// Nothing.
     AsMeasured,
     /// That of the base and of the joints before the moving one: the thesis' correction.
@@ -58,7 +58,7 @@ pub struct JointAxis {
     /// Targets with at least three measurements, in the order of the axis' circles.
     pub targets: Vec<usize>,
     /// The deflection that was removed.
-    pub sag: Sag,
+    pub sag: SagCorrection,
     /// Largest displacement of a target by this correction, m.
     pub moved_by_sag_m: f64,
     /// Rotation of the axis by this correction, rad.
@@ -128,7 +128,7 @@ impl Sweep {
     pub fn axis(
         &self,
         model: &Model,
-        sag: Sag,
+        sag: SagCorrection,
         noise_m: Option<f64>,
     ) -> Result<JointAxis, SweepError> {
         let joint = self.joint + 1;
@@ -138,7 +138,7 @@ impl Sweep {
         let fit = |tracks: &[Vec<DVec3>]| {
             axis(tracks, towards, noise_m).map_err(|fault| SweepError::Tracks { joint, fault })
         };
-        let (_, as_measured) = self.tracks(model, Sag::AsMeasured);
+        let (_, as_measured) = self.tracks(model, SagCorrection::AsMeasured);
         let (targets, tracks) = self.tracks(model, sag);
         let (raw, axis) = (fit(&as_measured)?, fit(&tracks)?);
         let both = as_measured.iter().flatten().zip(tracks.iter().flatten());
@@ -175,7 +175,7 @@ impl Sweep {
     }
 
     /// Targets with at least three measurements, each with its track.
-    fn tracks(&self, model: &Model, sag: Sag) -> (Vec<usize>, Vec<Vec<DVec3>>) {
+    fn tracks(&self, model: &Model, sag: SagCorrection) -> (Vec<usize>, Vec<Vec<DVec3>>) {
         let count = self.steps.iter().map(|step| step.targets.len()).max().unwrap_or(0);
         let mut tracks = vec![Vec::new(); count];
         for step in &self.steps {
@@ -187,8 +187,13 @@ impl Sweep {
     }
 
     /// Target positions of a step without the deflection that is removed.
-    pub(crate) fn without_sag(&self, step: &Step, model: &Model, sag: Sag) -> Vec<Option<DVec3>> {
-        if sag == Sag::AsMeasured {
+    pub(crate) fn without_sag(
+        &self,
+        step: &Step,
+        model: &Model,
+        sag: SagCorrection,
+    ) -> Vec<Option<DVec3>> {
+        if sag == SagCorrection::AsMeasured {
             return step.targets.clone();
         }
         let last = model.arm.count() - 1;
@@ -242,7 +247,12 @@ impl JointAxis {
 
 /// Deviation due to gravity, and what remains of it after removal of `sag`. The joint's own deflection is in both; otherwise that of later joints
 /// would be removed about a wrong axis. External wrenches are not included.
-fn sag_with_and_without(model: &Model, inputs: &Inputs, joint: usize, sag: Sag) -> [Deviation; 2] {
+fn sag_with_and_without(
+    model: &Model,
+    inputs: &Inputs,
+    joint: usize,
+    sag: SagCorrection,
+) -> [Deviation; 2] {
     let unloaded = Inputs { wrench_base: physics::Wrench::ZERO, ..*inputs };
     let kinds: Vec<&str> = model.effects().map(|effect| effect.spec().kind).collect();
     let [mut with, mut without] = [Deviation::default(); 2];
@@ -253,9 +263,9 @@ fn sag_with_and_without(model: &Model, inputs: &Inputs, joint: usize, sag: Sag) 
         with.add(contribution);
         let goes = match *contribution {
             Contribution::Joint { joint: at, .. } => {
-                at < joint || (sag == Sag::AllOthers && at != joint)
+                at < joint || (sag == SagCorrection::AllOthers && at != joint)
             }
-            Contribution::LinkTurn { link, .. } => link <= joint || sag == Sag::AllOthers,
+            Contribution::LinkTurn { link, .. } => link <= joint || sag == SagCorrection::AllOthers,
             _ => true,
         };
         if !goes {
@@ -279,13 +289,13 @@ fn answers_to_gravity(kind: &str) -> bool {
 
 /// Rotation of a body that carries two targets, as far as they determine it (thesis 3.6).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TiltSeen {
-    /// Rotation vector, rad, without component along [`TiltSeen::blind`].
+pub struct ObservedTilt {
+    /// Rotation vector, rad, without component along [`ObservedTilt::unobservable_axis`].
     pub turn: DVec3,
     /// Standard uncertainty of the rotation about each axis perpendicular to the line, rad.
     pub sigma_rad: f64,
     /// Unit vector of the line through both targets: a rotation about it is not observable. A third target off the line would determine it.
-    pub blind: DVec3,
+    pub unobservable_axis: DVec3,
 }
 
 /// Tilt of a base (or link) from the positions of two targets on it before and after, m; `noise_m` is the standard deviation of one coordinate.
@@ -295,10 +305,14 @@ pub fn tilt_of_two_targets(
     before: [DVec3; 2],
     after: [DVec3; 2],
     noise_m: f64,
-) -> Option<TiltSeen> {
+) -> Option<ObservedTilt> {
     let (a, b) = (before[1] - before[0], after[1] - after[0]);
     let blind = a.try_normalize().filter(|_| b.is_finite() && b != DVec3::ZERO)?;
-    Some(TiltSeen { turn: smallest_turn(a, b), sigma_rad: 2.0 * noise_m / a.length(), blind })
+    Some(ObservedTilt {
+        turn: smallest_turn(a, b),
+        sigma_rad: 2.0 * noise_m / a.length(),
+        unobservable_axis: blind,
+    })
 }
 
 #[cfg(test)]

@@ -1,21 +1,22 @@
-//! Joint stiffness from known loads: one joint after the other (thesis 3.13), or all at once by least squares (thesis 1.1 to 1.7).
+//! Joint stiffness from known loads: joint by joint (thesis 3.13), or of all joints simultaneously by least squares (thesis 1.1 to 1.7).
 //!
-//! Uses differences, loaded minus unloaded at the same command: geometry, gravity deflection and offsets cancel. One by one, the rotation of a link
-//! is
-//! `angle_about` its joint, from the displacement of a target after removing the preceding joints (3.13 divides outside its arccosine, and an
-//! arccosine loses small angles and the sign). All at once, `dx = J diag(JᵀW) c` is linear in the compliances `c`; each row is divided
-//! by its noise, which makes metres and radians comparable.
+//! Uses differences, loaded minus unloaded at the same command: geometry, gravity deflection and offsets cancel. Joint by joint, the rotation of a link
+//! about its joint follows by `angle_about` from the displacement of a target, after the rotations of the preceding joints are removed (equation 3.13
+//! divides outside its arccosine, and an arccosine loses small angles and the sign). Simultaneously, `dx = J diag(JᵀW) c` is linear in the compliances
+//! `c`; each row is divided by its noise, which makes metres and radians comparable.
 //!
 //! Errors of compliances, not of stiffnesses, are approximately normal: covariances refer to compliances. Parameters that the loads do not determine
-//! are listed. Stiffening by the load itself is neglected; see [`crate::enhanced`].
+//! are listed. Stiffening by the load itself is neglected; see [`crate::enhanced_stiffness`].
 
-use crate::hypothesis::{Belief, Free, Hypothesis};
-use crate::independent::sort;
+use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
+use crate::identifiability::split_identifiable;
+use crate::qr::QrFactor;
 use crate::single_joint::angle_about;
-use crate::triangle::Triangle;
 use glam::DVec3;
 use physics::frame::rotation_about;
-use physics::{AnyEffect, Arm, Chain, Given, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
+use physics::{
+    AnyEffect, Arm, Chain, JOINTS_MAX, JointKind, Joints, Loads, ParameterValues, Wrench,
+};
 use thiserror::Error;
 
 /// Largest compliance of an undamaged joint, rad/Nm (m/N): the unit in which a compliance counts as determined or not.
@@ -66,7 +67,7 @@ pub struct Compliances {
     /// rad²/(Nm)²: a row and column per joint, zero where not determined.
     pub covariance: [[f64; JOINTS_MAX]; JOINTS_MAX],
     /// Root mean square residual in units of the stated noise: near 1 if the model is adequate.
-    pub left: f64,
+    pub normalised_rms: f64,
     /// Joints that are confounded with preceding ones, or that no load deflects, 0-based.
     pub undetermined: Vec<usize>,
 }
@@ -113,7 +114,7 @@ impl Compliances {
     ///
     /// # Errors
     /// More effects than a model has room for.
-    pub fn hand_over(&self, hypothesis: &mut Hypothesis) -> Result<(), physics::ModelError> {
+    pub fn transfer_to(&self, hypothesis: &mut Hypothesis) -> Result<(), physics::ModelError> {
         for joint in 0..hypothesis.model.arm.count() {
             let Some(mean) = self.value[joint] else { continue };
             let takes = |effect: &AnyEffect| {
@@ -129,7 +130,7 @@ impl Compliances {
                         "load_compliance",
                         &hypothesis.model.arm,
                         Some(joint),
-                        Given(&given),
+                        ParameterValues(&given),
                     );
                     let Ok(effect) = built else { continue };
                     hypothesis.model.push(effect)?;
@@ -139,24 +140,24 @@ impl Compliances {
             hypothesis.model.change(index, |effect| effect.values_mut()[0] = mean.max(0.0));
             hypothesis.free.retain(|free| free.effect != index);
             let sigma = self.sigma(joint);
-            hypothesis.free.push(Free {
+            hypothesis.free.push(FreeParameter {
                 effect: index,
                 value: 0,
                 mean,
                 sigma,
-                belief: Belief::Stated,
+                prior_source: PriorSource::Stated,
             });
         }
         Ok(())
     }
 }
 
-/// Estimates one joint after the other, from the base on, each from the targets on the link that it moves. `noise_m` is the standard deviation of one
+/// Estimates joint by joint, from the base on, each from the targets on the link that it moves. `noise_m` is the standard deviation of one
 /// coordinate of one point.
 ///
 /// # Errors
 /// Invalid cases, see [`StiffnessError`].
-pub fn one_after_the_other(
+pub fn estimate_joint_by_joint(
     arm: &Arm,
     cases: &[LoadedLink],
     noise_m: f64,
@@ -173,39 +174,39 @@ pub fn one_after_the_other(
     let mut found = Compliances::none();
     let (mut square, mut rows) = (0.0, 0_usize);
     for joint in 0..arm.count() {
-        let seen: Vec<Wound> = cases
+        let seen: Vec<JointRotation> = cases
             .iter()
             .filter(|case| case.joint == joint)
-            .map(|case| wound(arm, case, &found.value, noise_m))
+            .map(|case| joint_rotation(arm, case, &found.value, noise_m))
             .collect();
         let load: f64 = seen.iter().map(|s| s.torque * s.torque / s.variance).sum();
-        let mut shows = Triangle::new(1);
+        let mut shows = QrFactor::new(1);
         shows.push_one(0, load.sqrt(), 0.0);
         shows.reduce();
-        if sort(&shows, &[WIDEST]).0.is_empty() {
+        if split_identifiable(&shows, &[WIDEST]).0.is_empty() {
             found.undetermined.push(joint);
             continue;
         }
-        let mean = |of: &dyn Fn(&Wound) -> f64| -> f64 {
+        let mean = |of: &dyn Fn(&JointRotation) -> f64| -> f64 {
             seen.iter().map(|s| s.torque * of(s) / s.variance).sum::<f64>() / load
         };
         let value = mean(&|s| s.angle);
         let by_before: [f64; JOINTS_MAX] = std::array::from_fn(|k| mean(&|s| s.by_before[k]));
         found.insert(joint, value, 1.0 / load, &by_before);
-        let left = |s: &Wound| (s.angle - value * s.torque).powi(2) / s.variance;
+        let left = |s: &JointRotation| (s.angle - value * s.torque).powi(2) / s.variance;
         square += seen.iter().map(left).sum::<f64>();
         rows += seen.len();
     }
     let free = rows.saturating_sub(found.value.iter().flatten().count()).max(1);
-    found.left = (square / free as f64).sqrt();
+    found.normalised_rms = (square / free as f64).sqrt();
     Ok(found)
 }
 
-/// Estimates all joints at once: weighted least squares of `dx = J diag(JᵀW) c`.
+/// Estimates all joints simultaneously: weighted least squares of `dx = J diag(JᵀW) c`.
 ///
 /// # Errors
 /// Invalid poses or noise, see [`StiffnessError`].
-pub fn all_at_once(
+pub fn estimate_simultaneously(
     arm: &Arm,
     poses: &[LoadedPose],
     noise: DifferenceNoise,
@@ -215,7 +216,7 @@ pub fn all_at_once(
         check_noise(noise.turn_rad)?;
     }
     let count = arm.count();
-    let mut triangle = Triangle::new(count);
+    let mut triangle = QrFactor::new(count);
     for (i, pose) in poses.iter().enumerate() {
         let finite = pose.shift.is_finite() && pose.turn.is_none_or(DVec3::is_finite);
         check_case(i, &pose.q, &pose.wrench_base, finite)?;
@@ -233,7 +234,7 @@ pub fn all_at_once(
         }
     }
     triangle.reduce();
-    let (kept, others) = sort(&triangle, &vec![WIDEST; count]);
+    let (kept, others) = split_identifiable(&triangle, &vec![WIDEST; count]);
     let part = triangle.of_columns(&kept);
     let inverse = part.inverse();
     let mut found = Compliances::none();
@@ -246,7 +247,7 @@ pub fn all_at_once(
         }
     }
     let free = part.rows().saturating_sub(kept.len()).max(1);
-    found.left = (part.rest() / free as f64).sqrt();
+    found.normalised_rms = (part.rest() / free as f64).sqrt();
     Ok(found)
 }
 
@@ -255,7 +256,7 @@ impl Compliances {
         Self {
             value: [None; JOINTS_MAX],
             covariance: [[0.0; JOINTS_MAX]; JOINTS_MAX],
-            left: 0.0,
+            normalised_rms: 0.0,
             undetermined: Vec::new(),
         }
     }
@@ -276,15 +277,20 @@ impl Compliances {
 }
 
 /// Rotation of one joint under a load.
-struct Wound {
+struct JointRotation {
     angle: f64,
     variance: f64,
     torque: f64,
-    /// Derivative of the angle by the compliance of each joint before.
+    /// Derivative of the angle with respect to the compliance of each preceding joint, Nm.
     by_before: [f64; JOINTS_MAX],
 }
 
-fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_m: f64) -> Wound {
+fn joint_rotation(
+    arm: &Arm,
+    case: &LoadedLink,
+    known: &[Option<f64>; JOINTS_MAX],
+    noise_m: f64,
+) -> JointRotation {
     let chain = Chain::nominal(arm, &case.q);
     let torque = Loads::on(arm, &chain, case.wrench_base).wrench_torque;
     let (e, centre) = (chain.axis(case.joint), chain.point(case.joint));
@@ -306,7 +312,7 @@ fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_
         }
         -tangent.dot(chain.axis(k).cross(case.before - chain.point(k))) * torque[k]
     });
-    Wound {
+    JointRotation {
         angle: angle_about(e, lever, after - centre),
         variance: 2.0 * noise_m * noise_m / square,
         torque: torque[case.joint],

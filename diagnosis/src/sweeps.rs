@@ -6,11 +6,13 @@
 //! Removed gravity deflection is reported with its effect; a sweep without an axis is reported with the reason. The axes estimated here are
 //! independent of a global fit, so that each can validate the other.
 
-use crate::campaign::{Campaign, Place, Pose, Reading};
+use crate::campaign::{Campaign, Pose, Reading, ToolPoint};
+use crate::extrinsics::Extrinsics;
 use crate::joint_error::JointErrors;
-use crate::per_joint::{PerJoint, regress, thesis_model};
-use crate::single_joint::{AxisError, JointAxis, SAME_STEP_RAD, Sag, Step, Sweep, SweepError};
-use crate::surroundings::Surroundings;
+use crate::joint_regression::{SingleJointRegression, regress, thesis_model};
+use crate::single_joint::{
+    AxisError, JointAxis, SAME_STEP_RAD, SagCorrection, Step, Sweep, SweepError,
+};
 use glam::DVec3;
 use physics::{Arm, JointKind, Model};
 
@@ -21,7 +23,7 @@ const SWING_LEAST_RAD: f64 = 0.1;
 
 /// A sweep with its location in a campaign.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Found {
+pub struct LocatedSweep {
     /// The sweep; target 0 is the TCP, followed by the targets of the campaign.
     pub sweep: Sweep,
     /// Its recording, 0-based.
@@ -32,9 +34,9 @@ pub struct Found {
 
 /// Results of one sweep.
 #[derive(Clone, Debug)]
-pub struct Said {
+pub struct SweepResult {
     /// The sweep.
-    pub found: Found,
+    pub found: LocatedSweep,
     /// The axis, or why it is not determined.
     pub axis: Result<JointAxis, SweepError>,
     /// Deviation of the axis from the nominal one.
@@ -45,16 +47,16 @@ pub struct Said {
 
 /// Parameters of the thesis' model of one joint, from all sweeps of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OfJoint {
+pub struct JointSweepModel {
     /// 0-based.
     pub joint: usize,
     /// The fitted model.
-    pub model: PerJoint,
+    pub model: SingleJointRegression,
 }
 
 /// Relative position of two successive axes, independent of the measuring frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Relative {
+pub struct RelativeAxes {
     /// Both joints, 0-based.
     pub joints: (usize, usize),
     /// Angle between the directions, 0 to π, rad.
@@ -69,7 +71,7 @@ pub struct Relative {
 
 /// The sweeps of a campaign, in the order of its poses. Points are transformed to the base frame by the stations of `surroundings`.
 #[must_use]
-pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec<Found> {
+pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<LocatedSweep> {
     let seen: Vec<&Pose> = campaign.poses.iter().filter(|pose| has_point(pose)).collect();
     let mut found = Vec::new();
     let mut from = 0;
@@ -78,7 +80,7 @@ pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Ve
         let poses = &seen[from..end];
         let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
         let swept = joint.filter(turns).filter(|joint| is_sweep(poses, *joint));
-        found.extend(swept.map(|joint| Found {
+        found.extend(swept.map(|joint| LocatedSweep {
             sweep: sweep(poses, joint, surroundings),
             recording: poses[0].recording,
             rows: (poses[0].row, poses[poses.len() - 1].row),
@@ -125,7 +127,7 @@ fn is_sweep(poses: &[&Pose], joint: usize) -> bool {
     steps >= STEPS_LEAST && swing >= SWING_LEAST_RAD
 }
 
-fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
+fn sweep(poses: &[&Pose], joint: usize, surroundings: &Extrinsics) -> Sweep {
     let mut before: Option<f64> = None;
     let step = |pose: &&Pose| {
         let mut targets = vec![None; surroundings.targets.len() + 1];
@@ -133,8 +135,8 @@ fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
             if let Reading::Point { place, frame, at } = seen.reading {
                 let station = &surroundings.frames[frame].value.measuring_from_base;
                 let slot = match place {
-                    Place::Tcp => 0,
-                    Place::Target(target) => target + 1,
+                    ToolPoint::Tcp => 0,
+                    ToolPoint::Target(target) => target + 1,
                 };
                 targets[slot] = Some(station.inverse().point(at));
             }
@@ -153,21 +155,25 @@ fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
 
 /// Results of each sweep; `model` provides the gravity-dependent effects.
 #[must_use]
-pub fn said(model: &Model, sag: Sag, found: Vec<Found>) -> Vec<Said> {
-    let one = |found: Found| {
+pub fn analyse_sweeps(
+    model: &Model,
+    sag: SagCorrection,
+    found: Vec<LocatedSweep>,
+) -> Vec<SweepResult> {
+    let one = |found: LocatedSweep| {
         let sweep = &found.sweep;
         let axis = sweep.axis(model, sag, None);
         let first = sweep.steps.first().map(|step| step.inputs.q);
         let error = axis.as_ref().ok().zip(first).and_then(|(axis, q)| axis.error(&model.arm, &q));
         let errors = axis.as_ref().ok().map(|axis| sweep.errors(model, axis, 0.0));
-        Said { found, axis, error, errors }
+        SweepResult { found, axis, error, errors }
     };
     found.into_iter().map(one).collect()
 }
 
 /// The thesis' model of each joint with sweeps, from all its sweeps.
 #[must_use]
-pub fn of_joints(arm: &Arm, said: &[Said]) -> Vec<OfJoint> {
+pub fn joint_models(arm: &Arm, said: &[SweepResult]) -> Vec<JointSweepModel> {
     let one = |joint: usize| {
         let own = said.iter().filter(|said| said.found.sweep.joint == joint);
         let errors: Vec<JointErrors> = own.filter_map(|said| said.errors.clone()).collect();
@@ -175,21 +181,21 @@ pub fn of_joints(arm: &Arm, said: &[Said]) -> Vec<OfJoint> {
             return None;
         }
         let model = regress(&thesis_model(arm, joint).ok()?, &errors);
-        model.determined.contains(&true).then_some(OfJoint { joint, model })
+        model.determined.contains(&true).then_some(JointSweepModel { joint, model })
     };
     (0..arm.count()).filter_map(one).collect()
 }
 
 /// Relative positions of successive axes, for sweeps with the preceding joints at the same positions.
 #[must_use]
-pub fn relative(said: &[Said]) -> Vec<Relative> {
+pub fn relative_axes(said: &[SweepResult]) -> Vec<RelativeAxes> {
     let mut list = Vec::new();
     for (k, first) in said.iter().enumerate() {
         let joint = first.found.sweep.joint;
         let next = said[k + 1..].iter().chain(&said[..k]).find(|next| {
             next.found.sweep.joint == joint + 1
                 && next.found.recording == first.found.recording
-                && stand_alike(&first.found.sweep, &next.found.sweep, joint)
+                && have_equal_preceding_joints(&first.found.sweep, &next.found.sweep, joint)
         });
         if let Some(next) = next
             && let (Ok(a), Ok(b)) = (&first.axis, &next.axis)
@@ -201,12 +207,12 @@ pub fn relative(said: &[Said]) -> Vec<Relative> {
 }
 
 /// Whether the joints before `joint` are at the same positions in both sweeps.
-fn stand_alike(one: &Sweep, other: &Sweep, joint: usize) -> bool {
+fn have_equal_preceding_joints(one: &Sweep, other: &Sweep, joint: usize) -> bool {
     let (Some(a), Some(b)) = (one.steps.first(), other.steps.first()) else { return false };
     (0..joint).all(|k| (a.inputs.q[k] - b.inputs.q[k]).abs() <= SAME_STEP_RAD)
 }
 
-fn between(a: &JointAxis, b: &JointAxis) -> Relative {
+fn between(a: &JointAxis, b: &JointAxis) -> RelativeAxes {
     let (d, e) = (a.axis.direction, b.axis.direction);
     let apart = b.axis.point - a.axis.point;
     let across = d.cross(e);
@@ -221,7 +227,7 @@ fn between(a: &JointAxis, b: &JointAxis) -> Relative {
     } else {
         (d.cross(apart).length(), apart.length())
     };
-    Relative {
+    RelativeAxes {
         joints: (a.joint, b.joint),
         angle_rad: libm::atan2(sin, d.dot(e)),
         sigma_angle_rad,

@@ -7,14 +7,14 @@ use std::num::NonZeroUsize;
 #[error(
     "the number of threads cannot be set to {0}: threads of this process are already running, or the system provides none"
 )]
-pub struct NotBounded(NonZeroUsize);
+pub struct ThreadLimitError(NonZeroUsize);
 
 /// Limits the number of threads that all diagnoses of this process share. To be called once, before the first diagnosis; default: as many as the
 /// machine offers.
 ///
 /// # Errors
-/// [`NotBounded`] if a diagnosis has begun, or the system provides no thread.
-pub fn bound_threads(threads: NonZeroUsize) -> Result<(), NotBounded> {
+/// [`ThreadLimitError`] if a diagnosis has begun, or the system provides no thread.
+pub fn limit_threads(threads: NonZeroUsize) -> Result<(), ThreadLimitError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
-    pool.build_global().map_err(|_| NotBounded(threads))
+    pool.build_global().map_err(|_| ThreadLimitError(threads))
 }

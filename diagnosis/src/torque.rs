@@ -6,71 +6,71 @@
 //! an AR noise model. Selected effects are confirmed on a validation set and tested on a test set. Inputs: a model and recordings. Outputs:
 //! [`Diagnosis`], in SI units, joints from 0.
 //!
-//! Reading order: `motion` (torque and motion in one band), `rigid` (rigid-body torques), `columns` and `library` (candidates), `case` (rows and
-//! normal equations), `crate::engine` (selection), `refine` (nonlinear parameters), `zone`, `prove`, `unknown`, `found`, `finish`.
+//! Reading order: `motion` (torque and motion in one band), `rigid_body`, `regressors` and `library` (candidates), `case` (rows and
+//! normal equations), `crate::engine` (selection), `nonlinear_parameters`, `low_speed_zone`, `fit_quality`, `covariates`, `parameters`, `finish`.
 //!
 //! Invariants: the same input and seed give the same bits; no selection and no fit uses test rows; the controller's tracking error is not a
 //! covariate.
 
 mod case;
-mod columns;
+mod covariates;
 mod filter;
+mod final_checks;
 mod finish;
-mod found;
-mod known;
+mod fit_quality;
 mod library;
-mod load;
-mod memory;
+mod load_dependent;
+mod low_speed_zone;
 mod motion;
+mod nonlinear_parameters;
+mod parameters;
 mod payload;
-mod prove;
-mod refine;
+mod regressors;
 mod reinterpretation;
 mod resample;
+mod rest_detection;
 mod result;
-mod rigid;
-mod smooth;
-mod stand;
-mod still;
-mod stops;
-mod stretches;
+mod rigid_body;
+mod stated_effects;
+mod stationary_joints;
+mod subsampling;
 #[cfg(test)]
 mod tests;
-mod unknown;
+mod variance_floor;
+mod varying_coefficients;
 mod view;
-mod zone;
 
 use recording::series::Recording;
 use std::borrow::Cow;
 
-use crate::engine::library::Form;
-use crate::engine::stepwise::{Search, Selection, others};
+use crate::engine::dictionary::CoefficientForm;
+use crate::engine::stepwise::{TermSearch, TermSelection, without_term};
 use case::Case;
-pub use found::{Number, Rival};
-pub use known::{Refit, Stated};
+pub use covariates::UnexplainedTorque;
+pub use low_speed_zone::Zone;
 pub use motion::has_torque;
+pub use parameters::{AlternativeEffect, FittedParameter};
 use reinterpretation::{hardening_as_spring, hysteresis_as_friction, spring_as_asymmetry};
-pub use result::{Diagnosis, Finding, JointProof};
-pub use unknown::Law;
+pub use result::{Diagnosis, Finding, JointValidation};
+pub use stated_effects::{RefittedParameter, StatedModel};
 pub use view::Trace;
-pub use zone::Zone;
 
 /// Smallest relative increase of the residual on the validation set, when an effect is removed, for which the effect is kept.
-const TELLS: f64 = 1e-3;
+const RESIDUAL_INCREASE_LEAST: f64 = 1e-3;
 /// An effect that raises the predictive log-likelihood of the validation set (given the fit of the training set, with its parameter covariance) by at
 /// least this much is kept.
-const BEARS: f64 = 1.0;
+const PREDICTIVE_GAIN_LEAST: f64 = 1.0;
 /// Penalty, in log-likelihood, for fitting the stated masses too, although the model states no uncertainty for them.
-const DOUBTED: f64 = 20.0;
+const FITTED_MASSES_PENALTY: f64 = 20.0;
 /// A zone is dropped if its residual, with the effects selected without its rows, exceeds this multiple of the zone's earlier residual: the exclusion
 /// has then removed the evidence for a known effect.
-const LOST: f64 = 4.0;
+const ZONE_RESIDUAL_RATIO_MOST: f64 = 4.0;
 /// Repetitions of the selection for which new ripple frequencies are searched.
 const RIPPLE_ROUNDS: usize = 2;
 
 /// Why a diagnosis is impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Doubt {
+pub enum DiagnosisError {
     /// Too few rows remain after filtering.
     #[error(
         "{rows} rows of torque and motion without gaps are left, expected at least {least}: record more, or longer stretches"
@@ -83,7 +83,7 @@ pub enum Doubt {
     },
     /// No joint with recorded torque moves.
     #[error("no joint whose torque was recorded moves: move the arm")]
-    Still,
+    NoMotion,
 }
 
 /// Minimum number of rows for a diagnosis, and of moving rows for a joint to be diagnosed.
@@ -95,55 +95,59 @@ const ROWS_LEAST: usize = 200;
 /// are dropped as soon as the motion has been extracted, to save memory.
 ///
 /// # Errors
-/// [`Doubt`] if too few rows of torque and motion remain, or no joint with recorded torque moves.
+/// [`DiagnosisError`] if too few rows of torque and motion remain, or no joint with recorded torque moves.
 pub fn diagnose<'r>(
-    stated: &Stated<'_>,
+    stated: &StatedModel<'_>,
     recordings: impl Into<Cow<'r, [Recording]>>,
     band_hz: Option<f64>,
     seed: u64,
-) -> Result<Diagnosis, Doubt> {
+) -> Result<Diagnosis, DiagnosisError> {
     let recordings = recordings.into();
     let mut case = Case::new(stated, &recordings, band_hz, seed);
     drop(recordings);
     let rows = case.table.rows();
     if rows < ROWS_LEAST {
-        return Err(Doubt::FewRows { rows, least: ROWS_LEAST });
+        return Err(DiagnosisError::FewRows { rows, least: ROWS_LEAST });
     }
     if case.table.joints().next().is_none() {
-        return Err(Doubt::Still);
+        return Err(DiagnosisError::NoMotion);
     }
     case.estimate_noise();
-    let train = case.rows.train.clone();
-    let (_, selection) = named(&mut case, &[], &train);
-    case.reload(&selection);
+    let train = case.row_sets.train.clone();
+    let (_, selection) = select_effects(&mut case, &[], &train);
+    case.update_load_columns(&selection);
     case.estimate_noise();
-    let (always, selection) = named(&mut case, &selection.names, &train);
+    let (always, selection) = select_effects(&mut case, &selection.terms, &train);
     let mut zones = zones(&mut case, &selection, &train);
     let (always, selection) = if zones.is_empty() {
         (always, selection)
     } else {
         case.estimate_noise();
         // Selected from scratch: effects selected because of rows in zones may be spurious.
-        let zoned = named(&mut case, &[], &train);
-        if reopened(&mut case, &mut zones, &zoned.1, &train) {
+        let zoned = select_effects(&mut case, &[], &train);
+        if reopen_zones(&mut case, &mut zones, &zoned.1, &train) {
             case.estimate_noise();
-            named(&mut case, &selection.names, &train)
+            select_effects(&mut case, &selection.terms, &train)
         } else {
             zoned
         }
     };
-    let names = hardening_as_spring(&case, stated, &confirmed(&case, &always, selection).names);
-    let seen = case.rows.seen();
+    let names = hardening_as_spring(
+        &case,
+        stated,
+        &confirmed_by_validation(&case, &always, selection).terms,
+    );
+    let seen = case.row_sets.seen();
     let products = case.products(&seen);
-    let search = refine::search(&case, &products, &always);
+    let search = nonlinear_parameters::search(&case, &products, &always);
     let names = spring_as_asymmetry(&search, names);
     let selection = search.solve(&names);
-    refine::settle(&mut case, &selection, &always, &seen);
-    refine::agree(&mut case, &selection.names, &always, &seen);
-    let names = with_likelier_rivals(&case, &weighed(&case, &always, &names));
+    nonlinear_parameters::search_parameters(&mut case, &selection, &always, &seen);
+    nonlinear_parameters::iterate_dependent_columns(&mut case, &selection.terms, &always, &seen);
+    let names = with_likelier_alternatives(&case, &assess_effects(&case, &always, &names));
     let names = hysteresis_as_friction(&case, &always, names);
     let names = without_warm_friction_alone(&mut case, stated, &always, &names, &seen);
-    let weighed = weighed(&case, &always, &names);
+    let weighed = assess_effects(&case, &always, &names);
     case.ignore_autocorrelation();
     refit_nonlinear(&mut case, stated, &always, &weighed);
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
@@ -151,109 +155,127 @@ pub fn diagnose<'r>(
 
 /// Final fit of the parameters that are not linear: searched parameters, temperature coefficients, and columns that depend on other parameters, with
 /// the row weights of the final fit.
-fn refit_nonlinear(case: &mut Case, stated: &Stated<'_>, always: &[usize], weighed: &[Weighed]) {
-    let seen = case.rows.seen();
-    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+fn refit_nonlinear(
+    case: &mut Case,
+    stated: &StatedModel<'_>,
+    always: &[usize],
+    weighed: &[AssessedEffect],
+) {
+    let seen = case.row_sets.seen();
+    let names: Vec<usize> = weighed.iter().map(|one| one.candidate).collect();
     let products = case.products(&seen);
-    let selection = refine::search(case, &products, always).solve(&names);
-    refine::settle(case, &selection, always, &seen);
-    refine::agree(case, &names, always, &seen);
-    refine::warm(case, &names, always, &seen, &|joint| stated.first("viscous_friction", joint));
+    let selection = nonlinear_parameters::search(case, &products, always).solve(&names);
+    nonlinear_parameters::search_parameters(case, &selection, always, &seen);
+    nonlinear_parameters::iterate_dependent_columns(case, &names, always, &seen);
+    nonlinear_parameters::fit_temperature_coefficients(case, &names, always, &seen, &|joint| {
+        stated.first_value("viscous_friction", joint)
+    });
 }
 
 /// Removes a temperature dependence of friction where the joint's viscous friction, stated plus found, is not positive.
 fn without_warm_friction_alone(
     case: &mut Case,
-    stated: &Stated<'_>,
+    stated: &StatedModel<'_>,
     always: &[usize],
     names: &[usize],
     used: &[bool],
 ) -> Vec<usize> {
     let products = case.products(used);
-    let solved = refine::search(case, &products, always).solve(names).solved;
+    let solved = nonlinear_parameters::search(case, &products, always).solve(names).solved;
     let has_friction = |name: &usize| {
-        let family = &case.library.families[*name];
+        let family = &case.library.terms[*name];
         let viscous = |joint: usize| {
-            stated.first("viscous_friction", joint)
-                + refine::found_viscous(case, names, &solved, joint)
+            stated.first_value("viscous_friction", joint)
+                + nonlinear_parameters::found_viscous(case, names, &solved, joint)
         };
-        family.form != Form::Warmth || family.joint.is_some_and(|joint| viscous(joint) > 0.0)
+        family.form != CoefficientForm::Warmth
+            || family.joint.is_some_and(|joint| viscous(joint) > 0.0)
     };
     let kept: Vec<usize> = names.iter().copied().filter(has_friction).collect();
-    refine::warm(case, &kept, always, used, &|joint| stated.first("viscous_friction", joint));
+    nonlinear_parameters::fit_temperature_coefficients(case, &kept, always, used, &|joint| {
+        stated.first_value("viscous_friction", joint)
+    });
     kept
 }
 
 /// A selected effect with its gain in log-likelihood and its alternatives, evaluated with the autocorrelated noise model.
 #[derive(Clone)]
-struct Weighed {
-    name: usize,
+struct AssessedEffect {
+    candidate: usize,
     gain: f64,
     confidence: f64,
-    rivals: Vec<Rival>,
+    alternatives: Vec<AlternativeEffect>,
 }
 
 /// Replaces each effect by its most probable alternative if that is more probable. An effect is dropped if its replacement, or another form of it, is
 /// selected already.
-fn with_likelier_rivals(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
-    let families = &case.library.families;
+fn with_likelier_alternatives(case: &Case, weighed: &[AssessedEffect]) -> Vec<usize> {
+    let families = &case.library.terms;
     let mut names: Vec<usize> = Vec::new();
     for one in weighed {
-        let best = one.rivals.first().filter(|rival| rival.confidence > one.confidence);
-        let name = best.map_or(one.name, |rival| rival.place);
-        let stands = |other: &usize| *other == name || families[*other].is_kin(&families[name]);
+        let best = one.alternatives.first().filter(|rival| rival.confidence > one.confidence);
+        let name = best.map_or(one.candidate, |rival| rival.candidate);
+        let stands =
+            |other: &usize| *other == name || families[*other].is_same_effect(&families[name]);
         let is_there = names.iter().any(stands)
-            || weighed.iter().any(|w| w.name != one.name && stands(&w.name));
-        if name == one.name || !is_there {
+            || weighed.iter().any(|w| w.candidate != one.candidate && stands(&w.candidate));
+        if name == one.candidate || !is_there {
             names.push(name);
         }
     }
     names
 }
 
-fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
-    let products = case.products(&case.rows.seen());
-    let search = refine::search(case, &products, always);
+fn assess_effects(case: &Case, always: &[usize], names: &[usize]) -> Vec<AssessedEffect> {
+    let products = case.products(&case.row_sets.seen());
+    let search = nonlinear_parameters::search(case, &products, always);
     let selection = search.solve(names);
     let one = |name: &usize| {
-        let (confidence, rivals) = found::rivals(&search, &selection, *name);
-        Weighed { name: *name, gain: search.worth(&selection, *name), confidence, rivals }
+        let (confidence, rivals) = parameters::alternatives(&search, &selection, *name);
+        AssessedEffect {
+            candidate: *name,
+            gain: search.gain_of(&selection, *name),
+            confidence,
+            alternatives: rivals,
+        }
     };
-    let pays = |one: &Weighed| one.gain > search.penalty(&case.library.families[one.name]);
+    let pays = |one: &AssessedEffect| one.gain > search.penalty(&case.library.terms[one.candidate]);
     names.iter().map(one).filter(pays).collect()
 }
 
 /// Selects effects on the rows `used`, once with stated masses exact and once fitted within their prior; returns the always-fitted columns and the
 /// selection of the variant with the better score.
-fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Selection) {
-    let exact = case.open.clone();
-    let mut doubted = case.open.clone();
-    doubted.extend(&case.doubted);
-    let mut best: Option<(f64, Vec<usize>, Selection)> = None;
-    let beliefs = if case.doubted.is_empty() { vec![exact] } else { vec![exact, doubted] };
+fn select_effects(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, TermSelection) {
+    let exact = case.always_fitted.clone();
+    let mut doubted = case.always_fitted.clone();
+    doubted.extend(&case.stated_mass_columns);
+    let mut best: Option<(f64, Vec<usize>, TermSelection)> = None;
+    let beliefs =
+        if case.stated_mass_columns.is_empty() { vec![exact] } else { vec![exact, doubted] };
     for always in beliefs {
         let mut names = start.to_vec();
         let mut selection = None;
         for round in 0..=RIPPLE_ROUNDS {
             let products = case.products(used);
-            let search = refine::search(case, &products, &always);
-            let chosen = search.choose(&names);
-            let moved = case.recentre(&chosen) | case.late(&chosen);
-            let goes_on =
-                round < RIPPLE_ROUNDS && (refine::find_ripple(case, &chosen, used) || moved);
-            names.clone_from(&chosen.names);
+            let search = nonlinear_parameters::search(case, &products, &always);
+            let chosen = search.select(&names);
+            let moved = case.recentre_payloads(&chosen) | case.update_delay(&chosen);
+            let goes_on = round < RIPPLE_ROUNDS
+                && (nonlinear_parameters::find_ripple(case, &chosen, used) || moved);
+            names.clone_from(&chosen.terms);
             selection = Some(chosen);
             if !goes_on {
                 break;
             }
         }
         let Some(selection) = selection else { continue };
-        refine::settle(case, &selection, &always, used);
+        nonlinear_parameters::search_parameters(case, &selection, &always, used);
         let products = case.products(used);
-        let search = refine::search(case, &products, &always);
-        let selection = search.choose(&selection.names);
-        let doubts = if always.len() > case.open.len() { DOUBTED } else { 0.0 };
-        let score = search.score(&selection) - products.room(&always) - doubts;
+        let search = nonlinear_parameters::search(case, &products, &always);
+        let selection = search.select(&selection.terms);
+        let doubts =
+            if always.len() > case.always_fitted.len() { FITTED_MASSES_PENALTY } else { 0.0 };
+        let score = search.score(&selection) - products.log_occam_factor(&always) - doubts;
         if best.as_ref().is_none_or(|(most, ..)| score > *most) {
             best = Some((score, always, selection));
         }
@@ -262,22 +284,22 @@ fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Select
         Some((_, always, selection)) => (always, selection),
         None => {
             let products = case.products(used);
-            let selection = refine::search(case, &products, &[]).solve(&[]);
+            let selection = nonlinear_parameters::search(case, &products, &[]).solve(&[]);
             (Vec::new(), selection)
         }
     }
 }
 
 /// Finds low-speed zones that no candidate effect describes, and excludes their rows from the fit.
-fn zones(case: &mut Case, selection: &Selection, used: &[bool]) -> Vec<Zone> {
+fn zones(case: &mut Case, selection: &TermSelection, used: &[bool]) -> Vec<Zone> {
     let joints: Vec<usize> = case.table.joints().collect();
     let mut zones = Vec::new();
     for joint in joints {
         let left = case.residual(&selection.solved, joint);
-        if let Some(zone) = zone::find(&case.motion, &case.table, joint, &left, used) {
-            let speeds = zone::speeds(&case.motion, joint);
+        if let Some(zone) = low_speed_zone::find(&case.motion, &case.table, joint, &left, used) {
+            let speeds = low_speed_zone::speeds(&case.motion, joint);
             let counts = case.table.counts[joint].iter_mut();
-            counts.zip(speeds).for_each(|(counts, speed)| *counts &= speed >= zone.below);
+            counts.zip(speeds).for_each(|(counts, speed)| *counts &= speed >= zone.speed_limit);
             zones.push(zone);
         }
     }
@@ -286,19 +308,24 @@ fn zones(case: &mut Case, selection: &Selection, used: &[bool]) -> Vec<Zone> {
 
 /// Includes the rows of a zone again if effects selected without them leave a much larger residual there than those selected with them: a known
 /// effect acts there. Returns whether any zone was reopened.
-fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used: &[bool]) -> bool {
+fn reopen_zones(
+    case: &mut Case,
+    zones: &mut Vec<Zone>,
+    selection: &TermSelection,
+    used: &[bool],
+) -> bool {
     let before = zones.len();
     zones.retain(|zone| {
         let left = case.residual(&selection.solved, zone.joint);
-        let speeds = zone::speeds(&case.motion, zone.joint);
+        let speeds = low_speed_zone::speeds(&case.motion, zone.joint);
         let moves = &case.table.moves[zone.joint];
         let within: Vec<f64> = (0..left.len())
-            .filter(|row| used[*row] && moves[*row] && speeds[*row] < zone.below)
+            .filter(|row| used[*row] && moves[*row] && speeds[*row] < zone.speed_limit)
             .map(|row| left[row])
             .collect();
         let rms =
             libm::sqrt(within.iter().map(|x| x * x).sum::<f64>() / within.len().max(1) as f64);
-        let is_lawless = rms < LOST * zone.left[0];
+        let is_lawless = rms < ZONE_RESIDUAL_RATIO_MOST * zone.residual_rms[0];
         if !is_lawless {
             case.table.counts[zone.joint].clone_from(&case.table.moves[zone.joint]);
         }
@@ -309,49 +336,59 @@ fn reopened(case: &mut Case, zones: &mut Vec<Zone>, selection: &Selection, used:
 
 /// Drops the effects that the validation set does not support, by the residual itself and by the whitened residual; then selects again, since the
 /// dropped effects may have displaced others.
-fn confirmed(case: &Case, always: &[usize], mut selection: Selection) -> Selection {
-    let products = case.products(&case.rows.train);
-    let search = refine::search(case, &products, always);
-    let Some(fell) = fallen(case, &search, &mut selection) else { return selection };
-    let renamed = search.renamed(selection).names;
+fn confirmed_by_validation(
+    case: &Case,
+    always: &[usize],
+    mut selection: TermSelection,
+) -> TermSelection {
+    let products = case.products(&case.row_sets.train);
+    let search = nonlinear_parameters::search(case, &products, always);
+    let Some(fell) = drop_unsupported(case, &search, &mut selection) else { return selection };
+    let renamed = search.exchanged_everywhere(selection).terms;
     let never: Vec<usize> = fell.into_iter().filter(|name| !renamed.contains(name)).collect();
-    let mut selection = search.choose_but(&renamed, &never);
-    match fallen(case, &search, &mut selection) {
-        Some(_) => search.renamed(selection),
+    let mut selection = search.select_excluding(&renamed, &never);
+    match drop_unsupported(case, &search, &mut selection) {
+        Some(_) => search.exchanged_everywhere(selection),
         None => selection,
     }
 }
 
 /// Removes unsupported effects one by one, the least supported first; returns them, or `None` if all are supported.
-fn fallen(case: &Case, search: &Search<'_>, selection: &mut Selection) -> Option<Vec<usize>> {
-    let look = &case.rows.validation;
-    let left = |selection: &Selection| {
+fn drop_unsupported(
+    case: &Case,
+    search: &TermSearch<'_>,
+    selection: &mut TermSelection,
+) -> Option<Vec<usize>> {
+    let look = &case.row_sets.validation;
+    let left = |selection: &TermSelection| {
         [
-            prove::rms_outside(case, &selection.solved, look),
-            prove::news(case, &selection.solved, look),
+            fit_quality::rms_outside(case, &selection.solved, look),
+            fit_quality::innovation_rms(case, &selection.solved, look),
         ]
     };
-    let both = case.products(&case.rows.seen());
-    let foretold = |selection: &Selection| {
+    let both = case.products(&case.row_sets.seen());
+    let foretold = |selection: &TermSelection| {
         let columns = &selection.solved.columns;
-        both.likelihood(columns) - search.products.likelihood(columns)
+        both.log_marginal_likelihood(columns) - search.products.log_marginal_likelihood(columns)
     };
     let mut fell = Vec::new();
     loop {
         let whole = left(selection);
         let told = foretold(selection);
-        let asked = selection.names.iter().filter(|name| !case.is_belief(**name, search.always));
+        let asked =
+            selection.terms.iter().filter(|name| !case.is_exempt_from_test(**name, search.always));
         let asked = asked.filter(|name| {
-            foretold(&search.solve(&others(&selection.names, **name))) > told - BEARS
+            foretold(&search.solve(&without_term(&selection.terms, **name)))
+                > told - PREDICTIVE_GAIN_LEAST
         });
         let harm = |name: &usize| {
-            let without = left(&search.solve(&others(&selection.names, *name)));
+            let without = left(&search.solve(&without_term(&selection.terms, *name)));
             (without[0] / whole[0]).max(without[1] / whole[1]) - 1.0
         };
         let worst = asked.map(|name| (*name, harm(name)));
         match worst.min_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((name, harm)) if harm < TELLS => {
-                *selection = search.solve(&others(&selection.names, name));
+            Some((name, harm)) if harm < RESIDUAL_INCREASE_LEAST => {
+                *selection = search.solve(&without_term(&selection.terms, name));
                 fell.push(name);
             }
             _ => return (!fell.is_empty()).then_some(fell),

@@ -1,14 +1,15 @@
-//! Calibrations of a KR 240 whose truth is a product of exponentials with every axis off, beside drives that give way: kinematics and gravity written anew, no
-//! effect of the product.
+//! Calibrations of a KR 240 simulated with errors of every axis and compliant drives. Kinematics (product of exponentials) and gravity are implemented
+//! independently here, without the effects of `physics`.
 //!
-//! Frame and targets are unknown, so a third of the numbers of the geometry are gauge freedoms, and axes 2 and 3 are parallel but for the errors: what is a
-//! freedom of the drawing shows a little in the robot. The fit has to end at the noise whatever poses train.
+//! Frame and targets are fitted, so that a third of the geometric parameters are gauge freedoms. Axes 2 and 3 are nominally parallel: a direction that is
+//! not identifiable for the nominal geometry is weakly identifiable for the real robot. The residual must reach the noise for every training set.
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
-use diagnosis::proof::{Calibration, Errors, Split, calibrate};
+use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
 use diagnosis::{
-    Arrival, Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Instrument, Noise, Observation,
-    Place, Pose, Reading, Settings, Source, Station, Surroundings, fit,
+    Arrival, Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis,
+    Influence, Instrument, MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo,
+    ToolPoint, fit,
 };
 use glam::{DQuat, DVec3};
 use physics::{AnyEffect, Frame, Inputs, JOINTS_MAX, Model};
@@ -21,7 +22,7 @@ use recording::model::presets::preset;
 const NOISE_M: f64 = 5e-5;
 const POSES: usize = 100;
 const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.80665);
-/// Axis, a point on it (m), mass (kg) and its middle (m) of each link, as the preset states them.
+/// Axis, a point on it (m), mass (kg) and centre of mass (m) of a link, from the preset.
 type Link = (DVec3, DVec3, f64, DVec3);
 
 fn links(model: &Model) -> Vec<Link> {
@@ -32,9 +33,9 @@ fn links(model: &Model) -> Vec<Link> {
     model.arm.joints().iter().map(of).collect()
 }
 
-/// A robot as built.
+/// A simulated robot.
 struct Robot {
-    /// Zero (rad), turn of the axis (rotation vector), place of the axis (m) and compliance (rad/Nm) of each joint.
+    /// Zero offset (rad), tilt of the axis (rotation vector, rad), displacement of the axis (m) and compliance (rad/Nm) of each joint.
     errors: Vec<(f64, DVec3, DVec3, f64)>,
     measuring: (DQuat, DVec3),
     targets: [DVec3; 3],
@@ -57,7 +58,7 @@ impl Robot {
         Self { errors, measuring: (turned, vector(2.0)), targets }
     }
 
-    /// Where the targets are seen.
+    /// Positions of the targets in the measuring frame, m.
     fn seen(&self, links: &[Link], model: &Model, q: &[f64]) -> [DVec3; 3] {
         let loads = loads(links, q);
         let mut pose = RigidMotion::NONE;
@@ -96,7 +97,7 @@ impl RigidMotion {
     }
 }
 
-/// The torque of the weight at each joint, Nm.
+/// Gravity torque of each joint, Nm.
 fn loads(links: &[Link], q: &[f64]) -> Vec<f64> {
     let mut pose = RigidMotion::NONE;
     let (mut axes, mut middles) = (Vec::new(), Vec::new());
@@ -112,7 +113,7 @@ fn loads(links: &[Link], q: &[f64]) -> Vec<f64> {
     axes.iter().enumerate().map(load).collect()
 }
 
-/// The places of the axes as shifts that carry all that follows and have no part along the axis itself.
+/// Displacements of the axes relative to the preceding ones, without components along the axes, as `axis_shift` has them, m.
 fn carried(links: &[Link], robot: &Robot) -> Vec<DVec3> {
     let mut moved = DVec3::ZERO;
     let one = |((axis, ..), (_, _, place, _)): (&Link, &(f64, DVec3, DVec3, f64))| {
@@ -124,10 +125,10 @@ fn carried(links: &[Link], robot: &Robot) -> Vec<DVec3> {
     links.iter().zip(&robot.errors).map(one).collect()
 }
 
-/// Poses within the joints' ranges, seen by a tracker with this noise, m.
+/// Simulated measurements at random poses, by a tracker with noise of `noise_m`.
 fn measured(model: &Model, robot: &Robot, noise_m: f64, chance: &mut ChaCha8Rng) -> Campaign {
     let links = links(model);
-    let whitening = Noise::Equal(NOISE_M).whitening(DVec3::ZERO).expect("sound");
+    let whitening = ReadingNoise::Equal(NOISE_M).whitening(DVec3::ZERO).expect("sound");
     let ranges = [[-3.2, 3.2], [-2.2, -0.3], [-0.8, 1.8], [-3.0, 3.0], [-2.1, 2.1], [-3.0, 3.0]];
     let pose = |row: usize| {
         let mut q = [0.0; JOINTS_MAX];
@@ -138,30 +139,30 @@ fn measured(model: &Model, robot: &Robot, noise_m: f64, chance: &mut ChaCha8Rng)
         let mut normal = || noise_m * chance.sample::<f64, _>(StandardNormal);
         let seen = points.iter().enumerate().map(|(target, point)| {
             let at = *point + DVec3::new(normal(), normal(), normal());
-            let reading = Reading::Point { place: Place::Target(target), frame: 0, at };
+            let reading = Reading::Point { place: ToolPoint::Target(target), frame: 0, at };
             Observation { reading, whitening, instrument: 0 }
         });
         let seen = seen.collect();
         Pose { inputs: Inputs::at_rest(q), arrival: Arrival::Settled, recording: 0, row, seen }
     };
-    let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
+    let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
     Campaign {
         poses: (0..POSES).map(pose).collect(),
-        surroundings: Surroundings {
-            frames: vec![Fitted::unknown(station)],
-            targets: vec![Fitted::unknown(DVec3::ZERO); 3],
-            ..Surroundings::default()
+        surroundings: Extrinsics {
+            frames: vec![FitParameter::unknown(station)],
+            targets: vec![FitParameter::unknown(DVec3::ZERO); 3],
+            ..Extrinsics::default()
         },
         instruments: vec![Instrument {
             name: "tracker".to_owned(),
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec![Source::of_poses("made")],
+        recordings: vec![RecordingInfo::of_poses("made")],
     }
 }
 
-/// A robot with what was measured of it, and what would be without noise at poses that nobody measured.
+/// A robot with its measurements, and noise-free measurements at other poses.
 struct Case {
     robot: Robot,
     campaign: Campaign,
@@ -176,19 +177,23 @@ fn case(model: &Model, number: u64) -> Case {
     Case { robot, campaign, unseen }
 }
 
-/// What two thirds of the poses give, drawn with `seed`.
+/// Calibration on 70 % of the poses, selected at random with `seed`.
 fn calibrated(model: &Model, campaign: &Campaign, seed: u64) -> Calibration {
-    let training = Split::random(campaign, 0.7, seed).training;
+    let training = HoldOutSplit::random(campaign, 0.7, seed).training;
     calibrate(campaign, model, &[], &training, &mut |_| ())
 }
 
-/// How far the model is off where nobody measured, frame and targets fitted: root mean square, m.
+/// RMS error at poses that were not measured, with frame and targets fitted, m.
 fn off(found: &Fit, unseen: &Campaign) -> f64 {
     let used = vec![true; unseen.poses.len()];
-    let settings =
-        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &used,
+        influence: Influence::Equal,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let registered = fit(unseen, &Hypothesis::fixed(*found.hypothesis.model), &settings);
-    let errors = Errors::of(&registered, unseen, &used).sorted_m;
+    let errors = PositionErrors::of(&registered, unseen, &used).sorted_m;
     (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
 }
 
@@ -218,7 +223,7 @@ fn where_targets_are_known_the_tools_place_on_the_flange_is_fitted_too() {
     for number in 0..3 {
         let Case { robot, mut campaign, mut unseen } = case(&model, number);
         for campaign in [&mut campaign, &mut unseen] {
-            campaign.surroundings.targets = robot.targets.map(Fitted::known).to_vec();
+            campaign.surroundings.targets = robot.targets.map(FitParameter::known).to_vec();
         }
         let found = calibrated(&model, &campaign, 1).advanced.fit;
         assert!(found.factors == [1.0], "{number}: {:?}", found.factors);
@@ -256,6 +261,6 @@ fn what_is_called_identifiable_lies_within_its_interval() {
             inside += u32::from((value - truth).abs() < 2.0 * sigma);
         }
     }
-    // Of some forty numbers 95 % are expected, and 84 % is as rare as three standard deviations.
+    // 95 % of about forty parameters are expected inside; 84 % is three standard deviations below.
     assert!(all >= 32 && f64::from(inside) > 0.84 * f64::from(all), "{inside} of {all}");
 }

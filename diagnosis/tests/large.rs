@@ -1,19 +1,19 @@
-//! A long recording in a process of its own, whose peak memory the kernel reports.
+//! Peak memory with a long recording. The test has its own process, since the kernel reports the peak of the whole process.
 
-use diagnosis::diagnose::{Thinned, ingest};
+use diagnosis::diagnose::{ThinnedRecordings, screen_recordings};
 use recording::model::presets::preset;
 use recording::series::{Channel, Recording};
 
 const ROWS: usize = 1_000_000;
 
-/// The most memory that this process ever held, MB; none where the kernel does not tell.
+/// Peak resident memory of this process, MB; `None` if the kernel does not report it.
 fn most_mb() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? / 1024)
 }
 
-/// Its ten columns are 80 MB; as many poses would be more than a gigabyte.
+/// The ten columns of the recording take 80 MB; one pose per row would take more than a gigabyte.
 #[test]
 fn of_a_million_rows_only_those_that_are_looked_at_become_poses() {
     let arm = preset("irb1600-6-145").expect("preset").model().expect("sound").physics.arm;
@@ -30,9 +30,9 @@ fn of_a_million_rows_only_those_that_are_looked_at_become_poses() {
             .set(Channel::Position(axis), (0..ROWS).map(|k| libm::cos(rate * time(k))).collect());
     }
     let mut one = [recording];
-    let seen = ingest(&arm, &mut one);
+    let seen = screen_recordings(&arm, &mut one);
     assert!(seen.doubts.is_empty(), "{seen:?}");
-    let thinned = Thinned::at(&arm, &one).expect("usable");
+    let thinned = ThinnedRecordings::select(&arm, &one).expect("usable");
     assert!(thinned.moves && thinned.rows == ROWS, "{}", thinned.rows);
     let read = thinned.campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
     assert!((2_900..3_100).contains(&read), "{read}");

@@ -4,16 +4,16 @@
 //! that a limiter may use: it is at most the time actually elapsed, and after a pause the
 //! receiver is at rest, so that motion restarts from rest instead of catching up at once.
 
-use crate::track::NODES_S;
+use crate::track::NODE_SPACING_S;
 
 /// A silence is longer than this multiple of the shorter of the two intervals before it, and than
 /// [`SILENCE_S`]. With two intervals, a sender that has become slow is recognised at the third
 /// interval, and one that paused twice is not taken for a slow one.
-const SILENT_INTERVALS: f64 = 3.0;
+const SILENCE_INTERVALS: f64 = 3.0;
 /// The shortest silence, s: five cycles of a 4 ms controller.
 const SILENCE_S: f64 = 0.02;
 /// Intervals over which jitter is measured.
-const INTERVALS: usize = 8;
+const JITTER_INTERVALS: usize = 8;
 
 /// The time since the last output, and by how much the times of outputs are uncertain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,14 +27,14 @@ pub struct Elapsed {
 impl Elapsed {
     /// An interval between exactly known times.
     #[must_use]
-    pub const fn exactly(dt_s: f64) -> Self {
+    pub const fn exact(dt_s: f64) -> Self {
         Self { dt_s, jitter_s: 0.0 }
     }
 }
 
 /// Largest difference between the stamps of commands and the clock, ns; beyond it, the clock of the
 /// stamps was set.
-const PARTED_NS: u64 = 20_000_000;
+const STAMP_OFFSET_MAX_NS: u64 = 20_000_000;
 
 /// Measures the time between outputs by the stamps of the commands, which both sides know and which
 /// have no scheduling jitter, as long as it stays within 20 ms of the clock; otherwise by the
@@ -44,11 +44,11 @@ pub struct Intervals {
     last_ns: Option<u64>,
     /// The newest stamp, and the offset of the stamps, ns.
     stamp_ns: u64,
-    ahead_ns: i64,
+    stamp_offset_ns: i64,
     /// The last two intervals, s, including silences.
     before_s: [f64; 2],
     /// The newest intervals since a silence, s, as a ring; zero for missing ones.
-    ring: [f64; INTERVALS],
+    ring: [f64; JITTER_INTERVALS],
     newest: usize,
 }
 
@@ -65,9 +65,9 @@ impl Intervals {
         Self {
             last_ns: None,
             stamp_ns: 0,
-            ahead_ns: 0,
+            stamp_offset_ns: 0,
             before_s: [0.0; 2],
-            ring: [0.0; INTERVALS],
+            ring: [0.0; JITTER_INTERVALS],
             newest: 0,
         }
     }
@@ -88,11 +88,11 @@ impl Intervals {
         }
         let [last_s, before_s] = self.before_s;
         self.before_s = [passed_s, last_s];
-        if passed_s > SILENCE_S.max(SILENT_INTERVALS * last_s.min(before_s)) {
-            (self.ring, self.newest) = ([0.0; INTERVALS], 0);
+        if passed_s > SILENCE_S.max(SILENCE_INTERVALS * last_s.min(before_s)) {
+            (self.ring, self.newest) = ([0.0; JITTER_INTERVALS], 0);
             return None;
         }
-        self.newest = (self.newest + 1) % INTERVALS;
+        self.newest = (self.newest + 1) % JITTER_INTERVALS;
         self.ring[self.newest] = passed_s;
         Some(Elapsed { dt_s: passed_s, jitter_s: self.jitter_s() })
     }
@@ -103,11 +103,11 @@ impl Intervals {
             return now_ns;
         };
         self.stamp_ns = stamp_ns;
-        let by_stamp = stamp_ns.saturating_add_signed(self.ahead_ns);
-        if by_stamp.abs_diff(now_ns) <= PARTED_NS {
+        let by_stamp = stamp_ns.saturating_add_signed(self.stamp_offset_ns);
+        if by_stamp.abs_diff(now_ns) <= STAMP_OFFSET_MAX_NS {
             return by_stamp;
         }
-        self.ahead_ns = now_ns.cast_signed().wrapping_sub(stamp_ns.cast_signed());
+        self.stamp_offset_ns = now_ns.cast_signed().wrapping_sub(stamp_ns.cast_signed());
         now_ns
     }
 
@@ -117,8 +117,11 @@ impl Intervals {
     fn jitter_s(&self) -> f64 {
         let (mut shortest, mut longest) = (f64::MAX, 0.0_f64);
         for interval_s in self.ring {
-            shortest =
-                if interval_s >= NODES_S && interval_s < shortest { interval_s } else { shortest };
+            shortest = if interval_s >= NODE_SPACING_S && interval_s < shortest {
+                interval_s
+            } else {
+                shortest
+            };
             longest = if interval_s > longest { interval_s } else { longest };
         }
         (longest - shortest).clamp(0.0, shortest)

@@ -5,15 +5,15 @@
 //! same ones to ramp the last correction to zero when the daemon is gone. Joint units are rad for a
 //! revolute, m for a prismatic joint.
 //!
-//! Guarantees for each joint, for any `wanted` and any jitter of the cycle:
+//! Guarantees for each joint, for any `requested` and any jitter of the cycle:
 //! - `|c| ≤ angle` at every output, `|Δc|/dt ≤ rate` between two, and the third divided difference
 //!   of any four in a row (`Δ³c/dt³` for even spacing) at most `jerk`, all to rounding. For outputs less
 //!   than 50 µs apart this applies to those that are 50 µs apart: they
 //!   stay within `jerk · (50 µs)³` (1e-12 rad at 8 rad/s³) of a motion that satisfies it;
-//! - the output is `wanted` bit for bit, without lag, while `wanted` stays inside the limits with
+//! - the output is `requested` bit for bit, without lag, while `requested` stays inside the limits with
 //!   room to stop (see [`Limiter::step`]);
-//! - after a jump it returns to `wanted` in about the time that half the jerk limit takes, if
-//!   `wanted` itself needs no more than the other half; noise beyond that is smoothed, without lag.
+//! - after a jump it returns to `requested` in about the time that half the jerk limit takes, if
+//!   `requested` itself needs no more than the other half; noise beyond that is smoothed, without lag.
 //!
 //! It never reads a clock, allocates, logs or panics.
 #![no_std]

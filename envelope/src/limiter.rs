@@ -1,10 +1,10 @@
 //! Limits one joint's correction in position, rate and jerk.
 //!
 //! The next output is the first of these that the limits allow:
-//! 1. `wanted`, plus an offset that decays to zero along a plan. The offset is zero in normal
-//!    operation; a jump of `wanted` becomes an offset (this is known as inertialisation).
-//! 2. One step of a plan from the present motion onto the trend of `wanted`, while `wanted` jumps or
-//!    fluctuates too much to be followed. Plans use half the jerk limit; the other half is left for `wanted`.
+//! 1. `requested`, plus an offset that decays to zero along a plan. The offset is zero in normal
+//!    operation; a jump of `requested` becomes an offset (this is known as inertialisation).
+//! 2. One step of a plan from the present motion onto the trend of `requested`, while `requested` jumps or
+//!    fluctuates too much to be followed. Plans use half the jerk limit; the other half is left for `requested`.
 //! 3. One step of the fastest stop, at full jerk.
 //!
 //! Limits may change at any time. A motion that cannot stop within the new ones keeps the larger of
@@ -18,26 +18,26 @@ use crate::Limits;
 use crate::elapsed::Elapsed;
 use crate::motion::Motion;
 use crate::plan::{Plan, Ramp};
-use crate::track::{Times, Track};
+use crate::track::{SampleTimes, Track};
 
-/// Shares of rate and jerk that plans may use; the rest is left for `wanted` itself.
+/// Shares of rate and jerk that plans may use; the rest is left for `requested` itself.
 const PLANNED_RATE: f64 = 0.9;
 const PLANNED_JERK: f64 = 0.5;
-/// Least share of the rate for a plan relative to a moving `wanted`, so that it makes progress.
-const LEAST_RATE: f64 = 0.05;
+/// Least share of the rate for a plan relative to a moving `requested`, so that it makes progress.
+const PLANNED_RATE_MIN: f64 = 0.05;
 /// A swing below this share of the rate is neglected.
-const NO_SWING: f64 = 0.05;
-/// Smoothing time of the trend of a fluctuating `wanted`.
-const TREND_S: f64 = 0.03;
-/// Time constant with which earlier values of `wanted` are forgotten.
-const REACH_S: f64 = 0.1;
-/// Number of consecutive steady samples before `wanted` is followed again; noise near the jerk
+const SWING_NEGLECTED: f64 = 0.05;
+/// Smoothing time of the trend of a fluctuating `requested`.
+const TREND_SMOOTHING_S: f64 = 0.03;
+/// Time constant with which earlier values of `requested` are forgotten.
+const RANGE_FADING_S: f64 = 0.1;
+/// Number of consecutive steady samples before `requested` is followed again; noise near the jerk
 /// limit has a few by chance.
-const TRUSTED_AFTER: u8 = 8;
+const STEADY_SAMPLES_MIN: u8 = 8;
 /// Samples may deviate from the filtered motion as long as a plan that starts there shows at most
 /// this multiple of the jerk of jitter: four samples with the largest error of a single one give 1;
 /// an error taken for jitter several times in a row gives more.
-const LEAVING_JITTER: f64 = 2.0;
+const DEPARTURE_JERK_MAX: f64 = 2.0;
 /// Rounding allowed for a motion at its limits, as a share of the position limit.
 const ROUNDING: f64 = 1e-9;
 
@@ -45,37 +45,37 @@ const ROUNDING: f64 = 1e-9;
 #[derive(Clone, Copy, Debug)]
 pub struct Limiter {
     /// Times of the samples of all following tracks.
-    times: Times,
+    times: SampleTimes,
     /// The outputs.
     output: Track,
     /// The motion in continuous time that the outputs are samples of.
     motion: Motion,
     /// The requested values, clamped to the position limit.
-    wanted: Track,
-    /// The motion of `wanted`: exact while it is steady, otherwise smoothed (without lag on a
+    requested: Track,
+    /// The motion of `requested`: exact while it is steady, otherwise smoothed (without lag on a
     /// ramp).
     trend: Motion,
-    /// The lowest and the highest recent value of `wanted`, fading.
-    reach: (f64, f64),
-    /// Steady samples in a row, up to [`TRUSTED_AFTER`].
-    steady: u8,
-    /// The decaying offset of the output from `wanted`; `None` while `wanted` is not followed.
+    /// The lowest and the highest recent value of `requested`, fading.
+    recent_range: (f64, f64),
+    /// Steady samples in a row, up to [`STEADY_SAMPLES_MIN`].
+    steady_samples: u8,
+    /// The decaying offset of the output from `requested`; `None` while `requested` is not followed.
     offset: Option<Plan>,
     /// The last requested value, before clamping.
-    asked: f64,
+    last_request: f64,
     /// The limits in force; `None` before the first step.
     in_force: Option<Limits>,
 }
 
 /// Shares of the limits of rate and jerk for a joint's plans; 1 for a joint that moves alone.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Pace {
+pub(crate) struct LimitShares {
     pub(crate) rate: f64,
     pub(crate) jerk: f64,
 }
 
-impl Pace {
-    pub(crate) const ALONE: Self = Self { rate: 1.0, jerk: 1.0 };
+impl LimitShares {
+    pub(crate) const FULL: Self = Self { rate: 1.0, jerk: 1.0 };
 }
 
 impl Limiter {
@@ -90,18 +90,21 @@ impl Limiter {
     /// The caller checks that the numbers are finite; others count as zero in [`Limiter::step`].
     #[must_use]
     pub const fn from_motion(value: f64, rate: f64, acceleration: f64) -> Self {
-        let motion =
-            Motion { value: finite(value), rate: finite(rate), acceleration: finite(acceleration) };
+        let motion = Motion {
+            value: finite_or_zero(value),
+            rate: finite_or_zero(rate),
+            acceleration: finite_or_zero(acceleration),
+        };
         Self {
-            times: Times::START,
+            times: SampleTimes::START,
             output: Track::from_motion(motion),
             motion,
-            wanted: Track::from_motion(motion),
+            requested: Track::from_motion(motion),
             trend: motion,
-            reach: (motion.value, motion.value),
-            steady: TRUSTED_AFTER,
-            offset: Some(Plan::OVER),
-            asked: f64::NAN,
+            recent_range: (motion.value, motion.value),
+            steady_samples: STEADY_SAMPLES_MIN,
+            offset: Some(Plan::FINISHED),
+            last_request: f64::NAN,
             in_force: None,
         }
     }
@@ -138,74 +141,74 @@ impl Limiter {
     /// Whether the last output was exactly the requested value.
     #[must_use]
     pub fn is_following(&self) -> bool {
-        self.output.value() == self.asked
+        self.output.value() == self.last_request
     }
 
     /// The output `dt_s` after the last one.
     ///
-    /// It equals `wanted` bit for bit while `wanted` keeps the limits and could at each sample
+    /// It equals `requested` bit for bit while `requested` keeps the limits and could at each sample
     /// still stop within them (a signal that reaches the position limit at full rate could not).
-    /// Beyond the position limit `wanted` counts as the limit; if not finite, as zero: the
+    /// Beyond the position limit `requested` counts as the limit; if not finite, as zero: the
     /// correction ramps to zero. If `dt_s` is not above zero, no time passes: the last output is
     /// repeated.
     pub fn step(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> f64 {
-        let elapsed = Elapsed::exactly(dt_s);
-        if !self.step_with(wanted, limits, elapsed) {
-            self.step_onto(limits, Pace::ALONE, elapsed);
+        let elapsed = Elapsed::exact(dt_s);
+        if !self.try_follow(wanted, limits, elapsed) {
+            self.step_on_plan(limits, LimitShares::FULL, elapsed);
         }
         self.value()
     }
 
-    /// The next output, if it may be `wanted` and its offset; otherwise [`Limiter::step_onto`] has
+    /// The next output, if it may be `requested` and its offset; otherwise [`Limiter::step_on_plan`] has
     /// to compute it.
-    pub(crate) fn step_with(&mut self, wanted: f64, limits: &Limits, elapsed: Elapsed) -> bool {
-        self.asked = wanted;
+    pub(crate) fn try_follow(&mut self, wanted: f64, limits: &Limits, elapsed: Elapsed) -> bool {
+        self.last_request = wanted;
         let Elapsed { dt_s, jitter_s } = elapsed;
         if !(dt_s > 0.0 && dt_s.is_finite()) {
             return true;
         }
-        self.times.pass(dt_s, jitter_s);
-        let in_force = self.take_limits(limits);
-        self.observe(finite(wanted), limits, dt_s);
+        self.times.advance(dt_s, jitter_s);
+        let in_force = self.update_limits(limits);
+        self.observe(finite_or_zero(wanted), limits, dt_s);
         in_force == *limits && self.follow(limits, dt_s)
     }
 
     /// The next output, on a plan at this pace.
-    pub(crate) fn step_onto(&mut self, limits: &Limits, pace: Pace, elapsed: Elapsed) {
+    pub(crate) fn step_on_plan(&mut self, limits: &Limits, pace: LimitShares, elapsed: Elapsed) {
         let dt_s = elapsed.dt_s;
         if self.offset.is_some() {
-            self.steady = 0;
+            self.steady_samples = 0;
         }
         if let Some(in_force) = self.in_force.filter(|in_force| in_force != limits) {
-            let braked = self.braked(limits, &in_force, dt_s);
-            self.put_out(braked);
+            let braked = self.braking_step(limits, &in_force, dt_s);
+            self.set_output(braked);
             self.offset = None;
             return;
         }
-        let on_plan = self.chase(limits, pace, dt_s);
+        let on_plan = self.approach(limits, pace, dt_s);
         // A stop leaves more acceleration than a slow plan could remove without a swing.
-        let pace = if on_plan { pace } else { Pace::ALONE };
-        let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits, pace);
-        self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
+        let pace = if on_plan { pace } else { LimitShares::FULL };
+        let plan = || plan_to_target(self.motion.minus(self.trend), self.trend.rate, limits, pace);
+        self.offset = (self.steady_samples >= STEADY_SAMPLES_MIN).then(plan);
     }
 
-    /// Whether the output has not yet reached `wanted`.
+    /// Whether the output has not yet reached `requested`.
     pub(crate) fn is_ramping(&self) -> bool {
-        self.offset.is_none_or(|offset| !offset.is_over())
+        self.offset.is_none_or(|offset| !offset.is_finished())
     }
 
     /// Whether former limits still apply because the motion cannot yet stop within the new ones.
-    pub(crate) fn brakes_into(&self, limits: &Limits) -> bool {
+    pub(crate) fn is_braking_into(&self, limits: &Limits) -> bool {
         self.in_force.is_some_and(|in_force| in_force != *limits)
     }
 
     /// Drops the plan: the next output is on a new one, which may be faster.
-    pub(crate) fn plan_anew(&mut self) {
+    pub(crate) fn drop_plan(&mut self) {
         self.offset = None;
     }
 
     /// Takes over new limits, or the larger of both where the motion cannot stop within the new ones.
-    fn take_limits(&mut self, limits: &Limits) -> Limits {
+    fn update_limits(&mut self, limits: &Limits) -> Limits {
         let in_force = match self.in_force {
             Some(in_force) if in_force == *limits => *limits,
             _ if self.motion.stops_inside(limits) => *limits,
@@ -224,20 +227,22 @@ impl Limiter {
     /// `limits`, widened as far as the motion needs for a stop: only by rounding, unless the motion
     /// came from another limiter.
     fn with_room_to_stop(&self, limits: Limits) -> Limits {
-        let (angle, rate) = self.motion.room_to_stop(limits.jerk());
-        limits.with_room_for(angle, rate)
+        let (angle, rate) = self.motion.stopping_extremes(limits.jerk());
+        limits.widened_to(angle, rate)
     }
 
     /// One step of braking into `limits` from a motion that keeps `in_force`.
     ///
     /// Inside the new angle that is the fastest stop. Outside, it is the fastest way to what is
     /// wanted, or to the bound of the angle where that lies outside too.
-    fn braked(&self, limits: &Limits, in_force: &Limits, dt_s: f64) -> Motion {
-        let stop = self.stopping(in_force, dt_s);
+    fn braking_step(&self, limits: &Limits, in_force: &Limits, dt_s: f64) -> Motion {
+        let stop = self.stopping_step(in_force, dt_s);
         if self.motion.value.abs() <= limits.angle() {
             return stop;
         }
-        let goal = Motion::at_rest(finite(self.asked).clamp(-limits.angle(), limits.angle()));
+        let goal = Motion::at_rest(
+            finite_or_zero(self.last_request).clamp(-limits.angle(), limits.angle()),
+        );
         let rates = (-in_force.rate(), in_force.rate());
         let plan = Plan::to_zero(self.motion.minus(goal), rates, in_force.jerk());
         let next = plan.ahead(dt_s).plus(goal);
@@ -245,56 +250,56 @@ impl Limiter {
         if allowed { next } else { stop }
     }
 
-    /// Offset of the output from the trend of `wanted` and its rate, in a step that already
-    /// includes the new `wanted`.
+    /// Offset of the output from the trend of `requested` and its rate, in a step that already
+    /// includes the new `requested`.
     pub(crate) fn offset(&self, dt_s: f64) -> Motion {
         self.motion.minus(self.trend.after(-dt_s, 0.0))
     }
 
-    /// Distance of the output from `wanted`, in a step that already includes the new `wanted`.
+    /// Distance of the output from `requested`, in a step that already includes the new `requested`.
     pub(crate) fn distance(&self) -> f64 {
-        (self.output.value() - self.wanted.value()).abs()
+        (self.output.value() - self.requested.value()).abs()
     }
 
-    /// Updates the trend of `wanted`, and whether its last samples are steady.
+    /// Updates the trend of `requested`, and whether its last samples are steady.
     fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
         let wanted = wanted.clamp(-limits.angle(), limits.angle());
-        let (track, jerk) = self.wanted.with(wanted, &self.times, limits.jerk());
+        let (track, jerk) = self.requested.with(wanted, &self.times, limits.jerk());
         let spare_jerk = (1.0 - PLANNED_JERK) * limits.jerk();
-        let most_jerk = spare_jerk + self.times.jerk_of_jitter(self.wanted.fastest(&self.times));
+        let most_jerk = spare_jerk + self.times.jitter_jerk(self.requested.fastest(&self.times));
         let most_rate = limits.rate() * (1.0 + self.times.rate_error());
         if jerk.abs() <= most_jerk && track.rate().abs() <= most_rate {
-            self.steady = (self.steady + 1).min(TRUSTED_AFTER);
+            self.steady_samples = (self.steady_samples + 1).min(STEADY_SAMPLES_MIN);
             self.trend = track.motion();
-            self.wanted = track;
+            self.requested = track;
         } else {
-            self.steady = 0;
-            self.wanted = track.jumped_from(&self.wanted, &self.times);
+            self.steady_samples = 0;
+            self.requested = track.after_jump(&self.requested, &self.times);
             self.trend = smoothed(self.trend, wanted, dt_s);
         }
-        let keep = REACH_S / (REACH_S + dt_s);
-        let (lowest, highest) = self.reach;
-        self.reach = (
+        let keep = RANGE_FADING_S / (RANGE_FADING_S + dt_s);
+        let (lowest, highest) = self.recent_range;
+        self.recent_range = (
             (wanted + keep * (lowest - wanted)).min(wanted),
             (wanted + keep * (highest - wanted)).max(wanted),
         );
     }
 
-    /// Puts out `wanted` and its offset, if both are known and the limits allow it.
+    /// Puts out `requested` and its offset, if both are known and the limits allow it.
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
         let Some(offset) = &self.offset else { return false };
-        let wanted = self.wanted.value() + offset.ahead(dt_s).value;
+        let wanted = self.requested.value() + offset.ahead(dt_s).value;
         let (output, jerk) = self.output.with(wanted, &self.times, limits.jerk());
         let motion = output.motion();
-        let excused = self.times.jerk_of_jitter(self.output.fastest(&self.times));
+        let excused = self.times.jitter_jerk(self.output.fastest(&self.times));
         let allowed = jerk.abs() <= limits.jerk() + excused
             && output.rate().abs() <= limits.rate()
             && self.keeps_rate(motion, limits, dt_s)
             && motion.stops_inside(limits)
             && !(self.times.are_uncertain()
-                && output.jerk_of_leaving(&self.times) > LEAVING_JITTER * excused);
+                && output.departure_jerk(&self.times) > DEPARTURE_JERK_MAX * excused);
         if allowed {
-            self.offset.iter_mut().for_each(|offset| offset.pass(dt_s));
+            self.offset.iter_mut().for_each(|offset| offset.advance(dt_s));
             (self.output, self.motion) = (output, motion);
         }
         allowed
@@ -302,25 +307,25 @@ impl Limiter {
 
     /// Moves onto the trend, or to a stop if that would exceed the limits. Returns whether it was
     /// onto the trend.
-    fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
-        let planned = self.onto_trend(limits, pace, dt_s);
-        self.put_out(planned.unwrap_or_else(|| self.stopping(limits, dt_s)));
+    fn approach(&mut self, limits: &Limits, pace: LimitShares, dt_s: f64) -> bool {
+        let planned = self.step_towards_trend(limits, pace, dt_s);
+        self.set_output(planned.unwrap_or_else(|| self.stopping_step(limits, dt_s)));
         planned.is_some()
     }
 
-    fn put_out(&mut self, motion: Motion) {
+    fn set_output(&mut self, motion: Motion) {
         let (output, _) = self.output.with(motion.value, &self.times, f64::INFINITY);
-        (self.output, self.motion) = (output.of(motion), motion);
+        (self.output, self.motion) = (output.with_motion(motion), motion);
     }
 
     /// `None` if the limits do not allow it.
-    fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Option<Motion> {
+    fn step_towards_trend(&self, limits: &Limits, pace: LimitShares, dt_s: f64) -> Option<Motion> {
         let Motion { value, rate, .. } = self.trend;
         let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
-        let ahead = plan_onto(self.motion.minus(trend), rate, limits, pace).ahead(dt_s);
+        let ahead = plan_to_target(self.motion.minus(trend), rate, limits, pace).ahead(dt_s);
         let next = Motion { value, ..trend }.plus(ahead);
         let allowed = next.stops_inside(limits)
-            && self.is_within_reach(next, limits)
+            && self.stops_within_recent_range(next, limits)
             && self.keeps_rate(next, limits, dt_s);
         allowed.then_some(next)
     }
@@ -332,39 +337,40 @@ impl Limiter {
         (next.value - self.motion.value).abs() <= limits.rate() * dt_s + rounding
     }
 
-    fn stopping(&self, limits: &Limits, dt_s: f64) -> Motion {
+    fn stopping_step(&self, limits: &Limits, dt_s: f64) -> Motion {
         let stop = Ramp::to_rate(self.motion, 0.0, limits.jerk()).after(self.motion, dt_s);
         Motion { value: stop.value.clamp(-limits.angle(), limits.angle()), ..stop }
     }
 
-    /// Whether a stop from there ends between the present value and recent values of `wanted`:
+    /// Whether a stop from there ends between the present value and recent values of `requested`:
     /// moving back and forth then builds up no swing.
-    fn is_within_reach(&self, next: Motion, limits: &Limits) -> bool {
+    fn stops_within_recent_range(&self, next: Motion, limits: &Limits) -> bool {
         let stop = |motion, jerk| Ramp::to_rate(motion, 0.0, jerk).end_of(motion).value;
         let ends = [self.motion.value, stop(self.trend, PLANNED_JERK * limits.jerk())];
-        let lowest = ends.iter().fold(self.reach.0, |lowest, end| lowest.min(*end));
-        let highest = ends.iter().fold(self.reach.1, |highest, end| highest.max(*end));
+        let lowest = ends.iter().fold(self.recent_range.0, |lowest, end| lowest.min(*end));
+        let highest = ends.iter().fold(self.recent_range.1, |highest, end| highest.max(*end));
         let slack = ROUNDING * limits.angle();
         (lowest - slack..=highest + slack).contains(&stop(next, limits.jerk()))
     }
 }
 
 /// Plan for the decay of an offset from a target that moves at `target_rate`.
-fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits, pace: Pace) -> Plan {
-    let (rate, least) = (PLANNED_RATE * limits.rate(), LEAST_RATE * limits.rate());
+fn plan_to_target(offset: Motion, target_rate: f64, limits: &Limits, pace: LimitShares) -> Plan {
+    let (rate, least) = (PLANNED_RATE * limits.rate(), PLANNED_RATE_MIN * limits.rate());
     let most = pace.rate * rate;
     let lowest = (-rate - target_rate).min(-least).max(-most);
     let highest = (rate - target_rate).max(least).min(most);
     let (planned, most) = (pace.jerk * PLANNED_JERK * limits.jerk(), limits.jerk());
     // A stop at full jerk may leave more acceleration than a plan could remove without swinging
     // back.
-    let swings = swing(offset, planned) > swing(offset, most) + NO_SWING * limits.rate();
+    let swings = overshoot_rate(offset, planned)
+        > overshoot_rate(offset, most) + SWING_NEGLECTED * limits.rate();
     Plan::to_zero(offset, (lowest, highest), if swings { most } else { planned })
 }
 
 /// The rate away from zero that is left where the fastest stop at `jerk` has removed the
 /// acceleration; zero if the stop first needs more of it.
-fn swing(offset: Motion, jerk: f64) -> f64 {
+fn overshoot_rate(offset: Motion, jerk: f64) -> f64 {
     if offset.coasting_rate(jerk) * offset.acceleration <= 0.0 {
         return 0.0;
     }
@@ -375,7 +381,7 @@ fn swing(offset: Motion, jerk: f64) -> f64 {
 
 /// The trend with another sample: critically damped double exponential smoothing.
 fn smoothed(trend: Motion, sample: f64, dt_s: f64) -> Motion {
-    let keep = libm::exp(-dt_s / TREND_S);
+    let keep = libm::exp(-dt_s / TREND_SMOOTHING_S);
     let expected = trend.value + trend.rate * dt_s;
     let miss = sample - expected;
     Motion {
@@ -385,7 +391,7 @@ fn smoothed(trend: Motion, sample: f64, dt_s: f64) -> Motion {
     }
 }
 
-const fn finite(number: f64) -> f64 {
+const fn finite_or_zero(number: f64) -> f64 {
     if number.is_finite() { number } else { 0.0 }
 }
 

@@ -55,7 +55,7 @@ impl Limits {
 
     /// The same jerk with at least this angle and this rate.
     #[must_use]
-    pub(crate) fn with_room_for(&self, angle: f64, rate: f64) -> Self {
+    pub(crate) fn widened_to(&self, angle: f64, rate: f64) -> Self {
         Self { angle: self.angle.max(angle), rate: self.rate.max(rate), jerk: self.jerk }
     }
 

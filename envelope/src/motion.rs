@@ -47,7 +47,7 @@ impl Motion {
     }
 
     /// The largest of the value and of the distances that rate and acceleration cover in `time_s`.
-    pub(crate) fn reach(self, time_s: f64) -> f64 {
+    pub(crate) fn largest_distance(self, time_s: f64) -> f64 {
         let Self { value, rate, acceleration } = self;
         value.abs().max(rate.abs() * time_s).max(acceleration.abs() * time_s * time_s)
     }
@@ -63,13 +63,13 @@ impl Motion {
     /// rate changes sign (at most once, in the first segment) or at its end.
     #[inline]
     pub(crate) fn stops_inside(self, limits: &Limits) -> bool {
-        self.stops_far_inside(limits) || self.stops_just_inside(limits)
+        self.stops_inside_by_bound(limits) || self.stops_inside_exactly(limits)
     }
 
     /// A sufficient condition without a square root: the stop would end inside even at its highest
     /// rate over its whole duration.
     #[inline]
-    fn stops_far_inside(self, limits: &Limits) -> bool {
+    fn stops_inside_by_bound(self, limits: &Limits) -> bool {
         let Self { value, rate, acceleration } = self;
         // Upper bound of the rate; the stop lasts at most `brake_s` plus twice the root of `fastest
         // / jerk`.
@@ -81,7 +81,7 @@ impl Motion {
             && 4.0 * fastest * fastest * fastest <= limits.jerk() * room * room
     }
 
-    fn stops_just_inside(self, limits: &Limits) -> bool {
+    fn stops_inside_exactly(self, limits: &Limits) -> bool {
         let stop = Ramp::to_rate(self, 0.0, limits.jerk());
         let turn = self.turning_point(stop.first_jerk());
         let end = stop.end_of(self);
@@ -93,7 +93,7 @@ impl Motion {
     }
 
     /// The largest angle and rate during the fastest stop at `jerk`.
-    pub(crate) fn room_to_stop(self, jerk: f64) -> (f64, f64) {
+    pub(crate) fn stopping_extremes(self, jerk: f64) -> (f64, f64) {
         let stop = Ramp::to_rate(self, 0.0, jerk);
         let turn = self.turning_point(stop.first_jerk());
         let end = stop.end_of(self).value;

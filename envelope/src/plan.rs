@@ -12,10 +12,10 @@ use crate::motion::Motion;
 
 /// Limit on iterations for the duration of the first phase, as if each were a bisection: from its
 /// longest value to its last bit.
-const STEPS_MAX: u32 = 60;
+const ITERATIONS_MAX: u32 = 60;
 /// After a Newton step smaller than this share the iteration ends: the next one would be of the
 /// order of its square.
-const NEAR: f64 = 1e-8;
+const RELATIVE_TOLERANCE: f64 = 1e-8;
 
 /// A change of rate that ends without acceleration: one jerk, then its opposite.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,7 +79,7 @@ pub(crate) struct Plan {
 
 impl Plan {
     /// The plan at its end: at rest at zero.
-    pub(crate) const OVER: Self = Self {
+    pub(crate) const FINISHED: Self = Self {
         start: Motion::at_rest(0.0),
         segments: [(0.0, 0.0); 5],
         lasts_s: 0.0,
@@ -104,7 +104,7 @@ impl Plan {
             [a, b, (short_by / cruise.rate, 0.0), d, e]
         } else {
             let longest_s = if speed_up.jerk * push > 0.0 { speed_up.first_s } else { 0.0 };
-            let pushed_s = push_time(start, push, longest_s);
+            let pushed_s = full_jerk_time(start, push, longest_s);
             let [b, c] = Ramp::to_rate(start.after(pushed_s, push), 0.0, jerk).segments();
             [(pushed_s, push), b, c, (0.0, 0.0), (0.0, 0.0)]
         };
@@ -114,17 +114,17 @@ impl Plan {
 
     /// Duration from its start, s.
     #[cfg(test)]
-    pub(crate) fn lasts_s(&self) -> f64 {
+    pub(crate) fn remaining_s(&self) -> f64 {
         self.lasts_s
     }
 
     /// Whether the plan has ended.
-    pub(crate) fn is_over(&self) -> bool {
+    pub(crate) fn is_finished(&self) -> bool {
         self.elapsed_s >= self.lasts_s
     }
 
     /// Advances by `dt_s`.
-    pub(crate) fn pass(&mut self, dt_s: f64) {
+    pub(crate) fn advance(&mut self, dt_s: f64) {
         self.elapsed_s += dt_s;
     }
 
@@ -152,7 +152,7 @@ impl Plan {
 /// With the stop's peak rate `p` and the acceleration `a` along the jerk, the end moves by `(2p +
 /// a)(p + a) / j` per s of the phase while the motion goes in that direction, and not at all
 /// before: the phase is then the first part of the stop itself.
-fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
+fn full_jerk_time(start: Motion, push: f64, longest_s: f64) -> f64 {
     let (jerk, sign) = (push.abs(), push.signum());
     let end = |pushed_s: f64| {
         let pushed = start.after(pushed_s, push);
@@ -165,7 +165,7 @@ fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
     let (mut low_s, mut high_s) = (0.0, longest_s);
     // Exact for a start at rest.
     let mut at_s = libm::cbrt(-end(0.0).0 / (2.0 * jerk)).max(low_s).min(high_s);
-    for _ in 0..STEPS_MAX {
+    for _ in 0..ITERATIONS_MAX {
         let (value, slope) = end(at_s);
         if value > 0.0 {
             high_s = at_s;
@@ -175,7 +175,7 @@ fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
         let by_slope_s = at_s - value / slope;
         if !(by_slope_s >= low_s && by_slope_s <= high_s) {
             at_s = (low_s + high_s) / 2.0;
-        } else if (by_slope_s - at_s).abs() <= NEAR * at_s {
+        } else if (by_slope_s - at_s).abs() <= RELATIVE_TOLERANCE * at_s {
             return by_slope_s;
         } else {
             at_s = by_slope_s;
@@ -219,7 +219,7 @@ mod tests {
         ) {
             let mut whole = Plan::to_zero(start, (-3.0, 3.0), jerk);
             let middle = whole.ahead(at_s);
-            whole.pass(at_s);
+            whole.advance(at_s);
             let again = Plan::to_zero(middle, (-3.0, 3.0), jerk);
             let (a, b) = (whole.ahead(0.3), again.ahead(0.3));
             prop_assert!((a.value - b.value).abs() < 1e-7, "{a:?} {b:?}");

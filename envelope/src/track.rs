@@ -2,28 +2,28 @@
 //!
 //! [`Track::with`] gives the third divided difference as a jerk: the mean of the third derivative of
 //! any smooth signal through the samples, whatever their spacing. It is taken of the newest sample
-//! and three nodes: the first sample, and each that is [`NODES_S`] or more after the node before.
+//! and three nodes: the first sample, and each that is [`NODE_SPACING_S`] or more after the node before.
 //! All samples of a regular cycle are nodes; with closer ones, of a back-to-back loop, rounding of the positions
 //! would appear as jerk.
 //!
 //! Where the times of the samples are uncertain by `jitter`, a signal of rate `v` appears to have
-//! sample errors of up to `v · jitter`. [`Times::jerk_of_jitter`] is the third difference that
+//! sample errors of up to `v · jitter`. [`SampleTimes::jitter_jerk`] is the third difference that
 //! this can make; rate and acceleration then come from a fading-memory filter (Brookner, *Tracking
 //! and Kalman Filtering Made Easy*, 1998, section 1.2) instead of from three samples. With a memory
 //! of `N` samples at intervals `h` the acceleration lags by up to `jerk · h · N`, and is off by about
-//! `v · jitter / (h² N³)` from the jitter: the sum is least near `N⁴ = jerk_of_jitter / jerk`.
+//! `v · jitter / (h² N³)` from the jitter: the sum is least near `N⁴ = jitter_jerk / jerk`.
 
 use crate::motion::Motion;
 
 /// The least time between nodes: half the period of the fastest cycle.
-pub(crate) const NODES_S: f64 = 5e-5;
+pub(crate) const NODE_SPACING_S: f64 = 5e-5;
 
 /// A filter with a shorter memory than this is no better than three samples.
-const LEAST_MEMORY: f64 = 1.5;
+const MEMORY_MIN: f64 = 1.5;
 
 /// Times of the samples: the same for all signals that are sampled together.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Times {
+pub(crate) struct SampleTimes {
     /// Time from the last node to the newest sample.
     since_s: f64,
     /// Time between the last two nodes, and between the two before. If both are zero, differences
@@ -39,11 +39,11 @@ pub(crate) struct Times {
     dt_s: f64,
     /// Uncertainty of the times.
     jitter_s: f64,
-    /// See [`Times::sum_of_weights`]; zero while the times are certain.
+    /// See [`SampleTimes::sum_of_weights`]; zero while the times are certain.
     weights: f64,
 }
 
-impl Times {
+impl SampleTimes {
     pub(crate) const START: Self = Self {
         since_s: 0.0,
         node_s: 0.0,
@@ -56,9 +56,9 @@ impl Times {
     };
 
     /// Another sample, `dt_s > 0` later; its time is uncertain by `jitter_s`.
-    pub(crate) fn pass(&mut self, dt_s: f64, jitter_s: f64) {
+    pub(crate) fn advance(&mut self, dt_s: f64, jitter_s: f64) {
         (self.dt_s, self.jitter_s) = (dt_s, jitter_s);
-        self.is_renewed = self.since_s >= NODES_S;
+        self.is_renewed = self.since_s >= NODE_SPACING_S;
         if self.is_renewed {
             (self.before_s, self.node_s, self.since_s) = (self.node_s, self.since_s, 0.0);
         }
@@ -77,7 +77,7 @@ impl Times {
     /// Times that are off by up to `e` to either side spread their intervals by up to `4 e`, and by
     /// about `3 e` among the few that [`Intervals`](crate::Intervals) looks at. Each of the four
     /// samples of a third difference is then off by up to `rate · e`, times its weight.
-    pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
+    pub(crate) fn jitter_jerk(&self, rate: f64) -> f64 {
         rate * self.jitter_s / 3.0 * self.weights
     }
 
@@ -98,7 +98,7 @@ impl Times {
 
     /// Three times the mean of the newest two intervals: during it an acceleration changes a rate
     /// by three of its newest differences, however long the interval before was.
-    fn spans_s(&self) -> f64 {
+    fn acceleration_span_s(&self) -> f64 {
         1.5 * (self.since_s + self.node_s)
     }
 }
@@ -125,7 +125,7 @@ impl Track {
 
     /// The largest rate at the samples before the newest of `times`, as far as the uncertainty of
     /// their times allows. One that came right after its node contains no information on the rate.
-    pub(crate) fn fastest(&self, times: &Times) -> f64 {
+    pub(crate) fn fastest(&self, times: &SampleTimes) -> f64 {
         let (newest, change) = if times.is_renewed {
             (self.newest.rate.abs(), (self.newest.rate - self.node.rate).abs())
         } else {
@@ -133,7 +133,7 @@ impl Track {
         };
         let mean = newest.max(self.node.rate.abs());
         // The receiver sees the samples alone: a plan that has just begun has more acceleration.
-        mean + (self.filtered.acceleration.abs() * times.spans_s()).min(3.0 * change)
+        mean + (self.filtered.acceleration.abs() * times.acceleration_span_s()).min(3.0 * change)
     }
 
     /// Mean rate since the node before.
@@ -143,28 +143,28 @@ impl Track {
 
     /// The track with the newest sample of `times`, and its jerk, for a signal whose jerk is at
     /// most `jerk_max`.
-    pub(crate) fn with(&self, value: f64, times: &Times, jerk_max: f64) -> (Self, f64) {
+    pub(crate) fn with(&self, value: f64, times: &SampleTimes, jerk_max: f64) -> (Self, f64) {
         let node = if times.is_renewed { self.newest } else { self.node };
         let (newest, jerk) = node.to(value, times);
         let memory = if times.jitter_s > 0.0 { self.memory(times, jerk_max) } else { 1.0 };
-        let filtered = if memory < LEAST_MEMORY {
+        let filtered = if memory < MEMORY_MIN {
             newest.parabola(times)
-        } else if times.since_s < NODES_S {
+        } else if times.since_s < NODE_SPACING_S {
             // A sample this close contains no information on the rate.
             self.filtered.after(times.dt_s, 0.0)
         } else {
-            self.filtered(value, times, memory).no_faster_than(newest.fastest(times), times)
+            self.filtered(value, times, memory).limited_to_rate(newest.fastest(times), times)
         };
         (Self { node, newest, filtered }, jerk)
     }
 
     /// The largest jerk in the next two samples if they continue the filtered motion instead of the
     /// samples: a plan adds it to its own jerk where it starts.
-    pub(crate) fn jerk_of_leaving(&self, times: &Times) -> f64 {
+    pub(crate) fn departure_jerk(&self, times: &SampleTimes) -> f64 {
         let (mut times, mut track, mut motion) = (*times, *self, self.motion());
         let mut most = 0.0_f64;
         for _ in 0..2 {
-            times.pass(times.dt_s, times.jitter_s);
+            times.advance(times.dt_s, times.jitter_s);
             motion = motion.after(times.dt_s, 0.0);
             let node = if times.is_renewed { track.newest } else { track.node };
             let (newest, jerk) = node.to(motion.value, &times);
@@ -175,8 +175,8 @@ impl Track {
     }
 
     /// The best memory of the filter, samples.
-    fn memory(&self, times: &Times, jerk_max: f64) -> f64 {
-        let ratio = times.jerk_of_jitter(self.fastest(times)) / jerk_max;
+    fn memory(&self, times: &SampleTimes, jerk_max: f64) -> f64 {
+        let ratio = times.jitter_jerk(self.fastest(times)) / jerk_max;
         libm::sqrt(libm::sqrt(ratio))
     }
 
@@ -191,21 +191,21 @@ impl Track {
 
     /// The same track after a jump of the newest sample, which contains no information on the rate
     /// `before`.
-    pub(crate) fn jumped_from(self, before: &Self, times: &Times) -> Self {
+    pub(crate) fn after_jump(self, before: &Self, times: &SampleTimes) -> Self {
         if times.jitter_s == 0.0 {
             return self;
         }
         let going_on = before.filtered.after(times.dt_s, 0.0);
-        self.of(Motion { value: self.newest.value, ..going_on })
+        self.with_motion(Motion { value: self.newest.value, ..going_on })
     }
 
     /// The same track, if the newest sample is known to belong to `motion`.
-    pub(crate) fn of(self, motion: Motion) -> Self {
+    pub(crate) fn with_motion(self, motion: Motion) -> Self {
         Self { filtered: motion, ..self }
     }
 
     /// One step of the fading-memory filter.
-    fn filtered(&self, value: f64, times: &Times, memory: f64) -> Motion {
+    fn filtered(&self, value: f64, times: &SampleTimes, memory: f64) -> Motion {
         let (per_s, forgets) = (times.per_s[0], 1.0 / memory);
         let keeps = 1.0 - forgets;
         let expected = self.filtered.after(times.dt_s, 0.0);
@@ -230,7 +230,7 @@ struct Differences {
 impl Motion {
     /// Limits the rate to that of the samples of the last intervals, because the filter remembers
     /// longer.
-    fn no_faster_than(self, rate: f64, times: &Times) -> Self {
+    fn limited_to_rate(self, rate: f64, times: &SampleTimes) -> Self {
         let acceleration = rate * times.per_s[0];
         Self {
             value: self.value,
@@ -242,7 +242,7 @@ impl Motion {
 
 impl Differences {
     /// Differences at the next sample, and the third difference.
-    fn to(&self, value: f64, times: &Times) -> (Self, f64) {
+    fn to(&self, value: f64, times: &SampleTimes) -> (Self, f64) {
         let [first, second, third] = times.per_s;
         let rate = (value - self.value) * first;
         let acceleration = (rate - self.rate) * second;
@@ -250,11 +250,11 @@ impl Differences {
     }
 
     /// The largest rate between the samples.
-    fn fastest(&self, times: &Times) -> f64 {
-        self.rate.abs() + self.acceleration.abs() * times.spans_s()
+    fn fastest(&self, times: &SampleTimes) -> f64 {
+        self.rate.abs() + self.acceleration.abs() * times.acceleration_span_s()
     }
 
-    fn parabola(&self, times: &Times) -> Motion {
+    fn parabola(&self, times: &SampleTimes) -> Motion {
         let Self { value, rate, acceleration } = *self;
         Motion { value, rate: rate + acceleration * times.since_s / 2.0, acceleration }
     }
@@ -268,10 +268,10 @@ mod tests {
     fn a_cubic_has_its_jerk_at_any_pace() {
         let cubic = |t: f64| 0.3 + 0.2 * t - 0.5 * t * t + 2.0 * t * t * t / 6.0;
         let mut track = Track::from_motion(Motion { value: 0.3, rate: 0.2, acceleration: -1.0 });
-        let (mut t, mut times) = (0.0, Times::START);
+        let (mut t, mut times) = (0.0, SampleTimes::START);
         for dt in [0.01, 0.02, 0.005, 0.013, 0.01] {
             t += dt;
-            times.pass(dt, 0.0);
+            times.advance(dt, 0.0);
             let (next, jerk) = track.with(cubic(t), &times, 2.0);
             assert!((jerk - 2.0).abs() < 1e-8, "{jerk}");
             track = next;

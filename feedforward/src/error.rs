@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use diagnosis::from_recording::Unusable;
+use diagnosis::campaign_import::CampaignError;
 use thiserror::Error;
 
 /// A row of a recording, as messages name it.
@@ -149,7 +149,7 @@ pub enum FeedforwardError {
     },
     /// A recording cannot be used.
     #[error(transparent)]
-    Unusable(#[from] Unusable),
+    Unusable(#[from] CampaignError),
     /// Rows of a table with corrected joints are not even in time.
     #[error(
         "time steps are uneven, expected the output of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"

@@ -5,13 +5,13 @@
 use crate::FeedforwardError;
 use crate::error::PathRow;
 use physics::JointKind;
-use recording::series::{Channel, Kind, Recording};
+use recording::series::{Channel, Recording, RecordingKind};
 use world::forward::positions_at;
 
 /// Least number of rows of a path.
 pub const ROWS_LEAST: usize = 8;
 /// Time stamps that deviate by less than this share of a step count as even.
-const EVEN: f64 = 0.02;
+const EVEN_TOLERANCE: f64 = 0.02;
 /// Longest time between two rows that is interpolated, in median steps: a curve over a longer gap invents motion.
 const GAP_STEPS_MAX: f64 = 10.0;
 
@@ -27,16 +27,16 @@ pub struct Extended {
     /// Whether rows were interpolated to other times.
     pub is_resampled: bool,
     /// The rows of the recording.
-    pub source: Source,
+    pub source: SourceRows,
 }
 
 /// The rows from which a path was made, so that messages name rows of the user's file and not those of the path.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Source {
+pub struct SourceRows {
     times_s: Vec<f64>,
 }
 
-impl Source {
+impl SourceRows {
     /// The rows of a recording.
     #[must_use]
     pub fn of(recording: &Recording) -> Self {
@@ -77,12 +77,12 @@ pub fn median_step_s(times_s: &[f64]) -> Result<f64, FeedforwardError> {
 ///
 /// # Errors
 /// Poses instead of a path, several segments, too few rows, a gap in time, a row without a command.
-pub fn extended(
+pub fn extend(
     recording: &Recording,
     kinds: &[JointKind],
     lead_s: f64,
 ) -> Result<Extended, FeedforwardError> {
-    let even = even(recording)?;
+    let even = even_times(recording)?;
     for joint in 0..kinds.len() {
         let column = recording.input(joint).unwrap_or_default();
         let missing = (0..recording.len())
@@ -101,8 +101,8 @@ pub fn extended(
     let times_s: Vec<f64> = before.chain(even.times_s.iter().copied()).chain(after).collect();
     let mut extended = Recording::new(times_s);
     extended.file.clone_from(&recording.file);
-    extended.about = recording.about.clone();
-    extended.about.input = None;
+    extended.metadata = recording.metadata.clone();
+    extended.metadata.input = None;
     extended.units = recording.units;
     for (joint, kind) in kinds.iter().enumerate() {
         extended.set_joint_kind(joint, *kind);
@@ -113,7 +113,7 @@ pub fn extended(
     let loads: Vec<Channel> = recording.channels().filter(is_load).collect();
     for channel in loads {
         let column = recording.column(channel).unwrap_or_default();
-        extended.set(channel, held(&recording.t_s, column, &extended.t_s));
+        extended.set(channel, sample_and_hold(&recording.t_s, column, &extended.t_s));
     }
     if !even.is_resampled {
         let beside = |text: &[String]| {
@@ -123,20 +123,20 @@ pub fn extended(
         let other = recording.other.iter();
         extended.other = other.map(|(name, text)| (name.clone(), beside(text))).collect();
     }
-    let Even { step_s, is_resampled, .. } = even;
-    let source = Source::of(recording);
+    let EvenTimes { step_s, is_resampled, .. } = even;
+    let source = SourceRows::of(recording);
     Ok(Extended { recording: extended, step_s, lead_rows, is_resampled, source })
 }
 
 /// Even times of a path.
-struct Even {
+struct EvenTimes {
     times_s: Vec<f64>,
     step_s: f64,
     is_resampled: bool,
 }
 
-fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
-    if recording.about.kind == Kind::Poses {
+fn even_times(recording: &Recording) -> Result<EvenTimes, FeedforwardError> {
+    if recording.metadata.kind == RecordingKind::Poses {
         return Err(FeedforwardError::Poses);
     }
     let segments = recording.segment.chunk_by(|a, b| a == b).count();
@@ -146,11 +146,12 @@ fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
     let step_s = median_step_s(&recording.t_s)?;
     let (first_s, last_s) = (recording.t_s[0], recording.t_s[recording.len() - 1]);
     let mean_s = (last_s - first_s) / (recording.len() - 1) as f64;
-    let is_even =
-        |(k, t_s): (usize, &f64)| (t_s - (first_s + k as f64 * mean_s)).abs() <= EVEN * mean_s;
+    let is_even = |(k, t_s): (usize, &f64)| {
+        (t_s - (first_s + k as f64 * mean_s)).abs() <= EVEN_TOLERANCE * mean_s
+    };
     if recording.t_s.iter().enumerate().all(is_even) {
         let times_s = recording.t_s.clone();
-        return Ok(Even { times_s, step_s: mean_s, is_resampled: false });
+        return Ok(EvenTimes { times_s, step_s: mean_s, is_resampled: false });
     }
     let is_gap = |t: &[f64]| t[1] - t[0] > GAP_STEPS_MAX * step_s;
     if let Some(before) = recording.t_s.windows(2).position(is_gap) {
@@ -163,7 +164,7 @@ fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
     // The last row is at or after the end of the path.
     let rows = ((last_s - first_s) / step_s).ceil() as usize;
     let times_s = (0..=rows).map(|k| first_s + k as f64 * step_s).collect();
-    Ok(Even { times_s, step_s, is_resampled: true })
+    Ok(EvenTimes { times_s, step_s, is_resampled: true })
 }
 
 fn is_load(channel: &Channel) -> bool {
@@ -178,7 +179,7 @@ fn is_load(channel: &Channel) -> bool {
 }
 
 /// The last sample at or before each time; before the first row the first sample.
-fn held(times_s: &[f64], samples: &[f64], at_s: &[f64]) -> Vec<f64> {
+fn sample_and_hold(times_s: &[f64], samples: &[f64], at_s: &[f64]) -> Vec<f64> {
     let row = |t_s: &f64| times_s.partition_point(|time_s| time_s <= t_s).saturating_sub(1);
     at_s.iter().map(|t_s| samples.get(row(t_s)).copied().unwrap_or(f64::NAN)).collect()
 }

@@ -8,27 +8,27 @@
 //! parameters stay positive. No effect is added.
 
 use crate::fourier::{Transform, product};
-use joint_dynamics::plant::{Plant, Uncertain};
+use joint_dynamics::plant::{Plant, UncertainValue};
 use nalgebra::{SMatrix, SVector};
 use realfft::num_complex::Complex64;
 
 /// Corner frequency of the high-pass, Hz: static errors change over seconds.
 const STATIC_HZ: f64 = 0.5;
 /// The new parameters must leave less than this share of the residual's power.
-const EXPLAINED: f64 = 0.5;
+const MAX_UNEXPLAINED_POWER: f64 = 0.5;
 /// Step of the search over frequencies, as a share: half the width of a peak with 1 % damping.
-const SEARCH: f64 = 0.005;
+const SEARCH_STEP: f64 = 0.005;
 /// Range of the search, as a share of the model's frequency: beyond any `robust_to`.
-const SEARCH_MOST: f64 = 0.5;
+const SEARCH_RANGE: f64 = 0.5;
 /// Gauss-Newton steps.
 const STEPS: usize = 12;
 /// Plants with more parameters are not identified.
-const NUMBERS_MAX: usize = 16;
+const PARAMETERS_MAX: usize = 16;
 /// Least standard uncertainty of a parameter, as a share: a plant is not exactly linear.
-const SHARE_LEAST: f64 = 0.003;
+const MIN_RELATIVE_SIGMA: f64 = 0.003;
 
-type Normal = SMatrix<f64, NUMBERS_MAX, NUMBERS_MAX>;
-type Numbers = SVector<f64, NUMBERS_MAX>;
+type Normal = SMatrix<f64, PARAMETERS_MAX, PARAMETERS_MAX>;
+type ParameterVector = SVector<f64, PARAMETERS_MAX>;
 
 /// A run of one joint.
 pub(crate) struct Run<'a> {
@@ -45,7 +45,7 @@ pub(crate) struct Run<'a> {
 
 /// A plant identified from a run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Refined {
+pub struct IdentifiedPlant {
     /// The plant with the identified parameters and their standard uncertainties.
     pub plant: Plant,
     /// Its residual of the run, as a share of that of the model (root mean squares).
@@ -53,22 +53,22 @@ pub struct Refined {
 }
 
 /// The identified plant; `None` if it explains the run little better than the model.
-pub(crate) fn refined(plant: &Plant, run: &Run<'_>) -> Option<Refined> {
-    let count = plant.clone().numbers().len();
-    if count == 0 || count > NUMBERS_MAX {
+pub(crate) fn identify(plant: &Plant, run: &Run<'_>) -> Option<IdentifiedPlant> {
+    let count = plant.clone().parameters_mut().len();
+    if count == 0 || count > PARAMETERS_MAX {
         return None;
     }
     let by_model = power(&run.residual(plant));
     let mut found = run.search(plant);
     for _ in 0..STEPS {
-        found = run.improved(&found, plant);
+        found = run.gauss_newton_step(&found, plant);
     }
     let share = power(&run.residual(&found)) / by_model;
-    if by_model == 0.0 || share > EXPLAINED {
+    if by_model == 0.0 || share > MAX_UNEXPLAINED_POWER {
         return None;
     }
-    let plant = run.with_uncertainty(found, plant)?;
-    Some(Refined { plant, unexplained: share.sqrt() })
+    let plant = run.with_sigmas(found, plant)?;
+    Some(IdentifiedPlant { plant, unexplained: share.sqrt() })
 }
 
 impl Run<'_> {
@@ -88,11 +88,11 @@ impl Run<'_> {
     /// The frequency of each mode that explains the run best.
     fn search(&self, plant: &Plant) -> Plant {
         let mut best = plant.clone();
-        let steps = (SEARCH_MOST / SEARCH).ceil() as i32;
+        let steps = (SEARCH_RANGE / SEARCH_STEP).ceil() as i32;
         for mode in 0..plant.modes.len() {
             let at = |k: i32| {
                 let mut tried = best.clone();
-                tried.modes[mode].frequency_hz.value *= 1.0 + SEARCH * f64::from(k);
+                tried.modes[mode].frequency_hz.value *= 1.0 + SEARCH_STEP * f64::from(k);
                 tried
             };
             let tried =
@@ -105,16 +105,17 @@ impl Run<'_> {
     }
 
     /// A Gauss-Newton step, shortened until it reduces the cost.
-    fn improved(&self, plant: &Plant, prior: &Plant) -> Plant {
+    fn gauss_newton_step(&self, plant: &Plant, prior: &Plant) -> Plant {
         let residual = self.residual(plant);
         let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
         let (normal, gradient) = self.normal(plant, prior, &residual, scale);
         let Some(step) = normal.cholesky().map(|factor| factor.solve(&gradient)) else {
             return plant.clone();
         };
-        let cost = |plant: &Plant| scale * power(&self.residual(plant)) + off_prior(plant, prior);
+        let cost =
+            |plant: &Plant| scale * power(&self.residual(plant)) + prior_penalty(plant, prior);
         let before = cost(plant);
-        let tried = (0..6).map(|halved| moved(plant, &step, 0.5_f64.powi(halved)));
+        let tried = (0..6).map(|halved| stepped(plant, &step, 0.5_f64.powi(halved)));
         tried.into_iter().find(|tried| cost(tried) < before).unwrap_or_else(|| plant.clone())
     }
 
@@ -125,11 +126,11 @@ impl Run<'_> {
         prior: &Plant,
         residual: &[Complex64],
         scale: f64,
-    ) -> (Normal, Numbers) {
-        let count = plant.clone().numbers().len();
+    ) -> (Normal, ParameterVector) {
+        let count = plant.clone().parameters_mut().len();
         let columns: Vec<Vec<Complex64>> =
             (0..count).map(|at| self.derivative(plant, at, residual)).collect();
-        let (mut normal, mut gradient) = (Normal::identity(), Numbers::zeros());
+        let (mut normal, mut gradient) = (Normal::identity(), ParameterVector::zeros());
         let (values, priors) = (values(plant), values_and_sigmas(prior));
         for row in 0..count {
             for column in 0..count {
@@ -137,7 +138,7 @@ impl Run<'_> {
                 normal[(row, column)] =
                     scale * product.map(|(a, b)| (a.conj() * b).re).sum::<f64>();
             }
-            let Uncertain { value, sigma } = priors[row];
+            let UncertainValue { value, sigma } = priors[row];
             let weight = 1.0 / (sigma * sigma).max(f64::MIN_POSITIVE);
             normal[(row, row)] += weight;
             let pull =
@@ -150,20 +151,20 @@ impl Run<'_> {
     fn derivative(&self, plant: &Plant, at: usize, residual: &[Complex64]) -> Vec<Complex64> {
         let mut moved = plant.clone();
         let mut step = 0.0;
-        if let Some(number) = moved.numbers().into_iter().nth(at) {
+        if let Some(number) = moved.parameters_mut().into_iter().nth(at) {
             step = 1e-5 * number.value.abs().max(1e-6);
             number.value += step;
         }
         self.residual(&moved).iter().zip(residual).map(|(a, b)| (a - b) / step).collect()
     }
 
-    fn with_uncertainty(&self, mut plant: Plant, prior: &Plant) -> Option<Plant> {
+    fn with_sigmas(&self, mut plant: Plant, prior: &Plant) -> Option<Plant> {
         let residual = self.residual(&plant);
         let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
         let covariance = self.normal(&plant, prior, &residual, scale).0.try_inverse()?;
-        for (at, number) in plant.numbers().into_iter().enumerate() {
+        for (at, number) in plant.parameters_mut().into_iter().enumerate() {
             let sigma = covariance[(at, at)].max(0.0).sqrt();
-            number.sigma = sigma.max(SHARE_LEAST * number.value.abs()).min(number.sigma);
+            number.sigma = sigma.max(MIN_RELATIVE_SIGMA * number.value.abs()).min(number.sigma);
         }
         Some(plant)
     }
@@ -173,8 +174,8 @@ fn power(residual: &[Complex64]) -> f64 {
     residual.iter().map(Complex64::norm_sqr).sum()
 }
 
-fn values_and_sigmas(plant: &Plant) -> Vec<Uncertain> {
-    plant.clone().numbers().into_iter().map(|number| *number).collect()
+fn values_and_sigmas(plant: &Plant) -> Vec<UncertainValue> {
+    plant.clone().parameters_mut().into_iter().map(|number| *number).collect()
 }
 
 fn values(plant: &Plant) -> Vec<f64> {
@@ -182,18 +183,18 @@ fn values(plant: &Plant) -> Vec<f64> {
 }
 
 /// Deviation of the parameters from those of the model, in standard uncertainties, squared.
-fn off_prior(plant: &Plant, prior: &Plant) -> f64 {
+fn prior_penalty(plant: &Plant, prior: &Plant) -> f64 {
     let pairs = values(plant).into_iter().zip(values_and_sigmas(prior));
-    let off = |(value, prior): (f64, Uncertain)| {
+    let off = |(value, prior): (f64, UncertainValue)| {
         if value == prior.value { 0.0 } else { ((value - prior.value) / prior.sigma).powi(2) }
     };
     pairs.map(off).sum()
 }
 
 /// The plant after a share of a step; no parameter falls below a tenth of its value.
-fn moved(plant: &Plant, step: &Numbers, share: f64) -> Plant {
+fn stepped(plant: &Plant, step: &ParameterVector, share: f64) -> Plant {
     let mut moved = plant.clone();
-    for (number, step) in moved.numbers().into_iter().zip(step.iter()) {
+    for (number, step) in moved.parameters_mut().into_iter().zip(step.iter()) {
         number.value = (number.value + share * step).max(0.1 * number.value);
     }
     moved

@@ -9,20 +9,20 @@
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::identify::{self, Refined, refined};
-use crate::measured::{Measured, Seen};
+use crate::identify::{self, IdentifiedPlant, identify};
+use crate::measured::{MeasuredErrors, MeasuredQuantity};
 use crate::preview::{joint_of, settle_s};
 use crate::settings::Settings;
-use crate::step::{Known, Stepped};
+use crate::step::{CorrectionStep, StepInput};
 use joint_dynamics::plant::{Plant, Plants};
 use realfft::num_complex::Complex64;
 
 /// Number of bins to each side over which the power of an error is averaged.
-const BINS_ABOUT: usize = 12;
+const SMOOTHING_BINS: usize = 12;
 /// Least part of the stated relative deviation that is kept for a plant identified from a run.
-const KNOWN_LEAST: f64 = 0.25;
+const MIN_DEVIATION_SHARE: f64 = 0.25;
 /// From this multiple of the bandwidth on an error counts as noise.
-const NOISE_BANDS: f64 = 2.0;
+const NOISE_BANDWIDTH_RATIO: f64 = 2.0;
 
 /// Commands and measurements of runs.
 #[derive(Clone, Copy, Debug)]
@@ -34,33 +34,33 @@ pub struct Runs<'a> {
     /// Commands that were sent.
     pub commanded: &'a [Vec<f64>],
     /// One or several runs of the same commands.
-    pub measured: &'a [Measured],
+    pub measured: &'a [MeasuredErrors],
 }
 
 /// Result of learning for a joint.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Learned {
+pub struct LearnedJoint {
     /// The measured quantity.
-    pub seen: Seen,
+    pub quantity: MeasuredQuantity,
     /// The mean error of the runs, rad or m.
     pub error: Vec<f64>,
     /// The next correction, and its remaining error by the model.
-    pub next: Stepped,
+    pub next: CorrectionStep,
     /// Standard deviation of one run from the mean, rad or m; `None` for a single run.
     pub repeatability: Option<f64>,
     /// The joint's plant identified from this run, if that explains it much better than the
     /// model's.
-    pub refined: Option<Refined>,
+    pub identified: Option<IdentifiedPlant>,
 }
 
 /// The next run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Next {
+pub struct NextRun {
     /// The commands.
     pub commanded: Vec<Vec<f64>>,
     /// Result per joint; `None` without a measurement of it, or if only the motor of a joint with
     /// modes was measured: a motor that follows its target exactly excites them.
-    pub joints: Vec<Option<Learned>>,
+    pub joints: Vec<Option<LearnedJoint>>,
 }
 
 /// The next commands.
@@ -71,7 +71,7 @@ pub fn learn(
     plants: &Plants,
     runs: &Runs<'_>,
     settings: &Settings,
-) -> Result<Next, FeedforwardError> {
+) -> Result<NextRun, FeedforwardError> {
     settings.check()?;
     settings.check_step("the path", runs.step_s)?;
     let rows = runs.wanted.first().map_or(0, Vec::len);
@@ -80,7 +80,7 @@ pub fn learn(
     }
     let transform = Transform::new(rows, runs.step_s, settle_s(plants));
     let mut next =
-        Next { commanded: runs.commanded.to_vec(), joints: vec![None; runs.wanted.len()] };
+        NextRun { commanded: runs.commanded.to_vec(), joints: vec![None; runs.wanted.len()] };
     for at in 0..runs.wanted.len() {
         let (wanted, commanded) = (&runs.wanted[at], &runs.commanded[at]);
         let errors: Vec<&[f64]> = runs
@@ -88,9 +88,11 @@ pub fn learn(
             .iter()
             .filter_map(|run| run.joints.get(at)?.as_ref().map(|(_, errors)| errors.as_slice()))
             .collect();
-        let seen = runs.measured.iter().find_map(|run| Some(run.joints.get(at)?.as_ref()?.0));
+        let quantity = runs.measured.iter().find_map(|run| Some(run.joints.get(at)?.as_ref()?.0));
         let plant = &plants.joints[at];
-        let Some(seen) = seen.filter(|seen| *seen != Seen::Motor || plant.modes.is_empty()) else {
+        let Some(quantity) =
+            quantity.filter(|seen| *seen != MeasuredQuantity::Motor || plant.modes.is_empty())
+        else {
             continue;
         };
         let (error, spectrum) = (mean(&errors), |samples: &[f64]| transform.spectrum(samples));
@@ -103,22 +105,23 @@ pub fn learn(
             reached: &reached,
             band_hz: settings.bandwidth_hz,
         };
-        let refined = refined(plant, &run);
-        let used = refined.as_ref().map_or(plant, |refined| &refined.plant);
-        let unexplained = refined.as_ref().map_or(1.0, |refined| refined.unexplained);
-        let robust_to = settings.robust_to * unexplained.max(KNOWN_LEAST);
+        let identified = identify(plant, &run);
+        let used = identified.as_ref().map_or(plant, |identified| &identified.plant);
+        let unexplained = identified.as_ref().map_or(1.0, |identified| identified.unexplained);
+        let robust_to = settings.robust_to * unexplained.max(MIN_DEVIATION_SHARE);
         let settings = &Settings { robust_to, ..*settings };
         let joint = joint_of(used, &transform, runs.step_s, settings);
         let before: Vec<f64> = commanded.iter().zip(wanted).map(|(c, w)| c - w).collect();
-        let trusted = trusted(&transform, &errors, &error, settings);
+        let trusted = signal_shares(&transform, &errors, &error, settings);
         let trusted: Vec<_> =
             error_bins.iter().zip(trusted).map(|(bin, share)| bin * share).collect();
         let source =
-            Known::Run { path: refined.as_ref().map(|_| path.as_slice()), error: &trusted };
+            StepInput::Run { path: identified.as_ref().map(|_| path.as_slice()), error: &trusted };
         let stepped = joint.step(&source, &before, &error);
         next.commanded[at] = wanted.iter().zip(&stepped.correction).map(|(w, c)| w + c).collect();
         let repeatability = repeatability(&errors, &error);
-        next.joints[at] = Some(Learned { seen, error, next: stepped, repeatability, refined });
+        next.joints[at] =
+            Some(LearnedJoint { quantity, error, next: stepped, repeatability, identified });
     }
     if next.joints.iter().all(Option::is_none) {
         return Err(FeedforwardError::NothingMeasured);
@@ -163,7 +166,7 @@ fn repeatability(errors: &[&[f64]], mean: &[f64]) -> Option<f64> {
 }
 
 /// The share of the mean error at each bin that is above the noise.
-fn trusted(
+fn signal_shares(
     transform: &Transform,
     errors: &[&[f64]],
     mean: &[f64],
@@ -172,7 +175,7 @@ fn trusted(
     let power = |samples: &[f64]| -> Vec<f64> {
         transform.spectrum(samples).iter().map(Complex64::norm_sqr).collect()
     };
-    let of_mean = averaged(&power(mean));
+    let of_mean = smoothed(&power(mean));
     let runs = errors.len() as f64;
     let noise = if errors.len() > 1 {
         let mut noise = vec![0.0; of_mean.len()];
@@ -182,10 +185,10 @@ fn trusted(
         }
         // Variance of the mean of the runs.
         noise.iter_mut().for_each(|sum| *sum /= runs * (runs - 1.0));
-        averaged(&noise)
+        smoothed(&noise)
     } else {
         let bins_hz = transform.bins_hz();
-        let above = |hz: &f64| *hz > NOISE_BANDS * settings.bandwidth_hz;
+        let above = |hz: &f64| *hz > NOISE_BANDWIDTH_RATIO * settings.bandwidth_hz;
         let beyond: Vec<f64> =
             bins_hz.iter().zip(&of_mean).filter(|(hz, _)| above(hz)).map(|(_, p)| *p).collect();
         vec![beyond.iter().sum::<f64>() / beyond.len().max(1) as f64; of_mean.len()]
@@ -197,8 +200,9 @@ fn trusted(
 }
 
 /// The mean over neighbouring bins.
-fn averaged(power: &[f64]) -> Vec<f64> {
-    let about = |k: usize| k.saturating_sub(BINS_ABOUT)..(k + BINS_ABOUT + 1).min(power.len());
+fn smoothed(power: &[f64]) -> Vec<f64> {
+    let about =
+        |k: usize| k.saturating_sub(SMOOTHING_BINS)..(k + SMOOTHING_BINS + 1).min(power.len());
     (0..power.len()).map(|k| power[about(k)].iter().sum::<f64>() / about(k).len() as f64).collect()
 }
 

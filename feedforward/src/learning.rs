@@ -9,9 +9,9 @@ use recording::series::Recording;
 use recording::unit::Unit;
 
 use crate::error::{FeedforwardError, PathRow};
-use crate::grid::{self, Source};
-use crate::learn::{Next, Runs, expected_error, learn};
-use crate::measured::{Clock, Expected, Measured, links};
+use crate::grid::{self, SourceRows};
+use crate::learn::{NextRun, Runs, expected_error, learn};
+use crate::measured::{Clock, Expected, MeasuredErrors, links};
 use crate::preview::{check_joint_limits, lead_s};
 use crate::result::LearnReport;
 use crate::settings::Settings;
@@ -24,7 +24,7 @@ pub struct CommandedPath {
     /// The corrected joints that its table contains, rad or m, a list per joint; none where it contains none.
     pub commanded: Option<Vec<Vec<f64>>>,
     /// The rows of the table.
-    pub source: Source,
+    pub source: SourceRows,
 }
 
 impl CommandedPath {
@@ -40,7 +40,7 @@ impl CommandedPath {
     ) -> Result<Self, FeedforwardError> {
         let commanded = commanded(recording, kinds)?;
         let lead_s = if commanded.is_some() { 0.0 } else { lead_s(plants, settings) };
-        let extended = grid::extended(recording, kinds, lead_s)?;
+        let extended = grid::extend(recording, kinds, lead_s)?;
         if commanded.is_some() && extended.is_resampled {
             return Err(FeedforwardError::UnevenTable);
         }
@@ -54,7 +54,7 @@ pub struct Commands {
     /// With the static correction alone.
     pub wanted: Vec<Vec<f64>>,
     /// What was sent in the last run.
-    pub sent: Vec<Vec<f64>>,
+    pub commanded: Vec<Vec<f64>>,
 }
 
 /// Learning of a path: measured runs are added one by one.
@@ -78,7 +78,7 @@ pub struct Commands {
 ///     let path = CommandedPath::of(table, &[JointKind::Revolute; 6], &plants, &settings)?;
 ///     let joints = (0..6).filter_map(|joint| path.recording.input(joint));
 ///     let wanted: Vec<Vec<f64>> = joints.map(<[f64]>::to_vec).collect();
-///     let commands = Commands { sent: path.commanded.unwrap_or_else(|| wanted.clone()), wanted };
+///     let commands = Commands { commanded: path.commanded.unwrap_or_else(|| wanted.clone()), wanted };
 ///     let mut learning = Learning::of(model, &plants, &path.recording, commands, &settings)?;
 ///     learning.add(run, Clock::Offset(0.0))?;
 ///     let (next, report) = learning.next("next.csv".to_owned(), &path.source)?;
@@ -99,7 +99,7 @@ pub struct Learning<'a> {
     tool: Vec<Vec<f64>>,
     /// Errors that the model predicts.
     expected_error: Vec<Vec<f64>>,
-    runs: Vec<Measured>,
+    runs: Vec<MeasuredErrors>,
 }
 
 impl<'a> Learning<'a> {
@@ -114,7 +114,7 @@ impl<'a> Learning<'a> {
         commands: Commands,
         settings: &'a Settings,
     ) -> Result<Self, FeedforwardError> {
-        let Commands { wanted, sent } = &commands;
+        let Commands { wanted, commanded: sent } = &commands;
         let step_s = grid::median_step_s(&recording.t_s)?;
         let tool: Option<Vec<Vec<f64>>> =
             (0..wanted.len()).map(|joint| Some(recording.input(joint)?.to_vec())).collect();
@@ -145,7 +145,7 @@ impl<'a> Learning<'a> {
             tool: &self.tool,
             error: &self.expected_error,
         };
-        self.runs.push(Measured::of(measurement, expected, clock, self.settings)?);
+        self.runs.push(MeasuredErrors::of(measurement, expected, clock, self.settings)?);
         Ok(())
     }
 
@@ -156,9 +156,9 @@ impl<'a> Learning<'a> {
     pub fn next(
         &self,
         corrections: String,
-        source: &Source,
-    ) -> Result<(Next, LearnReport), FeedforwardError> {
-        let Commands { wanted, sent } = &self.commands;
+        source: &SourceRows,
+    ) -> Result<(NextRun, LearnReport), FeedforwardError> {
+        let Commands { wanted, commanded: sent } = &self.commands;
         let runs = Runs { step_s: self.step_s, wanted, commanded: sent, measured: &self.runs };
         let next = learn(self.plants, &runs, self.settings)?;
         let arm = &self.model.physics.arm;
@@ -182,7 +182,7 @@ fn commanded(
         };
         let si = |text: &String| {
             let value: f64 = text.trim().parse().ok()?;
-            Unit::named(unit).map(|unit| unit.to_si(value)).filter(|value| value.is_finite())
+            Unit::from_name(unit).map(|unit| unit.to_si(value)).filter(|value| value.is_finite())
         };
         let column: Vec<Option<f64>> = texts.iter().map(si).collect();
         if let Some(row) = column.iter().position(Option::is_none) {

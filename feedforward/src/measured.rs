@@ -10,8 +10,8 @@ use crate::FeedforwardError;
 use crate::grid::median_step_s;
 use crate::settings::Settings;
 use crate::tool::points;
-use diagnosis::from_recording::{self, Unusable};
-use diagnosis::rigid::rigid;
+use diagnosis::campaign_import::{self, CampaignError};
+use diagnosis::rigid_motion::fit_rigid_motion;
 use glam::{DMat3, DVec3};
 use physics::{Arm, Chain, Inputs, JointKind, Joints, Model};
 use recording::series::{Channel, Recording};
@@ -22,11 +22,11 @@ use world::forward::{self, positions_at};
 /// than this are hardly used.
 const DAMPING_M: f64 = 0.02;
 /// Units are compared where a joint moves by more than this, rad or m, root mean square; smaller motion may be lost in noise.
-const MOVES: f64 = 1e-3;
+const MIN_MOTION_RMS: f64 = 1e-3;
 /// Least squared correlation of the measured with the commanded motion for which their ratio is that of units.
-const ALIKE: f64 = 0.8;
+const MIN_SQUARED_CORRELATION: f64 = 0.8;
 /// The ratio of two motions is that of two units within this share.
-const UNIT_WITHIN: f64 = 0.2;
+const UNIT_TOLERANCE: f64 = 0.2;
 /// Largest clock offset of the search, s, and its steps, s.
 const OFFSET_MOST_S: f64 = 1.0;
 const OFFSET_STEP_S: f64 = 1e-3;
@@ -42,7 +42,7 @@ pub enum Clock {
 
 /// The measured quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Seen {
+pub enum MeasuredQuantity {
     /// The joint's link.
     Link,
     /// The joint's motor.
@@ -71,10 +71,10 @@ pub struct Expected<'a> {
 
 /// The errors of one run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
+pub struct MeasuredErrors {
     /// Measured quantity and error (target minus measured, rad or m) per joint; `None` without a
     /// measurement.
-    pub joints: Vec<Option<(Seen, Vec<f64>)>>,
+    pub joints: Vec<Option<(MeasuredQuantity, Vec<f64>)>>,
     /// Offset added to the times of the measurement, s.
     pub clock_offset_s: f64,
 }
@@ -88,15 +88,15 @@ pub fn links(
     model: &Model,
     recording: &Recording,
     motors: &[Vec<f64>],
-) -> Result<Vec<Vec<f64>>, Unusable> {
+) -> Result<Vec<Vec<f64>>, CampaignError> {
     let mut static_path = recording.clone();
     for (joint, motor) in motors.iter().enumerate() {
         static_path.set(Channel::Command(joint), motor.clone());
     }
-    let rows = from_recording::motion(&model.arm, &static_path)?;
+    let rows = campaign_import::motion(&model.arm, &static_path)?;
     let inputs: Vec<Inputs> = rows.iter().map(|row| row.inputs).collect();
-    let seen = forward::path(model, &Dynamics::default(), &inputs);
-    let link = |joint: usize| seen.iter().map(|seen| seen.link[joint]).collect();
+    let quantity = forward::path(model, &Dynamics::default(), &inputs);
+    let link = |joint: usize| quantity.iter().map(|quantity| quantity.link[joint]).collect();
     Ok((0..motors.len()).map(link).collect())
 }
 
@@ -123,12 +123,12 @@ impl Column {
 /// The columns of a run.
 struct Run<'a> {
     expected: Expected<'a>,
-    joints: Vec<Option<(Seen, Column)>>,
+    joints: Vec<Option<(MeasuredQuantity, Column)>>,
     tool: Option<[Column; 3]>,
     in_base: bool,
 }
 
-impl Measured {
+impl MeasuredErrors {
     /// The errors of a path measured in `recording`.
     ///
     /// # Errors
@@ -171,16 +171,18 @@ impl<'a> Run<'a> {
         let axis = |axis| Column::of(recording, Channel::Position(axis));
         let tool = axis(0).zip(axis(1)).zip(axis(2)).map(|((x, y), z)| [x, y, z]);
         let joint = |joint: usize| {
-            let link = Column::of(recording, Channel::Link(joint)).map(|c| (Seen::Link, c));
+            let link =
+                Column::of(recording, Channel::Link(joint)).map(|c| (MeasuredQuantity::Link, c));
             link.or_else(|| {
-                Column::of(recording, Channel::Motor(joint)).map(|column| (Seen::Motor, column))
+                Column::of(recording, Channel::Motor(joint))
+                    .map(|column| (MeasuredQuantity::Motor, column))
             })
         };
         let joints: Vec<_> = (0..expected.arm.count()).map(joint).collect();
         if tool.is_none() && joints.iter().all(Option::is_none) {
             return Err(FeedforwardError::NothingMeasured);
         }
-        let in_base = recording.about.measured_in_base;
+        let in_base = recording.metadata.measured_in_base;
         Ok(Self { expected, joints, tool, in_base })
     }
 
@@ -191,17 +193,21 @@ impl<'a> Run<'a> {
         column.map_or(&[], |column| &column.times_s)
     }
 
-    fn errors(&self, offset_s: f64) -> Vec<Option<(Seen, Vec<f64>)>> {
+    fn errors(&self, offset_s: f64) -> Vec<Option<(MeasuredQuantity, Vec<f64>)>> {
         if let Some(tool) = &self.tool {
             let joints = self.errors_of_tool(tool, offset_s);
-            return joints.into_iter().map(|errors| Some((Seen::Tool, errors))).collect();
+            return joints
+                .into_iter()
+                .map(|errors| Some((MeasuredQuantity::Tool, errors)))
+                .collect();
         }
         let Expected { times_s, motors, links, .. } = self.expected;
-        let of_joint = |(joint, column): (usize, &Option<(Seen, Column)>)| {
-            let (seen, column) = column.as_ref()?;
-            let wanted = if *seen == Seen::Motor { &motors[joint] } else { &links[joint] };
+        let of_joint = |(joint, column): (usize, &Option<(MeasuredQuantity, Column)>)| {
+            let (quantity, column) = column.as_ref()?;
+            let wanted =
+                if *quantity == MeasuredQuantity::Motor { &motors[joint] } else { &links[joint] };
             let measured = column.at(times_s, offset_s);
-            Some((*seen, wanted.iter().zip(measured).map(|(w, m)| w - m).collect()))
+            Some((*quantity, wanted.iter().zip(measured).map(|(w, m)| w - m).collect()))
         };
         self.joints.iter().enumerate().map(of_joint).collect()
     }
@@ -212,13 +218,13 @@ impl<'a> Run<'a> {
         let measured: Vec<DVec3> =
             (0..times_s.len()).map(|k| DVec3::new(x[k], y[k], z[k])).collect();
         let wanted_points = points(arm, wanted);
-        let motion = if self.in_base { None } else { rigid(&measured, &wanted_points) };
+        let motion = if self.in_base { None } else { fit_rigid_motion(&measured, &wanted_points) };
         let mut errors = vec![Vec::with_capacity(times_s.len()); arm.count()];
         for (row, (measured, point)) in measured.iter().zip(wanted_points).enumerate() {
             let measured = motion.map_or(*measured, |motion| motion.point(*measured));
             let mut q = Joints::default();
             q.iter_mut().zip(wanted).for_each(|(q, joint)| *q = joint[row]);
-            let step = joints_for(arm, &q, point - measured);
+            let step = joint_step(arm, &q, point - measured);
             errors.iter_mut().zip(step).for_each(|(errors, step)| errors.push(step));
         }
         errors
@@ -228,12 +234,13 @@ impl<'a> Run<'a> {
     fn offset_s(&self) -> f64 {
         let differs = |offset_s: f64| -> f64 {
             let all = self.errors(offset_s);
-            let of_joint = |(errors, expected): (&Option<(Seen, Vec<f64>)>, &Vec<f64>)| {
-                let Some((_, errors)) = errors else { return 0.0 };
-                let off: Vec<f64> = errors.iter().zip(expected).map(|(e, x)| e - x).collect();
-                let mean = off.iter().sum::<f64>() / off.len() as f64;
-                off.iter().map(|off| (off - mean) * (off - mean)).sum::<f64>()
-            };
+            let of_joint =
+                |(errors, expected): (&Option<(MeasuredQuantity, Vec<f64>)>, &Vec<f64>)| {
+                    let Some((_, errors)) = errors else { return 0.0 };
+                    let off: Vec<f64> = errors.iter().zip(expected).map(|(e, x)| e - x).collect();
+                    let mean = off.iter().sum::<f64>() / off.len() as f64;
+                    off.iter().map(|off| (off - mean) * (off - mean)).sum::<f64>()
+                };
             all.iter().zip(self.expected.error).map(of_joint).sum()
         };
         let nearest = |around_s: f64, step_s: f64, steps: i32| {
@@ -250,16 +257,19 @@ impl<'a> Run<'a> {
     }
 
     /// Checks that no joint was measured in degrees and read as radians, or the other way round.
-    fn check_units(&self, joints: &[Option<(Seen, Vec<f64>)>]) -> Result<(), FeedforwardError> {
+    fn check_units(
+        &self,
+        joints: &[Option<(MeasuredQuantity, Vec<f64>)>],
+    ) -> Result<(), FeedforwardError> {
         let Expected { motors, links, arm, .. } = self.expected;
         for (at, joint) in arm.joints().iter().enumerate() {
             let (wanted, errors) = match joints.get(at) {
-                Some(Some((Seen::Link, errors))) => (&links[at], errors),
-                Some(Some((Seen::Motor, errors))) => (&motors[at], errors),
+                Some(Some((MeasuredQuantity::Link, errors))) => (&links[at], errors),
+                Some(Some((MeasuredQuantity::Motor, errors))) => (&motors[at], errors),
                 _ => continue,
             };
-            let factor = scale(wanted, errors).unwrap_or(1.0);
-            let is = |expected: f64| (factor / expected - 1.0).abs() < UNIT_WITHIN;
+            let factor = motion_scale(wanted, errors).unwrap_or(1.0);
+            let is = |expected: f64| (factor / expected - 1.0).abs() < UNIT_TOLERANCE;
             let mistaken = match joint.kind {
                 JointKind::Revolute if is(1f64.to_radians()) => "radians in a column of degrees",
                 JointKind::Revolute if is(1f64.to_degrees()) => "degrees in a column of radians",
@@ -295,7 +305,7 @@ impl<'a> Run<'a> {
 }
 
 /// Measured over wanted motion about their means, where the joint moves and both have one shape; `errors`: wanted minus measured.
-fn scale(wanted: &[f64], errors: &[f64]) -> Option<f64> {
+fn motion_scale(wanted: &[f64], errors: &[f64]) -> Option<f64> {
     let rows = wanted.len() as f64;
     let measured: Vec<f64> = wanted.iter().zip(errors).map(|(w, error)| w - error).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / rows;
@@ -305,12 +315,12 @@ fn scale(wanted: &[f64], errors: &[f64]) -> Option<f64> {
         let (wanted, measured) = (wanted - w, measured - m);
         (ww, wm, mm) = (ww + wanted * wanted, wm + wanted * measured, mm + measured * measured);
     }
-    let moves = ww > rows * MOVES * MOVES;
-    (moves && wm * wm > ALIKE * ww * mm).then(|| wm / ww)
+    let moves = ww > rows * MIN_MOTION_RMS * MIN_MOTION_RMS;
+    (moves && wm * wm > MIN_SQUARED_CORRELATION * ww * mm).then(|| wm / ww)
 }
 
 /// The step of the joints that moves the tool by `by` at `q`.
-fn joints_for(arm: &Arm, q: &Joints, by: DVec3) -> Vec<f64> {
+fn joint_step(arm: &Arm, q: &Joints, by: DVec3) -> Vec<f64> {
     let chain = Chain::nominal(arm, q);
     let columns: Vec<DVec3> = (arm.joints().iter().enumerate())
         .map(|(i, joint)| chain.motion_of(i, joint.kind).0)

@@ -4,9 +4,9 @@
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::grid::Source;
+use crate::grid::SourceRows;
 use crate::settings::Settings;
-use crate::step::{Joint, Known, Stepped};
+use crate::step::{CorrectionStep, Joint, StepInput};
 use joint_dynamics::plant::{Plant, Plants};
 use physics::Arm;
 
@@ -20,7 +20,7 @@ pub struct Preview {
     /// Predicted positions with the correction.
     pub with: Vec<Vec<f64>>,
     /// Per joint; `None` if there was nothing to compensate.
-    pub joints: Vec<Option<Stepped>>,
+    pub joints: Vec<Option<CorrectionStep>>,
 }
 
 /// The commands for joints with targets `wanted` (a list per joint, rad or m, every `step_s`). The
@@ -60,8 +60,8 @@ pub fn preview(
         let without = transform.through(wanted, &joint.response());
         let error: Vec<f64> = wanted.iter().zip(&without).map(|(q, y)| q - y).collect();
         let spectrum = transform.spectrum(wanted);
-        let stepped = joint.step(&Known::Path(&spectrum), &vec![0.0; rows], &error);
-        let with = wanted.iter().zip(&stepped.left).map(|(q, left)| q - left);
+        let stepped = joint.step(&StepInput::Path(&spectrum), &vec![0.0; rows], &error);
+        let with = wanted.iter().zip(&stepped.residual).map(|(q, left)| q - left);
         preview.with[at] = with.collect();
         let commanded = wanted.iter().zip(&stepped.correction).map(|(q, c)| q + c);
         preview.commanded[at] = commanded.collect();
@@ -79,7 +79,7 @@ pub fn check_joint_limits(
     arm: &Arm,
     commanded: &[Vec<f64>],
     times_s: &[f64],
-    source: &Source,
+    source: &SourceRows,
 ) -> Result<(), FeedforwardError> {
     for (at, (joint, commanded)) in arm.joints().iter().zip(commanded).enumerate() {
         let (lower, upper) = joint.limits;
@@ -95,7 +95,7 @@ pub fn check_joint_limits(
 /// For how long a path is at rest at both ends, s: the delay and five time constants of the slowest joint, and three periods of the bandwidth.
 #[must_use]
 pub fn lead_s(plants: &Plants, settings: &Settings) -> f64 {
-    let slowest = plants.joints.iter().map(Plant::reach_s).fold(0.0, f64::max);
+    let slowest = plants.joints.iter().map(Plant::response_time_s).fold(0.0, f64::max);
     slowest + 3.0 / settings.bandwidth_hz
 }
 
@@ -112,7 +112,11 @@ pub(crate) fn joint_of<'a>(
 
 /// Rest of a path in its transform, s: until every mode has decayed.
 pub(crate) fn settle_s(plants: &Plants) -> f64 {
-    plants.joints.iter().map(|plant| plant.reach_s() + plant.rings_s()).fold(1.0, f64::max)
+    plants
+        .joints
+        .iter()
+        .map(|plant| plant.response_time_s() + plant.decay_time_s())
+        .fold(1.0, f64::max)
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ pub use previewed::PreviewReport;
 use physics::{Arm, JointKind};
 use serde::Serialize;
 
-use crate::step::Stepped;
+use crate::step::CorrectionStep;
 use crate::tool;
 
 /// mm per m, mrad per rad, ms per s.
@@ -35,8 +35,8 @@ pub struct JointCorrection {
 impl JointCorrection {
     /// Of the joint `at`, from 0.
     #[must_use]
-    pub fn of(at: usize, kind: JointKind, stepped: &Stepped) -> Self {
-        let Stepped { correction, left, bandwidth_hz, limited_rows } = stepped;
+    pub fn of(at: usize, kind: JointKind, stepped: &CorrectionStep) -> Self {
+        let CorrectionStep { correction, residual: left, bandwidth_hz, limited_rows } = stepped;
         let unit = if kind == JointKind::Revolute { "mrad" } else { "mm" };
         Self {
             joint: at + 1,

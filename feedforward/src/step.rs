@@ -15,9 +15,9 @@ use realfft::num_complex::Complex64;
 use std::f64::consts::PI;
 
 /// Ratio of successive bandwidths that are tried.
-const LOWER: f64 = 0.75;
+const BANDWIDTH_RATIO: f64 = 0.75;
 /// Number of bandwidths that are tried.
-const TRIES: i32 = 8;
+const BANDWIDTHS: i32 = 8;
 
 /// A joint on a path.
 pub(crate) struct Joint<'a> {
@@ -30,7 +30,7 @@ pub(crate) struct Joint<'a> {
 }
 
 /// Input of a step, as spectra.
-pub(crate) enum Known<'a> {
+pub(crate) enum StepInput<'a> {
     /// Target of the joint.
     Path(&'a [Complex64]),
     /// The error of a run.
@@ -44,11 +44,11 @@ pub(crate) enum Known<'a> {
 
 /// A correction and its remaining error.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stepped {
+pub struct CorrectionStep {
     /// Added to the static commands, rad or m.
     pub correction: Vec<f64>,
     /// The remaining error by the model, rad or m.
-    pub left: Vec<f64>,
+    pub residual: Vec<f64>,
     /// Hz; lower than requested if the limits required it.
     pub bandwidth_hz: f64,
     /// Rows in which the limiter reduced the correction.
@@ -63,15 +63,20 @@ impl Joint<'_> {
 
     /// The step from the correction `before`, which left `error`; without a measured error it is
     /// the preview.
-    pub(crate) fn step(&self, known: &Known<'_>, before: &[f64], error: &[f64]) -> Stepped {
+    pub(crate) fn step(
+        &self,
+        known: &StepInput<'_>,
+        before: &[f64],
+        error: &[f64],
+    ) -> CorrectionStep {
         let response = self.response();
-        let mut best: Option<(f64, Stepped)> = None;
-        for k in 0..TRIES {
-            let bandwidth_hz = self.settings.bandwidth_hz * LOWER.powi(k);
+        let mut best: Option<(f64, CorrectionStep)> = None;
+        for k in 0..BANDWIDTHS {
+            let bandwidth_hz = self.settings.bandwidth_hz * BANDWIDTH_RATIO.powi(k);
             let mut is_free = false;
-            for wanted in self.wanted(bandwidth_hz, known, before) {
+            for wanted in self.correction_candidates(bandwidth_hz, known, before) {
                 let tried = self.within_limits(bandwidth_hz, &wanted, before, error, &response);
-                let squares = tried.left.iter().map(|left| left * left).sum::<f64>();
+                let squares = tried.residual.iter().map(|left| left * left).sum::<f64>();
                 is_free |= tried.limited_rows == 0;
                 if best.as_ref().is_none_or(|(least, _)| squares < *least) {
                     best = Some((squares, tried));
@@ -81,9 +86,9 @@ impl Joint<'_> {
                 break;
             }
         }
-        let nothing = || Stepped {
+        let nothing = || CorrectionStep {
             correction: before.to_vec(),
-            left: error.to_vec(),
+            residual: error.to_vec(),
             bandwidth_hz: 0.0,
             limited_rows: 0,
         };
@@ -92,7 +97,12 @@ impl Joint<'_> {
 
     /// Corrections before limiting: the preview; or the learned one, which, for a plant identified
     /// from the run, is supplemented by the preview where learning is not robust.
-    fn wanted(&self, bandwidth_hz: f64, known: &Known<'_>, before: &[f64]) -> Vec<Vec<f64>> {
+    fn correction_candidates(
+        &self,
+        bandwidth_hz: f64,
+        known: &StepInput<'_>,
+        before: &[f64],
+    ) -> Vec<Vec<f64>> {
         let bins_hz = self.transform.bins_hz();
         let gains = |source: Source| {
             let robust_to = self.settings.robust_to;
@@ -100,8 +110,8 @@ impl Joint<'_> {
         };
         let preview = |path: &[Complex64]| product(path, &gains(Source::Path).gains);
         let (path, measured) = match *known {
-            Known::Path(path) => return vec![self.faded(before, preview(path))],
-            Known::Run { path, error } => (path, error),
+            StepInput::Path(path) => return vec![self.faded(before, preview(path))],
+            StepInput::Run { path, error } => (path, error),
         };
         let Gains { gains: inverse, shares } = gains(Source::Error);
         let learned = product(measured, &inverse);
@@ -131,12 +141,12 @@ impl Joint<'_> {
         before: &[f64],
         error: &[f64],
         response: &[Complex64],
-    ) -> Stepped {
-        let (correction, limited_rows) = self.limited(wanted);
+    ) -> CorrectionStep {
+        let (correction, limited_rows) = self.limit(wanted);
         let changed: Vec<f64> = correction.iter().zip(before).map(|(c, b)| c - b).collect();
         let moved = self.transform.through(&changed, response);
         let left = error.iter().zip(moved).map(|(error, moved)| error - moved).collect();
-        Stepped { correction, left, bandwidth_hz, limited_rows }
+        CorrectionStep { correction, residual: left, bandwidth_hz, limited_rows }
     }
 
     /// A raised cosine from 0 to 1 at both ends.
@@ -146,7 +156,7 @@ impl Joint<'_> {
         0.5 - 0.5 * (PI * share).cos()
     }
 
-    fn limited(&self, wanted: &[f64]) -> (Vec<f64>, usize) {
+    fn limit(&self, wanted: &[f64]) -> (Vec<f64>, usize) {
         let mut limiter = Limiter::at_rest();
         let allowed: Vec<f64> = wanted
             .iter()

@@ -11,9 +11,9 @@ const WITHIN: Duration = Duration::from_secs(2);
 
 /// A child process.
 #[derive(Debug)]
-pub struct Guarded(pub(crate) Child);
+pub struct ChildGuard(pub(crate) Child);
 
-impl Guarded {
+impl ChildGuard {
     /// Starts it with the streams of `command`.
     ///
     /// # Errors
@@ -35,7 +35,7 @@ impl Guarded {
     ///
     /// # Errors
     /// The standard input is no pipe, or is closed.
-    pub fn tell(&mut self, line: &str) -> std::io::Result<()> {
+    pub fn write_line(&mut self, line: &str) -> std::io::Result<()> {
         let input = self.0.stdin.as_mut();
         let input = input
             .ok_or_else(|| std::io::Error::other("the child process has no standard input"))?;
@@ -48,7 +48,7 @@ impl Guarded {
     }
 
     /// How it ended, if it has.
-    pub fn ended(&mut self) -> Option<ExitStatus> {
+    pub fn try_exit_status(&mut self) -> Option<ExitStatus> {
         self.0.try_wait().ok().flatten()
     }
 
@@ -61,14 +61,14 @@ impl Guarded {
     }
 
     /// Asks it to end, and waits for a while.
-    pub fn end(&mut self) {
-        if self.ended().is_some() {
+    pub fn terminate(&mut self) {
+        if self.try_exit_status().is_some() {
             return;
         }
         self.signal(Signal::TERM);
         self.signal(Signal::CONT);
         let since = Instant::now();
-        while self.ended().is_none() && since.elapsed() < WITHIN {
+        while self.try_exit_status().is_none() && since.elapsed() < WITHIN {
             std::thread::sleep(Duration::from_millis(2));
         }
     }
@@ -84,7 +84,7 @@ impl Guarded {
     pub(crate) fn stop(&self) -> bool {
         self.signal(Signal::STOP);
         let since = Instant::now();
-        while !self.stands() {
+        while !self.is_stopped() {
             if since.elapsed() > WITHIN {
                 return false;
             }
@@ -94,11 +94,11 @@ impl Guarded {
     }
 
     /// Continues it.
-    pub(crate) fn go_on(&self) {
+    pub(crate) fn resume(&self) {
         self.signal(Signal::CONT);
     }
 
-    fn stands(&self) -> bool {
+    fn is_stopped(&self) -> bool {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.0.id()));
         let stat = |dir: std::path::PathBuf| std::fs::read_to_string(dir.join("stat"));
         let stands = |text: String| text.rsplit(')').next().is_some_and(|s| s.starts_with(" T"));
@@ -108,10 +108,10 @@ impl Guarded {
     }
 }
 
-impl Drop for Guarded {
+impl Drop for ChildGuard {
     fn drop(&mut self) {
-        self.end();
-        if self.ended().is_none() {
+        self.terminate();
+        if self.try_exit_status().is_none() {
             let _ = self.0.kill();
             let _ = self.0.wait();
         }

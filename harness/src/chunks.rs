@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use trued_client::CorrectionStatus;
 
 use crate::latencies::Latencies;
-use crate::peers::Kind;
+use crate::peers::Transport;
 use crate::peers::trued::Answers;
-use crate::placement::{Placement, Sorter};
+use crate::placement::{Placement, PlacementClassifier};
 
 /// Least share of answers with a solved correction; below it the round trips are not
 /// representative.
-const SOLVED_SHARE: f64 = 0.9;
+const SOLVED_SHARE_MIN: f64 = 0.9;
 /// Limit on chunks that wait for classification: the more there are, the better the placements are
 /// known by then.
 const PENDING_MAX: usize = 128;
@@ -23,7 +23,7 @@ const REFERENCES_MAX: usize = 20_000;
 
 /// Measurements of one kind.
 #[derive(Debug, Clone, Default)]
-pub struct Counted {
+pub struct TripLatencies {
     /// In all chunks.
     pub all: Latencies,
     /// In chunks of the near placement.
@@ -38,11 +38,11 @@ pub struct Counted {
 
 /// Results of the back-to-back part.
 #[derive(Debug, Clone)]
-pub struct Flat {
-    /// By kind, in the order of [`Kind::ALL`]; empty if not measured.
-    pub counted: Vec<Counted>,
+pub struct BackToBack {
+    /// By kind, in the order of [`Transport::ALL`]; empty if not measured.
+    pub counted: Vec<TripLatencies>,
     /// Threshold between near and far.
-    pub sorter: Sorter,
+    pub sorter: PlacementClassifier,
     /// Medians of the references, near and far.
     pub reference: [Latencies; 2],
     /// Time in the daemon.
@@ -55,7 +55,7 @@ pub struct Flat {
     pub solved: u64,
 }
 
-impl Flat {
+impl BackToBack {
     /// Share of the daemon's answers with a solved correction; `None` without answers.
     #[must_use]
     pub fn solved_share(&self) -> Option<f64> {
@@ -65,14 +65,14 @@ impl Flat {
 
     /// Whether its trips are those of a daemon that corrects, so that they may be compared.
     pub(crate) fn is_of_corrections(&self) -> bool {
-        self.solved_share().is_none_or(|share| share >= SOLVED_SHARE)
+        self.solved_share().is_none_or(|share| share >= SOLVED_SHARE_MIN)
     }
 }
 
 /// One measured chunk.
 #[derive(Debug)]
 pub(crate) struct Chunk {
-    pub(crate) kind: Kind,
+    pub(crate) kind: Transport,
     /// The reference before it, ns.
     pub(crate) before_ns: f64,
     /// The reference after it, ns.
@@ -86,8 +86,8 @@ pub(crate) struct Chunk {
 pub(crate) struct Chunks {
     pending: Vec<Chunk>,
     references_ns: Vec<f64>,
-    sorter: Sorter,
-    counted: Vec<Counted>,
+    sorter: PlacementClassifier,
+    counted: Vec<TripLatencies>,
     reference: [Latencies; 2],
 }
 
@@ -96,8 +96,8 @@ impl Default for Chunks {
         Self {
             pending: Vec::with_capacity(PENDING_MAX),
             references_ns: Vec::new(),
-            sorter: Sorter { threshold_ns: None },
-            counted: vec![Counted::default(); Kind::ALL.len()],
+            sorter: PlacementClassifier { threshold_ns: None },
+            counted: vec![TripLatencies::default(); Transport::ALL.len()],
             reference: [Latencies::default(), Latencies::default()],
         }
     }
@@ -111,15 +111,15 @@ impl Chunks {
         self.references_ns.extend([chunk.before_ns, chunk.after_ns]);
         self.pending.push(chunk);
         if self.pending.len() == PENDING_MAX {
-            self.sort();
+            self.classify_pending();
         }
     }
 
-    pub(crate) fn finish(mut self, answers: Answers) -> Flat {
-        self.sort();
+    pub(crate) fn finish(mut self, answers: Answers) -> BackToBack {
+        self.classify_pending();
         let by_status = CorrectionStatus::ALL.iter().zip(answers.by_status);
         let by_status = by_status.filter(|(_, n)| *n > 0).map(|(status, n)| (status.name(), n));
-        Flat {
+        BackToBack {
             counted: self.counted,
             sorter: self.sorter,
             reference: self.reference,
@@ -130,15 +130,15 @@ impl Chunks {
         }
     }
 
-    fn sort(&mut self) {
+    fn classify_pending(&mut self) {
         // Once split, the threshold is kept: chunks already classified cannot be classified again.
         if self.sorter.threshold_ns.is_none() {
-            self.sorter = Sorter::of(&self.references_ns);
-            self.name_the_first();
+            self.sorter = PlacementClassifier::from_references(&self.references_ns);
+            self.relabel_single_placement();
         }
         for chunk in self.pending.drain(..) {
-            let of = &mut self.counted[chunk.kind.place()];
-            let placement = self.sorter.place(chunk.before_ns, chunk.after_ns);
+            let of = &mut self.counted[chunk.kind.index()];
+            let placement = self.sorter.classify(chunk.before_ns, chunk.after_ns);
             of.all.add(&chunk.trips);
             of.lost += chunk.lost;
             of.chunks[placement as usize] += 1;
@@ -152,7 +152,7 @@ impl Chunks {
     }
 
     /// The only placement so far may turn out to be the far one.
-    fn name_the_first(&mut self) {
+    fn relabel_single_placement(&mut self) {
         let Some(threshold_ns) = self.sorter.threshold_ns else { return };
         if self.reference[0].at(0.5) as f64 <= threshold_ns {
             return;
@@ -173,7 +173,7 @@ mod tests {
         let mut trips = Latencies::default();
         trips.record(trip_ns);
         let (before_ns, after_ns) = (reference_ns, reference_ns);
-        Chunk { kind: Kind::Unix, before_ns, after_ns, trips, lost: 0 }
+        Chunk { kind: Transport::Unix, before_ns, after_ns, trips, lost: 0 }
     }
 
     #[test]
@@ -182,7 +182,7 @@ mod tests {
         (0..PENDING_MAX).for_each(|_| chunks.push(chunk(500.0, 5000)));
         assert!(chunks.pending.is_empty());
         (0..PENDING_MAX).for_each(|_| chunks.push(chunk(100.0, 3000)));
-        let unix = &chunks.counted[Kind::Unix.place()];
+        let unix = &chunks.counted[Transport::Unix.index()];
         assert_eq!(unix.chunks, [PENDING_MAX as u64, PENDING_MAX as u64, 0]);
         assert!(unix.near.at(0.5) < 4000 && unix.far.at(0.5) > 4000);
     }

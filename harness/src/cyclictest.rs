@@ -45,15 +45,15 @@ fn run(thread_settings: ThreadSettings, loops: u32) -> Result<Latencies, String>
 }
 
 /// Parses its histogram: lines like `000017 000003` (µs, count), and its summary of later ones.
-fn parse(said: &str) -> Option<Latencies> {
+fn parse(output: &str) -> Option<Latencies> {
     let mut found = Latencies::default();
     let mut add = |us: u64, times: u64| (0..times).for_each(|_| found.record(1000 * us));
-    for line in said.lines().filter(|line| !line.starts_with('#')) {
+    for line in output.lines().filter(|line| !line.starts_with('#')) {
         let Some((us, times)) = line.split_once(char::is_whitespace) else { continue };
         add(us.trim().parse().ok()?, times.trim().parse().ok()?);
     }
     let after = |key: &str| -> Option<u64> {
-        let line = said.lines().find_map(|line| line.strip_prefix(key))?;
+        let line = output.lines().find_map(|line| line.strip_prefix(key))?;
         line.trim().parse().ok()
     };
     add(after("# Max Latencies:")?, after("# Histogram Overflows:")?);

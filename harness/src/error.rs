@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use daemon::realtime::Refused;
+use daemon::realtime::RealtimeRefused;
 use trued_client::ConnectError;
 
 /// Why a bench was not run, or not to its end.
@@ -21,7 +21,7 @@ pub enum BenchError {
     },
     /// Scheduling, pinning or memory locking was refused: nothing is measured without.
     #[error("the requested policy was denied, so nothing is measured: {0}; or use --policy other")]
-    Refused(#[from] Refused),
+    Refused(#[from] RealtimeRefused),
     /// The daemon of a running cell does not have the requested policy.
     #[error(
         "the daemon of cell `{cell}` (process {pid}) does not run its cycle under SCHED_FIFO, so nothing is measured; start it with \

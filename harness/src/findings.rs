@@ -4,22 +4,22 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::chunks::{Counted, Flat};
+use crate::chunks::{BackToBack, TripLatencies};
 use crate::cost::Cost;
-use crate::empty::Missed;
+use crate::empty_cycle::Missed;
 use crate::force::Force;
-use crate::judged::Judged;
 use crate::latencies::{Latencies, Quantiles};
+use crate::limit_checks::LimitCheck;
 use crate::machine::Machine;
+use crate::model_swap::ModelSwap;
 use crate::paced::Paced;
-use crate::peers::Kind;
+use crate::peers::Transport;
 use crate::plan::{Load, Plan, Policy, Wait};
-use crate::swap::Swap;
 
 /// A part that was not measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Skipped {
+pub struct SkippedPart {
     /// The part.
     pub what: String,
     /// The reason, and the remedy.
@@ -28,7 +28,7 @@ pub struct Skipped {
 
 /// Round trips at one rate.
 #[derive(Debug, Clone)]
-pub struct AtRate {
+pub struct PacedAtRate {
     /// How the daemon waits.
     pub wait: Wait,
     /// Commands per second.
@@ -45,11 +45,11 @@ pub struct Setting {
     /// The load; empty: idle.
     pub load: Vec<Load>,
     /// Back-to-back, polled.
-    pub flat: Option<Flat>,
+    pub flat: Option<BackToBack>,
     /// Back-to-back, woken by the kernel.
-    pub woken: Option<Flat>,
+    pub woken: Option<BackToBack>,
     /// At given rates.
-    pub paced: Vec<AtRate>,
+    pub paced: Vec<PacedAtRate>,
     /// Force blocks.
     pub force: Option<Force>,
 }
@@ -90,13 +90,13 @@ pub struct Findings {
     /// Starts of a daemon, to the first corrected target.
     pub starts: Option<Latencies>,
     /// Changes of the model.
-    pub swap: Option<Swap>,
+    pub swap: Option<ModelSwap>,
     /// Computing time of a correction.
     pub cost: Option<Cost>,
     /// Parts not measured.
-    pub skipped: Vec<Skipped>,
+    pub skipped: Vec<SkippedPart>,
     /// Acceptance limits of the figures.
-    pub judged: Vec<Judged>,
+    pub judged: Vec<LimitCheck>,
 }
 
 impl Findings {
@@ -127,10 +127,10 @@ impl Findings {
 
     /// The object of the schema `trued.bench/1`.
     #[must_use]
-    pub fn json(&self) -> Told<'_> {
-        let first = |of: fn(&Setting) -> Option<&Flat>| self.settings.iter().find_map(of);
+    pub fn json(&self) -> BenchReport<'_> {
+        let first = |of: fn(&Setting) -> Option<&BackToBack>| self.settings.iter().find_map(of);
         let flat = first(|setting| setting.flat.as_ref());
-        Told {
+        BenchReport {
             machine: &self.machine,
             seconds: self.seconds,
             cell: self.cell.as_deref(),
@@ -139,9 +139,9 @@ impl Findings {
             round_trip_woken_ns: first(|setting| setting.woken.as_ref()).map(by_kind),
             correction_ns: self.correction(),
             missed_cycles: self.missed_cycles(),
-            settings: self.settings.iter().map(told_setting).collect(),
+            settings: self.settings.iter().map(setting_report).collect(),
             first_corrected_ns: self.starts.as_ref().map(Latencies::quantiles),
-            model_swap: self.swap.as_ref().map(told_swap),
+            model_swap: self.swap.as_ref().map(model_swap_report),
             cost: self.cost.as_ref(),
             judged: &self.judged,
             skipped: &self.skipped,
@@ -160,28 +160,28 @@ impl Findings {
 /// The JSON object.
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Told<'a> {
+pub struct BenchReport<'a> {
     machine: &'a Machine,
     seconds: f64,
     cell: Option<&'a str>,
     model: Option<&'a str>,
-    round_trip_ns: Option<BTreeMap<&'static str, Trips>>,
-    round_trip_woken_ns: Option<BTreeMap<&'static str, Trips>>,
+    round_trip_ns: Option<BTreeMap<&'static str, RoundTripReport>>,
+    round_trip_woken_ns: Option<BTreeMap<&'static str, RoundTripReport>>,
     correction_ns: Option<Quantiles>,
     missed_cycles: u64,
-    settings: Vec<ToldSetting<'a>>,
+    settings: Vec<SettingReport<'a>>,
     first_corrected_ns: Option<Quantiles>,
-    model_swap: Option<ToldSwap>,
+    model_swap: Option<ModelSwapReport>,
     cost: Option<&'a Cost>,
-    judged: &'a [Judged],
-    skipped: &'a [Skipped],
+    judged: &'a [LimitCheck],
+    skipped: &'a [SkippedPart],
     skipped_count: usize,
 }
 
 /// Round trips of one transport.
 #[derive(Debug, Clone, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Trips {
+struct RoundTripReport {
     #[serde(flatten)]
     all: Quantiles,
     near: Quantiles,
@@ -193,8 +193,8 @@ struct Trips {
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct ToldFlat {
-    round_trip_ns: BTreeMap<&'static str, Trips>,
+struct BackToBackReport {
+    round_trip_ns: BTreeMap<&'static str, RoundTripReport>,
     reference_near_ns: u64,
     reference_far_ns: u64,
     far_above_ns: Option<f64>,
@@ -206,7 +206,7 @@ struct ToldFlat {
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct ToldPaced<'a> {
+struct PacedReport<'a> {
     wait: Wait,
     rate_hz: u32,
     cycles: u64,
@@ -224,7 +224,7 @@ struct ToldPaced<'a> {
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct ToldForce {
+struct ForceReport {
     scheduled_ns: Quantiles,
     actual_ns: Quantiles,
     one_way_ns: Quantiles,
@@ -235,18 +235,18 @@ struct ToldForce {
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct ToldSetting<'a> {
+struct SettingReport<'a> {
     policy: Policy,
     load: Vec<Load>,
-    flat: Option<ToldFlat>,
-    woken: Option<ToldFlat>,
-    paced: Vec<ToldPaced<'a>>,
-    force: Option<ToldForce>,
+    flat: Option<BackToBackReport>,
+    woken: Option<BackToBackReport>,
+    paced: Vec<PacedReport<'a>>,
+    force: Option<ForceReport>,
 }
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct ToldSwap {
+struct ModelSwapReport {
     swaps: u64,
     epochs_seen: u64,
     cycles: u64,
@@ -257,20 +257,20 @@ struct ToldSwap {
     jump_wanted: f64,
 }
 
-fn by_kind(flat: &Flat) -> BTreeMap<&'static str, Trips> {
-    let measured = Kind::ALL.into_iter().zip(&flat.counted);
+fn by_kind(flat: &BackToBack) -> BTreeMap<&'static str, RoundTripReport> {
+    let measured = Transport::ALL.into_iter().zip(&flat.counted);
     let measured = measured.filter(|(_, counted)| counted.chunks != [0; 3]);
     measured.map(|(kind, counted)| (kind.name(), trips(counted))).collect()
 }
 
-fn trips(counted: &Counted) -> Trips {
-    let Counted { all, near, far, lost, chunks } = counted;
+fn trips(counted: &TripLatencies) -> RoundTripReport {
+    let TripLatencies { all, near, far, lost, chunks } = counted;
     let (all, near, far) = (all.quantiles(), near.quantiles(), far.quantiles());
-    Trips { all, near, far, lost: *lost, chunks: *chunks }
+    RoundTripReport { all, near, far, lost: *lost, chunks: *chunks }
 }
 
-fn told_flat(flat: &Flat) -> ToldFlat {
-    ToldFlat {
+fn back_to_back_report(flat: &BackToBack) -> BackToBackReport {
+    BackToBackReport {
         round_trip_ns: by_kind(flat),
         reference_near_ns: flat.reference[0].at(0.5),
         reference_far_ns: flat.reference[1].at(0.5),
@@ -282,9 +282,9 @@ fn told_flat(flat: &Flat) -> ToldFlat {
     }
 }
 
-fn told_paced(at: &AtRate) -> ToldPaced<'_> {
+fn paced_report(at: &PacedAtRate) -> PacedReport<'_> {
     let paced = &at.paced;
-    ToldPaced {
+    PacedReport {
         wait: at.wait,
         rate_hz: at.rate_hz,
         cycles: paced.cycles,
@@ -300,14 +300,14 @@ fn told_paced(at: &AtRate) -> ToldPaced<'_> {
     }
 }
 
-fn told_setting(setting: &Setting) -> ToldSetting<'_> {
-    ToldSetting {
+fn setting_report(setting: &Setting) -> SettingReport<'_> {
+    SettingReport {
         policy: setting.policy,
         load: setting.load.clone(),
-        flat: setting.flat.as_ref().map(told_flat),
-        woken: setting.woken.as_ref().map(told_flat),
-        paced: setting.paced.iter().map(told_paced).collect(),
-        force: setting.force.as_ref().map(|force| ToldForce {
+        flat: setting.flat.as_ref().map(back_to_back_report),
+        woken: setting.woken.as_ref().map(back_to_back_report),
+        paced: setting.paced.iter().map(paced_report).collect(),
+        force: setting.force.as_ref().map(|force| ForceReport {
             scheduled_ns: force.scheduled.quantiles(),
             actual_ns: force.actual.quantiles(),
             one_way_ns: force.one_way.quantiles(),
@@ -318,8 +318,8 @@ fn told_setting(setting: &Setting) -> ToldSetting<'_> {
     }
 }
 
-fn told_swap(swap: &Swap) -> ToldSwap {
-    ToldSwap {
+fn model_swap_report(swap: &ModelSwap) -> ModelSwapReport {
+    ModelSwapReport {
         swaps: swap.swaps,
         epochs_seen: swap.epochs_seen,
         cycles: swap.paced.cycles,

@@ -17,8 +17,8 @@ use trued_client::{ForceSamples, ForceSource, Monitor, Samples, Verdict, WrenchF
 
 use crate::error::BenchError;
 use crate::latencies::Latencies;
+use crate::measured_daemon::{FORCE_RATE_HZ, MeasuredDaemon};
 use crate::plan::Stage;
-use crate::subject::{FORCE_RATE_HZ, Subject};
 use crate::thread_settings::ThreadSettings;
 
 /// Blocks per second.
@@ -55,27 +55,31 @@ pub struct Force {
 }
 
 /// Context of the measurement.
-pub(crate) struct Forces<'a> {
-    pub(crate) subject: &'a Subject,
+pub(crate) struct ForceMeasurement<'a> {
+    pub(crate) subject: &'a MeasuredDaemon,
     pub(crate) thread_settings: ThreadSettings,
     pub(crate) seconds: f64,
     pub(crate) stop: &'a AtomicBool,
 }
 
-impl Forces<'_> {
+impl ForceMeasurement<'_> {
     pub(crate) fn run(&self) -> Result<Force, BenchError> {
         let (source, monitor) = (self.subject.force()?, self.subject.monitor()?);
         std::thread::scope(|scope| {
             let measuring = scope.spawn(|| {
-                self.thread_settings.take()?;
-                self.play(source, monitor)
+                self.thread_settings.apply()?;
+                self.send_blocks(source, monitor)
             });
             measuring.join().unwrap_or(Err(BenchError::Thread(Stage::Force.name())))
         })
     }
 
-    fn play(&self, mut source: ForceSource, mut monitor: Monitor) -> Result<Force, BenchError> {
-        let taken_before = taken(&mut monitor);
+    fn send_blocks(
+        &self,
+        mut source: ForceSource,
+        mut monitor: Monitor,
+    ) -> Result<Force, BenchError> {
+        let taken_before = received_blocks(&mut monitor);
         let start_ns = monotonic_ns() + 10 * BLOCK_NS;
         let blocks = ((LEARN_S + self.seconds) * BLOCKS_PER_S as f64) as u64;
         let mut sent_ns: Vec<u64> = Vec::with_capacity(blocks as usize);
@@ -85,7 +89,7 @@ impl Forces<'_> {
         for block in 0..blocks {
             let due_ns = start_ns + block * BLOCK_NS;
             sensor.fill(&mut samples, block);
-            self.look_until(due_ns, &mut monitor, start_ns, &sent_ns, &mut force);
+            self.poll_until(due_ns, &mut monitor, start_ns, &sent_ns, &mut force);
             sent_ns.push(monotonic_ns());
             let block = ForceSamples {
                 t_ns: due_ns,
@@ -101,7 +105,7 @@ impl Forces<'_> {
         }
         let since = Instant::now();
         while since.elapsed() < SETTLE_WITHIN {
-            force.taken = taken(&mut monitor) - taken_before;
+            force.taken = received_blocks(&mut monitor) - taken_before;
             if force.taken + force.lost >= blocks {
                 break;
             }
@@ -111,7 +115,7 @@ impl Forces<'_> {
     }
 
     /// Polls for verdicts until the next block is due.
-    fn look_until(
+    fn poll_until(
         &self,
         due_ns: u64,
         monitor: &mut Monitor,
@@ -124,13 +128,13 @@ impl Forces<'_> {
                 count(&verdict, monotonic_ns(), start_ns, sent_ns, force);
             }
             // Short sleeps: a core that is never released is eventually stalled by the kernel.
-            sleep_until((monotonic_ns() + LOOK_EVERY_NS).min(due_ns));
+            sleep_until((monotonic_ns() + POLL_INTERVAL_NS).min(due_ns));
         }
     }
 }
 
 /// Polling interval of the bench, ns: the largest delay that it adds.
-const LOOK_EVERY_NS: u64 = 20_000;
+const POLL_INTERVAL_NS: u64 = 20_000;
 
 /// Counts a verdict for the block that caused it.
 fn count(verdict: &Verdict, here_ns: u64, start_ns: u64, sent_ns: &[u64], force: &mut Force) {
@@ -144,7 +148,7 @@ fn count(verdict: &Verdict, here_ns: u64, start_ns: u64, sent_ns: &[u64], force:
     force.one_way.record(verdict.made_ns.saturating_sub(*sent_ns));
 }
 
-fn taken(monitor: &mut Monitor) -> u64 {
+fn received_blocks(monitor: &mut Monitor) -> u64 {
     monitor.status().map_or(0, |status| status.force_blocks)
 }
 

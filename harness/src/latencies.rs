@@ -8,7 +8,7 @@ use serde::Serialize;
 
 const LONGEST_NS: u64 = 100_000_000_000;
 /// Least number of values beyond a quantile that is shown.
-const BEYOND: f64 = 10.0;
+const VALUES_BEYOND_MIN: f64 = 10.0;
 /// The quantiles shown.
 pub(crate) const SHARES: [f64; 6] = [0.5, 0.9, 0.99, 0.999, 0.9999, 0.99999];
 
@@ -80,7 +80,7 @@ impl Latencies {
     /// Points of the curve of quantiles: the inverse of the share beyond, and the value in µs.
     #[must_use]
     pub fn curve(&self) -> Vec<(f64, f64)> {
-        let last = self.count() as f64 / BEYOND;
+        let last = self.count() as f64 / VALUES_BEYOND_MIN;
         let steps = (0_i32..).map(|k| 10_f64.powf(f64::from(k) / 8.0) * 1.25);
         steps
             .take_while(|one_in| *one_in <= last.max(2.0) && self.count() > 0)
@@ -92,12 +92,12 @@ impl Latencies {
 impl Quantiles {
     /// Each quantile below the maximum, if at least ten values are beyond it.
     #[must_use]
-    pub fn sure(&self) -> [Option<u64>; 6] {
+    pub fn supported_quantiles(&self) -> [Option<u64>; 6] {
         let values = [self.p50, self.p90, self.p99, self.p999, self.p9999, self.p99999];
         let mut sure = values.map(Some);
         for (value, share) in sure.iter_mut().zip(SHARES) {
             // The share is a decimal fraction: slightly less than ten, by rounding, counts as ten.
-            if self.n as f64 * (1.0 - share) < BEYOND - 1e-6 {
+            if self.n as f64 * (1.0 - share) < VALUES_BEYOND_MIN - 1e-6 {
                 *value = None;
             }
         }
@@ -128,9 +128,9 @@ mod tests {
 
     #[test]
     fn a_quantile_with_fewer_than_ten_values_beyond_is_not_shown() {
-        assert!(counted(9_999).quantiles().sure()[3].is_none());
-        assert!(counted(10_000).quantiles().sure()[3].is_some());
-        assert!(counted(10_000).quantiles().sure()[4].is_none());
+        assert!(counted(9_999).quantiles().supported_quantiles()[3].is_none());
+        assert!(counted(10_000).quantiles().supported_quantiles()[3].is_some());
+        assert!(counted(10_000).quantiles().supported_quantiles()[4].is_none());
     }
 
     #[test]

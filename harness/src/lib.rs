@@ -4,62 +4,62 @@
 //! that is compared is measured in the same run, alternately, on the same two cores; parts that
 //! could not be measured are reported and counted.
 //!
-//! Reading order: [`plan`] (the request); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs`,
-//! [`cost`] (measurements); [`judged`] (acceptance limits); [`findings`], [`tables`], [`page`]
-//! (results).
+//! Reading order: [`plan`] (the request); `back_to_back.rs`, `paced.rs`, `force.rs`, `start.rs`,
+//! `model_swap.rs`, [`cost`] (measurements); [`limit_checks`] (acceptance limits); [`findings`],
+//! [`tables`], [`page`] (results).
 
-mod arms;
+mod artificial_robots;
+mod back_to_back;
+mod bench_directory;
 pub mod child;
 mod chunks;
 pub mod cost;
 mod cyclictest;
 pub mod doctor;
-mod empty;
+mod empty_cycle;
 mod error;
 pub mod findings;
-mod flat;
 mod force;
-pub mod judged;
 mod latencies;
+pub mod limit_checks;
 mod load;
 mod machine;
+mod measured_daemon;
+mod model_swap;
 mod paced;
 pub mod page;
 mod peers;
-mod place;
 mod placement;
 pub mod plan;
 mod start;
-mod subject;
-mod swap;
 pub mod tables;
 mod thread_settings;
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-pub use chunks::{Counted, Flat};
-pub use empty::Missed;
+pub use chunks::{BackToBack, TripLatencies};
+pub use empty_cycle::Missed;
 pub use error::BenchError;
 pub use force::Force;
 pub use latencies::{Latencies, Quantiles};
 pub use machine::Machine;
+pub use measured_daemon::runs_fifo;
+pub use model_swap::ModelSwap;
 pub use paced::Paced;
-pub use peers::Kind;
-pub use placement::{Placement, Sorter};
-pub use subject::runs_fifo;
-pub use swap::Swap;
+pub use peers::Transport;
+pub use placement::{Placement, PlacementClassifier};
 pub use thread_settings::fifo_is_granted;
 
-use crate::cost::Costing;
-use crate::doctor::Texts;
-use crate::findings::{AtRate, Findings, Setting, Skipped};
-use crate::flat::Flats;
-use crate::force::Forces;
-use crate::paced::Pacing;
-use crate::peers::Way;
-use crate::place::Place;
+use crate::back_to_back::BackToBackMeasurement;
+use crate::bench_directory::BenchDirectory;
+use crate::cost::CostMeasurement;
+use crate::doctor::KernelInfo;
+use crate::findings::{Findings, PacedAtRate, Setting, SkippedPart};
+use crate::force::ForceMeasurement;
+use crate::measured_daemon::{MeasuredDaemon, Setup};
+use crate::paced::PacedMeasurement;
+use crate::peers::WakeMode;
 use crate::plan::{Load, Plan, Policy, Programs, Stage, Wait};
-use crate::subject::{Setup, Subject};
 use crate::thread_settings::ThreadSettings;
 
 /// Period of a daemon that is measured back-to-back, s: the shortest possible.
@@ -67,17 +67,17 @@ const FLAT_PERIOD_S: f64 = 1e-4;
 /// The rate at which models are swapped and starts are measured, Hz.
 const SWAP_RATE_HZ: u32 = 1000;
 /// Separator of the arguments of a part: paths may contain spaces.
-pub(crate) const BETWEEN_WORDS: &str = "\t";
+pub(crate) const ARGUMENT_SEPARATOR: &str = "\t";
 
 /// Runs a part of the bench in a separate process, with the arguments of [`Programs::part`].
 ///
 /// # Errors
 /// An error of the part.
-pub fn part(words: &str) -> Result<(), BenchError> {
-    let words: Vec<&str> = words.split(BETWEEN_WORDS).collect();
+pub fn part(text: &str) -> Result<(), BenchError> {
+    let words: Vec<&str> = text.split(ARGUMENT_SEPARATOR).collect();
     match words.split_first() {
-        Some((&"echo", arguments)) => peers::echo::answer(arguments),
-        Some((&"load", arguments)) => load::make(arguments),
+        Some((&"echo", arguments)) => peers::echo::run_echo(arguments),
+        Some((&"load", arguments)) => load::run_loads(arguments),
         _ => Err(BenchError::part("unknown", "unknown part")),
     }
 }
@@ -104,22 +104,22 @@ fn all(
     stop: &AtomicBool,
     say: &mut dyn FnMut(&str),
 ) -> Result<Findings, BenchError> {
-    let texts = Texts::read(std::path::Path::new("/"));
-    let cores = thread_settings::two_cores(plan.cores, &machine::isolated(&texts))?;
+    let texts = KernelInfo::read(std::path::Path::new("/"));
+    let cores = thread_settings::choose_cores(plan.cores, &machine::isolated(&texts))?;
     let strictest =
         if plan.policies.contains(&Policy::Fifo) { Policy::Fifo } else { Policy::Other };
     if strictest == Policy::Fifo {
         daemon::realtime::lock_memory()?;
-        thread_settings::ask_fifo(plan.priority)?;
+        thread_settings::try_fifo(plan.priority)?;
         if let Some(cell) = &plan.cell {
-            subject::wants_fifo(cell, subject::JOIN_WITHIN)?;
+            measured_daemon::require_fifo(cell, measured_daemon::JOIN_WITHIN)?;
         }
     }
     let mut bench = Bench {
         plan,
         programs,
         stop,
-        place: Place::new()?,
+        place: BenchDirectory::new()?,
         cores,
         findings: Findings::new(Machine::of(&texts, strictest, cores), plan),
     };
@@ -131,7 +131,7 @@ fn all(
     }
     bench.once(strictest, say)?;
     bench.findings.machine.stolen_ticks = machine::stolen_ticks().saturating_sub(stolen_before);
-    bench.findings.judged = judged::judge(&bench.findings);
+    bench.findings.judged = limit_checks::check_limits(&bench.findings);
     Ok(bench.findings)
 }
 
@@ -139,7 +139,7 @@ struct Bench<'a> {
     plan: &'a Plan,
     programs: &'a dyn Programs,
     stop: &'a AtomicBool,
-    place: Place,
+    place: BenchDirectory,
     cores: [usize; 2],
     findings: Findings,
 }
@@ -155,14 +155,14 @@ impl Bench<'_> {
         let mut made = load::start(self.plan, self.programs, load)?;
         let mut setting = Setting::new(policy, load);
         let under = setting.name();
-        for (stage, way) in [(Stage::Flat, Way::Poll), (Stage::Woken, Way::Wake)] {
-            if self.plan.has(stage) && way == Way::Wake && self.plan.cell.is_some() {
+        for (stage, way) in [(Stage::Flat, WakeMode::Poll), (Stage::Woken, WakeMode::Wake)] {
+            if self.plan.has(stage) && way == WakeMode::Wake && self.plan.cell.is_some() {
                 self.skip(stage.name(), "not available for a running cell on another core");
             } else if self.plan.has(stage) {
                 say(&format!("{}, {under}", stage.name()));
                 let flat = self.flat(policy, way)?;
-                load::still_made(&mut made)?;
-                if way == Way::Poll && self.plan.cell.is_some() {
+                load::check_running(&mut made)?;
+                if way == WakeMode::Poll && self.plan.cell.is_some() {
                     let why = "not available for a running cell on another core";
                     self.skip("reference transports", why);
                 }
@@ -170,7 +170,7 @@ impl Bench<'_> {
                     let why = "more than 10 % of the daemon's answers have no solved correction; see `answers` of --json and the daemon's log";
                     self.skip("trued's round trips and their limits", why);
                 }
-                *(if way == Way::Poll { &mut setting.flat } else { &mut setting.woken }) =
+                *(if way == WakeMode::Poll { &mut setting.flat } else { &mut setting.woken }) =
                     Some(flat);
             }
         }
@@ -179,15 +179,15 @@ impl Bench<'_> {
                 for rate_hz in &self.plan.rates_hz {
                     say(&format!("paced at {rate_hz} Hz, daemon by {}, {under}", wait.name()));
                     let paced = self.paced(policy, *wait, *rate_hz)?;
-                    load::still_made(&mut made)?;
-                    setting.paced.push(AtRate { wait: *wait, rate_hz: *rate_hz, paced });
+                    load::check_running(&mut made)?;
+                    setting.paced.push(PacedAtRate { wait: *wait, rate_hz: *rate_hz, paced });
                 }
             }
         }
         if self.plan.has(Stage::Force) {
             say(&format!("force blocks, {under}"));
             setting.force = self.force(policy)?;
-            load::still_made(&mut made)?;
+            load::check_running(&mut made)?;
         }
         self.findings.settings.push(setting);
         Ok(())
@@ -214,35 +214,36 @@ impl Bench<'_> {
         }
         if self.plan.has(Stage::Swap) {
             say("models swapped");
-            let subject = Subject::new(self.plan, self.programs, &self.place, setup)?;
-            let pacing = Pacing {
+            let subject = MeasuredDaemon::new(self.plan, self.programs, &self.place, setup)?;
+            let pacing = PacedMeasurement {
                 subject: &subject,
                 thread_settings: self.thread_settings(policy),
                 rate_hz: SWAP_RATE_HZ,
                 seconds: self.plan.seconds,
                 stop: self.stop,
             };
-            self.findings.swap = Some(swap::run(self.plan, &self.place, &pacing)?);
+            self.findings.swap = Some(model_swap::run(self.plan, &self.place, &pacing)?);
         }
         if self.plan.has(Stage::Cost) {
             say("cost of joints, effects, cells");
             let Self { plan, programs, stop, .. } = *self;
             let thread_settings = self.thread_settings(policy);
-            let costing = Costing { plan, programs, place: &self.place, thread_settings, stop };
+            let costing =
+                CostMeasurement { plan, programs, place: &self.place, thread_settings, stop };
             self.findings.cost = Some(costing.run()?);
         }
         Ok(())
     }
 
-    fn flat(&mut self, policy: Policy, way: Way) -> Result<Flat, BenchError> {
-        let may = if way == Way::Wake {
+    fn flat(&mut self, policy: Policy, way: WakeMode) -> Result<BackToBack, BenchError> {
+        let may = if way == WakeMode::Wake {
             cyclictest::runs(self.thread_settings(policy)[1])
         } else {
             Ok(())
         };
         let has_cyclictest = may.map_err(|why| self.skip("cyclictest", &why)).is_ok();
         let subject = self.subject(policy, Wait::Spin, FLAT_PERIOD_S, false)?;
-        let flats = Flats {
+        let flats = BackToBackMeasurement {
             subject: &subject,
             programs: self.programs,
             place: &self.place,
@@ -257,7 +258,7 @@ impl Bench<'_> {
 
     fn paced(&self, policy: Policy, wait: Wait, rate_hz: u32) -> Result<Paced, BenchError> {
         let subject = self.subject(policy, wait, 1.0 / f64::from(rate_hz), false)?;
-        let pacing = Pacing {
+        let pacing = PacedMeasurement {
             subject: &subject,
             thread_settings: self.thread_settings(policy),
             rate_hz,
@@ -274,7 +275,7 @@ impl Bench<'_> {
         }
         let subject = self.subject(policy, Wait::Sleep, 1e-3, true)?;
         let thread_settings = self.thread_settings(policy)[0];
-        let forces = Forces {
+        let forces = ForceMeasurement {
             subject: &subject,
             thread_settings,
             seconds: self.plan.seconds,
@@ -289,13 +290,13 @@ impl Bench<'_> {
         wait: Wait,
         period_s: f64,
         listens: bool,
-    ) -> Result<Subject, BenchError> {
+    ) -> Result<MeasuredDaemon, BenchError> {
         if self.stop.load(Relaxed) {
             return Err(BenchError::Interrupted);
         }
         let setup =
             Setup { thread_settings: self.thread_settings(policy)[1], wait, period_s, listens };
-        Subject::new(self.plan, self.programs, &self.place, setup)
+        MeasuredDaemon::new(self.plan, self.programs, &self.place, setup)
     }
 
     /// Settings of the client's thread, and of the daemon's cycle or a reference in its place.
@@ -305,7 +306,7 @@ impl Bench<'_> {
     }
 
     fn skip(&mut self, what: &str, why: &str) {
-        let skipped = Skipped { what: what.to_owned(), why: why.to_owned() };
+        let skipped = SkippedPart { what: what.to_owned(), why: why.to_owned() };
         if !self.findings.skipped.contains(&skipped) {
             self.findings.skipped.push(skipped);
         }

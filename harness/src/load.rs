@@ -12,8 +12,8 @@ use std::sync::mpsc;
 
 use rustix::process::{Signal, set_parent_process_death_signal};
 
-use crate::BETWEEN_WORDS;
-use crate::child::Guarded;
+use crate::ARGUMENT_SEPARATOR;
+use crate::child::ChildGuard;
 use crate::error::BenchError;
 use crate::plan::{Load, Plan, Programs};
 
@@ -33,38 +33,39 @@ pub(crate) fn start(
     plan: &Plan,
     programs: &dyn Programs,
     loads: &[Load],
-) -> Result<Option<Guarded>, BenchError> {
+) -> Result<Option<ChildGuard>, BenchError> {
     if loads.is_empty() {
         return Ok(None);
     }
     let names: Vec<_> = loads.iter().map(|load| load.name()).collect();
-    let words = ["load", &plan.scratch.to_string_lossy(), &names.join(",")].join(BETWEEN_WORDS);
+    let words =
+        ["load", &plan.scratch.to_string_lossy(), &names.join(",")].join(ARGUMENT_SEPARATOR);
     let failed = |e: std::io::Error| BenchError::part("load", e.to_string());
-    Ok(Some(Guarded::spawn_piped(programs.part(&words).map_err(failed)?).map_err(failed)?))
+    Ok(Some(ChildGuard::spawn_piped(programs.part(&words).map_err(failed)?).map_err(failed)?))
 }
 
 /// Checks that a load is still running.
 ///
 /// # Errors
 /// It has ended: results since then were obtained without it.
-pub(crate) fn still_made(made: &mut Option<Guarded>) -> Result<(), BenchError> {
-    match made.as_mut().and_then(Guarded::ended) {
+pub(crate) fn check_running(made: &mut Option<ChildGuard>) -> Result<(), BenchError> {
+    match made.as_mut().and_then(ChildGuard::try_exit_status) {
         Some(status) => Err(BenchError::part("load", format!("it ended ({status})"))),
         None => Ok(()),
     }
 }
 
 /// The process itself: runs the loads until it is ended.
-pub(crate) fn make(arguments: &[&str]) -> Result<(), BenchError> {
+pub(crate) fn run_loads(arguments: &[&str]) -> Result<(), BenchError> {
     // Without this signal a killed parent would not end the process; closing its standard input
     // does.
     let _ = set_parent_process_death_signal(Some(Signal::KILL));
     let [scratch, names] = arguments else { return Err(BenchError::part("load", "arguments")) };
     let (end, ended) = mpsc::channel();
-    for load in names.split(',').filter_map(Load::named) {
+    for load in names.split(',').filter_map(Load::from_name) {
         let (scratch, end) = (PathBuf::from(scratch), end.clone());
         std::thread::spawn(move || {
-            let failed = one(load, &scratch).err();
+            let failed = run_load(load, &scratch).err();
             let why = failed.map_or_else(|| "it ended".to_owned(), |e| e.to_string());
             // The receiver is gone if another load has failed before.
             let _ = end.send(Err(BenchError::part("load", format!("{}: {why}", load.name()))));
@@ -78,7 +79,7 @@ pub(crate) fn make(arguments: &[&str]) -> Result<(), BenchError> {
     ended.recv().unwrap_or(Ok(()))
 }
 
-fn one(load: Load, scratch: &Path) -> std::io::Result<()> {
+fn run_load(load: Load, scratch: &Path) -> std::io::Result<()> {
     match load {
         Load::Memory => memory(),
         Load::Cache => cache(),

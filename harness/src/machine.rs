@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use crate::doctor::{Texts, parse};
+use crate::doctor::{KernelInfo, parse};
 use crate::plan::Policy;
 
 /// The machine.
@@ -41,7 +41,7 @@ pub struct Machine {
 }
 
 /// The isolated cores.
-pub(crate) fn isolated(texts: &Texts) -> Vec<usize> {
+pub(crate) fn isolated(texts: &KernelInfo) -> Vec<usize> {
     texts.isolated.as_deref().and_then(parse::list).unwrap_or_default()
 }
 
@@ -57,7 +57,7 @@ fn steal(stat: &str) -> Option<u64> {
 
 impl Machine {
     /// From the kernel's texts.
-    pub(crate) fn of(texts: &Texts, scheduling: Policy, cores: [usize; 2]) -> Self {
+    pub(crate) fn of(texts: &KernelInfo, scheduling: Policy, cores: [usize; 2]) -> Self {
         let unknown = || "unknown".to_owned();
         let version = texts.version.as_deref();
         let cpuinfo = texts.cpuinfo.as_deref();
@@ -129,7 +129,7 @@ mod tests {
 
     #[test]
     fn a_machine_that_says_nothing_is_not_called_good() {
-        let machine = Machine::of(&Texts::default(), Policy::Other, [0, 1]);
+        let machine = Machine::of(&KernelInfo::default(), Policy::Other, [0, 1]);
         assert!(!machine.preempt_rt && machine.governor == "unknown");
         assert!(machine.means.len() >= 4, "{:?}", machine.means);
     }

@@ -12,12 +12,12 @@ use daemon::pacer::sleep_until;
 use shm_schema::monotonic_ns;
 use trued_client::Corrected;
 
-use crate::empty::{Empty, Missed, Schedule, beyond, missed_by_any, remember};
+use crate::empty_cycle::{EmptyCycle, Missed, Schedule, missed_by_any, push_if, unexcused_misses};
 use crate::error::BenchError;
 use crate::latencies::Latencies;
+use crate::measured_daemon::MeasuredDaemon;
 use crate::peers::trued::{Answers, Trued};
 use crate::plan::Stage;
-use crate::subject::Subject;
 use crate::thread_settings::ThreadSettings;
 
 /// Time before a command is due at which the client starts to spin, ns; at most this share of a
@@ -25,7 +25,7 @@ use crate::thread_settings::ThreadSettings;
 const SPIN_BEFORE_NS: u64 = 120_000;
 const SPIN_SHARE: f64 = 0.3;
 /// Time limit of an answer; lost ones count as late by this time.
-const GIVE_UP: Duration = Duration::from_millis(200);
+const ANSWER_LIMIT: Duration = Duration::from_millis(200);
 /// Time from the set-up to the first command.
 const HEAD_START_NS: u64 = 120_000_000;
 /// Limit on missed cycles stored with their stages.
@@ -59,15 +59,15 @@ pub struct Paced {
 }
 
 /// Context of the measurement.
-pub(crate) struct Pacing<'a> {
-    pub(crate) subject: &'a Subject,
+pub(crate) struct PacedMeasurement<'a> {
+    pub(crate) subject: &'a MeasuredDaemon,
     pub(crate) thread_settings: [ThreadSettings; 2],
     pub(crate) rate_hz: u32,
     pub(crate) seconds: f64,
     pub(crate) stop: &'a AtomicBool,
 }
 
-impl Pacing<'_> {
+impl PacedMeasurement<'_> {
     /// Measures, and passes each answer to `watch`.
     pub(crate) fn run(
         &self,
@@ -82,10 +82,12 @@ impl Pacing<'_> {
         let (measured, empties) = std::thread::scope(|scope| {
             let empties = self.thread_settings.map(|thread_settings| {
                 let over = &over;
-                scope.spawn(move || Empty::run(thread_settings.above(), schedule, over))
+                scope.spawn(move || {
+                    EmptyCycle::run(thread_settings.with_higher_priority(), schedule, over)
+                })
             });
             let measuring = scope.spawn(|| {
-                self.thread_settings[0].take()?;
+                self.thread_settings[0].apply()?;
                 self.measure(&mut trued, schedule, &mut watch)
             });
             let measured = measuring.join();
@@ -99,7 +101,7 @@ impl Pacing<'_> {
             let Ok(empty) = empty else { return Err(ended) };
             beside.push(empty?);
         }
-        paced.beyond = beyond(&missed, &beside);
+        paced.beyond = unexcused_misses(&missed, &beside);
         paced.missed_beyond_empty = paced.beyond.len() as u64;
         paced.beyond.truncate(BEYOND_SHOWN);
         paced.empty_missed = missed_by_any(&beside);
@@ -121,7 +123,7 @@ impl Pacing<'_> {
         for cycle in 0..schedule.cycles {
             let due_ns = schedule.due_ns(cycle);
             wait_until(due_ns, spin_ns);
-            let (sent_ns, here_ns) = trued.command(GIVE_UP);
+            let (sent_ns, here_ns) = trued.command(ANSWER_LIMIT);
             let end_ns = here_ns.unwrap_or_else(monotonic_ns);
             paced.unanswered += u64::from(here_ns.is_none());
             paced.actual.record(end_ns - sent_ns);
@@ -129,7 +131,7 @@ impl Pacing<'_> {
             let is_missed = here_ns.is_none() || end_ns - due_ns > schedule.period_ns;
             paced.missed += u64::from(is_missed);
             let answer = trued.newest.as_ref().filter(|_| here_ns.is_some());
-            remember(&mut missed, parts(cycle, due_ns, sent_ns, answer, end_ns), is_missed);
+            push_if(&mut missed, cycle_stages(cycle, due_ns, sent_ns, answer, end_ns), is_missed);
             if let Some(answer) = answer {
                 watch(answer);
             }
@@ -139,7 +141,7 @@ impl Pacing<'_> {
         }
         paced.cycles = schedule.cycles;
         if paced.unanswered == paced.cycles {
-            let limit_ms = GIVE_UP.as_millis() as u64;
+            let limit_ms = ANSWER_LIMIT.as_millis() as u64;
             return Err(BenchError::Silent { stage: Stage::Paced.name(), limit_ms });
         }
         Ok((paced, missed))
@@ -151,7 +153,7 @@ impl Pacing<'_> {
         let mut due_ns = first_ns.max(monotonic_ns());
         while due_ns + 2 * schedule.period_ns < schedule.start_ns {
             wait_until(due_ns, SPIN_BEFORE_NS);
-            trued.command(GIVE_UP);
+            trued.command(ANSWER_LIMIT);
             due_ns = monotonic_ns() + schedule.period_ns;
         }
         trued.answers = Answers::default();
@@ -160,7 +162,13 @@ impl Pacing<'_> {
 }
 
 /// Stages of a cycle.
-fn parts(cycle: u64, due_ns: u64, sent_ns: u64, answer: Option<&Corrected>, end_ns: u64) -> Missed {
+fn cycle_stages(
+    cycle: u64,
+    due_ns: u64,
+    sent_ns: u64,
+    answer: Option<&Corrected>,
+    end_ns: u64,
+) -> Missed {
     let late_ns = sent_ns.saturating_sub(due_ns);
     let Some(answer) = answer else { return Missed { cycle, late_ns, ..Missed::default() } };
     Missed {

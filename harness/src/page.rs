@@ -2,12 +2,12 @@
 
 use report::{Axis, Number, Page, Plot, Role, Series, Svg, Table, Tone, quantity};
 
-use crate::chunks::Flat;
-use crate::cost::Costs;
+use crate::chunks::BackToBack;
+use crate::cost::CostSeries;
 use crate::findings::{Findings, Setting};
 use crate::latencies::Quantiles;
-use crate::peers::Kind;
-use crate::tables::{self, Words};
+use crate::peers::Transport;
+use crate::tables::{self, BenchTable};
 
 /// The plots, with their file names.
 #[must_use]
@@ -40,7 +40,7 @@ pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
     plots
 }
 
-fn line(name: &str, costs: &Costs) -> Svg {
+fn line(name: &str, costs: &CostSeries) -> Svg {
     let measured = costs.points.iter().map(|point| (point.n as f64, point.cost_us));
     let ends = costs.points.first().into_iter().chain(costs.points.last());
     let line = ends.map(|point| (point.n as f64, costs.line.at(point.n)));
@@ -55,14 +55,14 @@ fn axes(title: &str) -> Plot {
     Plot::new(title, x, Axis::new("Time", "µs").log())
 }
 
-fn curves(flat: &Flat) -> Svg {
-    let measured = Kind::ALL.into_iter().zip(&flat.counted).filter(|(_, c)| c.all.count() > 0);
+fn curves(flat: &BackToBack) -> Svg {
+    let measured = Transport::ALL.into_iter().zip(&flat.counted).filter(|(_, c)| c.all.count() > 0);
     measured
         .fold(axes("Round trips"), |plot, (kind, counted)| {
-            let series = Series::line(kind.what(), counted.all.curve());
+            let series = Series::line(kind.description(), counted.all.curve());
             plot.series(match kind {
-                Kind::Bare => series.role(Role::Before),
-                Kind::Trued => series.role(Role::After),
+                Transport::Bare => series.role(Role::Before),
+                Transport::Trued => series.role(Role::After),
                 _ => series,
             })
         })
@@ -173,7 +173,10 @@ fn trued_latency(findings: &Findings) -> Option<(String, Quantiles)> {
     let paced = settings().flat_map(|setting| &setting.paced).next();
     let flat = || {
         let counted = settings().filter_map(|setting| setting.flat.as_ref()).flat_map(|flat| {
-            Kind::ALL.into_iter().zip(&flat.counted).filter(|(kind, _)| *kind == Kind::Trued)
+            Transport::ALL
+                .into_iter()
+                .zip(&flat.counted)
+                .filter(|(kind, _)| *kind == Transport::Trued)
         });
         counted.map(|(_, counted)| counted.all.quantiles()).next()
     };
@@ -210,7 +213,7 @@ fn yes(is: bool) -> String {
     if is { "yes" } else { "no" }.to_owned()
 }
 
-fn table(words: &Words) -> Table {
+fn table(words: &BenchTable) -> Table {
     let table = Table::new(words.title.clone(), words.heads.iter().map(String::as_str));
     words.rows.iter().fold(table, |table, row| {
         table.row(row.iter().map(|cell| report::Cell::from(cell.as_str())))

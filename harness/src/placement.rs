@@ -21,32 +21,32 @@ pub enum Placement {
 }
 
 /// Least ratio of the references between two groups.
-const TWO_GROUPS: f64 = 2.0;
+const GROUP_RATIO_MIN: f64 = 2.0;
 /// Share of the references that is ignored at either end.
-const STRAY: f64 = 0.05;
+const OUTLIER_SHARE: f64 = 0.05;
 
 /// The threshold.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sorter {
+pub struct PlacementClassifier {
     /// References above are far, ns; `None` if there is one placement.
     pub threshold_ns: Option<f64>,
 }
 
-impl Sorter {
+impl PlacementClassifier {
     /// From all references of a run, ns.
     #[must_use]
-    pub fn of(references_ns: &[f64]) -> Self {
+    pub fn from_references(references_ns: &[f64]) -> Self {
         let mut sorted: Vec<f64> = references_ns.iter().copied().filter(|r| *r > 0.0).collect();
         sorted.sort_by(f64::total_cmp);
         let at = |share: f64| sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize);
-        let ends = at(STRAY).zip(at(1.0 - STRAY));
-        let parted = ends.filter(|(low, high)| **high > TWO_GROUPS * **low);
+        let ends = at(OUTLIER_SHARE).zip(at(1.0 - OUTLIER_SHARE));
+        let parted = ends.filter(|(low, high)| **high > GROUP_RATIO_MIN * **low);
         Self { threshold_ns: parted.map(|(low, high)| (low * high).sqrt()) }
     }
 
     /// Classifies a chunk by the references before and after it, ns.
     #[must_use]
-    pub fn place(&self, before_ns: f64, after_ns: f64) -> Placement {
+    pub fn classify(&self, before_ns: f64, after_ns: f64) -> Placement {
         let Some(threshold_ns) = self.threshold_ns else { return Placement::Near };
         match (before_ns > threshold_ns, after_ns > threshold_ns) {
             (false, false) => Placement::Near,
@@ -64,23 +64,23 @@ mod tests {
     fn references_of_one_kind_are_one_placement_however_noisy() {
         let mut references: Vec<f64> = (0..100).map(|i| 100.0 + f64::from(i % 20)).collect();
         references[50] = 900.0;
-        let sorter = Sorter::of(&references);
+        let sorter = PlacementClassifier::from_references(&references);
         assert_eq!(sorter.threshold_ns, None);
-        assert_eq!(sorter.place(100.0, 900.0), Placement::Near);
+        assert_eq!(sorter.classify(100.0, 900.0), Placement::Near);
     }
 
     #[test]
     fn two_kinds_are_parted_and_a_change_within_a_chunk_is_seen() {
         let references: Vec<f64> =
             (0..100).map(|i| if i % 3 == 0 { 110.0 } else { 520.0 }).collect();
-        let sorter = Sorter::of(&references);
-        assert_eq!(sorter.place(112.0, 108.0), Placement::Near);
-        assert_eq!(sorter.place(500.0, 530.0), Placement::Far);
-        assert_eq!(sorter.place(110.0, 530.0), Placement::Mixed);
+        let sorter = PlacementClassifier::from_references(&references);
+        assert_eq!(sorter.classify(112.0, 108.0), Placement::Near);
+        assert_eq!(sorter.classify(500.0, 530.0), Placement::Far);
+        assert_eq!(sorter.classify(110.0, 530.0), Placement::Mixed);
     }
 
     #[test]
     fn nothing_measured_is_one_placement() {
-        assert_eq!(Sorter::of(&[]).place(1.0, 2.0), Placement::Near);
+        assert_eq!(PlacementClassifier::from_references(&[]).classify(1.0, 2.0), Placement::Near);
     }
 }

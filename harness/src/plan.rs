@@ -84,7 +84,7 @@ impl Load {
 
     /// The kind of that name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|load| load.name() == name)
     }
 }
@@ -129,7 +129,7 @@ impl Stage {
 
     /// The part of that name.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
     }
 }
@@ -147,7 +147,7 @@ pub trait Programs: Sync {
     ///
     /// # Errors
     /// This program cannot be found.
-    fn part(&self, words: &str) -> std::io::Result<Command>;
+    fn part(&self, text: &str) -> std::io::Result<Command>;
 }
 
 /// The request.

@@ -10,12 +10,12 @@ use std::time::Duration;
 use shm_schema::monotonic_ns;
 use trued_client::{Client, Connection, CorrectionStatus};
 
+use crate::bench_directory::BenchDirectory;
 use crate::error::BenchError;
 use crate::latencies::Latencies;
+use crate::measured_daemon::{ServedModel, Setup, launch, ready};
 use crate::peers::trued::Trued;
-use crate::place::Place;
 use crate::plan::{Plan, Programs, Stage};
-use crate::subject::{Served, Setup, launch, ready};
 
 /// Time limit of one start.
 const WITHIN: Duration = Duration::from_secs(10);
@@ -26,11 +26,11 @@ const TICK: Duration = Duration::from_millis(1);
 pub(crate) fn run(
     plan: &Plan,
     programs: &dyn Programs,
-    place: &Place,
+    place: &BenchDirectory,
     setup: Setup,
     stop: &AtomicBool,
 ) -> Result<Latencies, BenchError> {
-    let served = Served { model: &plan.models[0], cells: 1 };
+    let served = ServedModel { model: &plan.models[0], cells: 1 };
     let mut starts = Latencies::default();
     let mut trued: Option<Trued> = None;
     // The first start informs the client of the robot; it is not counted.

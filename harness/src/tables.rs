@@ -1,14 +1,14 @@
 //! Results as text tables.
 
-use crate::chunks::Flat;
-use crate::cost::{Cost, Costs};
+use crate::chunks::BackToBack;
+use crate::cost::{Cost, CostSeries};
 use crate::findings::{Findings, Setting};
 use crate::latencies::Quantiles;
-use crate::peers::Kind;
+use crate::peers::Transport;
 
 /// A table: title, column heads, rows.
 #[derive(Debug, Clone, Default)]
-pub struct Words {
+pub struct BenchTable {
     /// Title.
     pub title: String,
     /// Heads of the columns.
@@ -21,7 +21,7 @@ const QUANTILES: [&str; 8] = ["p50", "p90", "p99", "p99.9", "p99.99", "p99.999",
 
 /// All tables, in the order of reading.
 #[must_use]
-pub fn tables(findings: &Findings) -> Vec<Words> {
+pub fn tables(findings: &Findings) -> Vec<BenchTable> {
     let mut tables = Vec::new();
     for setting in &findings.settings {
         let under = setting.name();
@@ -57,9 +57,9 @@ pub fn tables(findings: &Findings) -> Vec<Words> {
     tables
 }
 
-fn with_quantiles(title: String, first: &[&str]) -> Words {
+fn with_quantiles(title: String, first: &[&str]) -> BenchTable {
     let heads = first.iter().chain(&QUANTILES).map(|head| (*head).to_owned()).collect();
-    Words { title, heads, rows: Vec::new() }
+    BenchTable { title, heads, rows: Vec::new() }
 }
 
 /// A duration in µs, with meaningful digits.
@@ -76,7 +76,9 @@ pub fn microseconds(ns: u64) -> String {
 }
 
 fn cells(first: &[&str], quantiles: &Quantiles) -> Vec<String> {
-    let sure = quantiles.sure().map(|value| value.map_or_else(|| "–".to_owned(), microseconds));
+    let sure = quantiles
+        .supported_quantiles()
+        .map(|value| value.map_or_else(|| "–".to_owned(), microseconds));
     let mut cells: Vec<String> = first.iter().map(|cell| (*cell).to_owned()).collect();
     cells.extend(sure);
     let worst = if quantiles.n == 0 { "–".to_owned() } else { microseconds(quantiles.max) };
@@ -85,24 +87,24 @@ fn cells(first: &[&str], quantiles: &Quantiles) -> Vec<String> {
 }
 
 /// Share of the daemon's answers with a solved correction.
-fn solved(flat: &Flat) -> String {
+fn solved(flat: &BackToBack) -> String {
     let share = flat.solved_share();
     share.map_or_else(String::new, |share| {
         format!("; solved for {:.1} % of trued's answers", 100.0 * share)
     })
 }
 
-fn trips(title: String, flat: &Flat) -> Words {
+fn trips(title: String, flat: &BackToBack) -> BenchTable {
     let mut table = with_quantiles(title, &["", "cores"]);
     let two = flat.sorter.threshold_ns.is_some();
-    for (kind, counted) in Kind::ALL.into_iter().zip(&flat.counted) {
+    for (kind, counted) in Transport::ALL.into_iter().zip(&flat.counted) {
         let rows = if two {
             vec![("near", &counted.near), ("far", &counted.far)]
         } else {
             vec![("", &counted.all)]
         };
         for (cores, latencies) in rows.into_iter().filter(|(_, l)| l.count() > 0) {
-            table.rows.push(cells(&[kind.what(), cores], &latencies.quantiles()));
+            table.rows.push(cells(&[kind.description(), cores], &latencies.quantiles()));
         }
     }
     if flat.correction.count() > 0 {
@@ -115,7 +117,7 @@ fn trips(title: String, flat: &Flat) -> Words {
     table
 }
 
-fn paced(setting: &Setting) -> Words {
+fn paced(setting: &Setting) -> BenchTable {
     let title = format!("At fixed rates, command to answer, µs ({})", setting.name());
     let mut table = with_quantiles(title, &["rate", "daemon by", "from"]);
     for at in &setting.paced {
@@ -131,7 +133,7 @@ fn paced(setting: &Setting) -> Words {
     table
 }
 
-fn counts(setting: &Setting) -> Words {
+fn counts(setting: &Setting) -> BenchTable {
     let heads = [
         "rate",
         "daemon by",
@@ -148,7 +150,7 @@ fn counts(setting: &Setting) -> Words {
         cells.extend(numbers.map(|number| number.to_string()));
         cells
     });
-    Words {
+    BenchTable {
         title: format!(
             "Missed cycles ({}): answered after the next command was due",
             setting.name()
@@ -158,7 +160,7 @@ fn counts(setting: &Setting) -> Words {
     }
 }
 
-fn force(setting: &Setting) -> Option<Words> {
+fn force(setting: &Setting) -> Option<BenchTable> {
     let force = setting.force.as_ref()?;
     let title = format!(
         "Force block to verdict, µs ({}); {} blocks played, {} taken, {} not handed over",
@@ -178,7 +180,7 @@ fn force(setting: &Setting) -> Option<Words> {
     Some(table)
 }
 
-fn once(findings: &Findings) -> Vec<Words> {
+fn once(findings: &Findings) -> Vec<BenchTable> {
     let mut tables = Vec::new();
     if let Some(starts) = &findings.starts {
         let mut table =
@@ -203,7 +205,7 @@ fn once(findings: &Findings) -> Vec<Words> {
         ];
         let rows = facts.into_iter().map(|(name, value)| vec![name.to_owned(), value]).collect();
         let heads = vec![String::new(), String::new()];
-        tables.push(Words {
+        tables.push(BenchTable {
             title: "Models swapped during a running path, 1 kHz".into(),
             heads,
             rows,
@@ -213,7 +215,7 @@ fn once(findings: &Findings) -> Vec<Words> {
 }
 
 /// For each kind of cost: its name, description, additional column, figures.
-pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &Costs); 3] {
+pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &CostSeries); 3] {
     let correction = "Time of one correction, µs (lowest median of batches)".to_owned();
     let of_six = format!("{correction}, six joints");
     let rate_hz = cost.cell_rate_hz;
@@ -226,10 +228,10 @@ pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &Costs
     ]
 }
 
-fn costs(cost: &Cost) -> Vec<Words> {
-    let table = |(name, what, beside, costs): (&str, String, &str, &Costs)| {
+fn costs(cost: &Cost) -> Vec<BenchTable> {
+    let table = |(name, what, beside, costs): (&str, String, &str, &CostSeries)| {
         let line = &costs.line;
-        let row = |point: &crate::cost::Point| {
+        let row = |point: &crate::cost::CostPoint| {
             let off = 100.0 * (point.cost_us / line.at(point.n) - 1.0);
             let numbers = [format!("{:.2}", point.cost_us), format!("{off:+.1} %")];
             let mut cells = vec![point.n.to_string()];
@@ -245,12 +247,12 @@ fn costs(cost: &Cost) -> Vec<Words> {
             100.0 * line.worst
         );
         let heads = [name, "cost, µs", "off the line", beside].map(str::to_owned).to_vec();
-        Words { title, heads, rows: costs.points.iter().map(row).collect() }
+        BenchTable { title, heads, rows: costs.points.iter().map(row).collect() }
     };
     kinds(cost).map(table).to_vec()
 }
 
-fn judged(findings: &Findings) -> Words {
+fn judged(findings: &Findings) -> BenchTable {
     let rows = findings.judged.iter().map(|judged| {
         let unit = if judged.unit.is_empty() { String::new() } else { format!(" {}", judged.unit) };
         let digits = if judged.measured.fract() == 0.0 { 0 } else { 2 };
@@ -258,16 +260,16 @@ fn judged(findings: &Findings) -> Words {
         let verdict = if judged.ok { "✓ held" } else { "✗ missed" };
         vec![judged.what.clone(), measured, format!("{}{unit}", judged.bar), verdict.to_owned()]
     });
-    Words {
+    BenchTable {
         title: "Compared with the limits".to_owned(),
         heads: ["", "measured", "at most", ""].map(str::to_owned).to_vec(),
         rows: rows.collect(),
     }
 }
 
-fn skipped(findings: &Findings) -> Words {
+fn skipped(findings: &Findings) -> BenchTable {
     let rows = findings.skipped.iter().map(|s| vec![s.what.clone(), s.why.clone()]);
-    Words {
+    BenchTable {
         title: format!("NOT MEASURED: {}", findings.skipped.len()),
         heads: ["", "why"].map(str::to_owned).to_vec(),
         rows: rows.collect(),

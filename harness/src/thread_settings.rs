@@ -3,7 +3,7 @@
 //! If a requested setting is refused, the bench ends; threads that are not part of the measurement
 //! keep the ordinary policy. Settings are per thread, not for the whole process.
 
-use daemon::realtime::{self, Refused};
+use daemon::realtime::{self, RealtimeRefused};
 use rustix::thread::{CpuSet, sched_getaffinity};
 
 use crate::error::BenchError;
@@ -19,8 +19,8 @@ pub(crate) struct ThreadSettings {
 
 impl ThreadSettings {
     /// Applies them to the calling thread.
-    pub(crate) fn take(self) -> Result<(), Refused> {
-        realtime::sleep_exactly();
+    pub(crate) fn apply(self) -> Result<(), RealtimeRefused> {
+        realtime::minimize_timer_slack();
         realtime::pin_to(self.core)?;
         match self.policy {
             Policy::Fifo => realtime::set_fifo(self.priority),
@@ -29,7 +29,7 @@ impl ThreadSettings {
     }
 
     /// The same with a priority higher by one: for observing a thread that spins.
-    pub(crate) fn above(self) -> Self {
+    pub(crate) fn with_higher_priority(self) -> Self {
         Self { priority: (self.priority + 1).min(99), ..self }
     }
 }
@@ -37,36 +37,36 @@ impl ThreadSettings {
 /// Whether this process may use the real-time policy at this priority, and lock memory.
 #[must_use]
 pub fn fifo_is_granted(priority: u8) -> bool {
-    ask_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
+    try_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
 }
 
 /// Requests the real-time policy in a thread that ends at once.
-pub(crate) fn ask_fifo(priority: u8) -> Result<(), Refused> {
+pub(crate) fn try_fifo(priority: u8) -> Result<(), RealtimeRefused> {
     std::thread::spawn(move || realtime::set_fifo(priority)).join().unwrap_or(Ok(()))
 }
 
 /// The cores that this process may run on.
-pub(crate) fn allowed() -> Vec<usize> {
+pub(crate) fn allowed_cores() -> Vec<usize> {
     let Ok(set) = sched_getaffinity(None) else { return Vec::new() };
     (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect()
 }
 
 /// The client's core and the daemon's: as requested, otherwise the last two isolated ones,
 /// otherwise the last two.
-pub(crate) fn two_cores(
-    asked: Option<[usize; 2]>,
+pub(crate) fn choose_cores(
+    requested: Option<[usize; 2]>,
     isolated: &[usize],
 ) -> Result<[usize; 2], BenchError> {
-    let allowed = allowed();
-    choose(asked, isolated, &allowed)
+    let allowed = allowed_cores();
+    choose(requested, isolated, &allowed)
 }
 
 fn choose(
-    asked: Option<[usize; 2]>,
+    requested: Option<[usize; 2]>,
     isolated: &[usize],
     allowed: &[usize],
 ) -> Result<[usize; 2], BenchError> {
-    if let Some([a, b]) = asked {
+    if let Some([a, b]) = requested {
         if a != b && allowed.contains(&a) && allowed.contains(&b) {
             return Ok([a, b]);
         }

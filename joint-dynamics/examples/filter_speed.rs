@@ -1,8 +1,8 @@
 //! Time of one step of the filter: six joints with delay, lag and mode at 1 kHz, without a horizon and with 128 setpoints known ahead. Lowest of 50 batches.
 #![expect(clippy::expect_used, clippy::print_stdout, reason = "an example that prints a figure")]
 
-use joint_dynamics::plant::{Mode, Plant, Plants, Uncertain};
-use joint_dynamics::{Filter, Taps, TapsSettings};
+use joint_dynamics::plant::{Mode, Plant, Plants, UncertainValue};
+use joint_dynamics::{Filter, FilterTaps, TapsSettings};
 use physics::JOINTS_MAX;
 use std::hint::black_box;
 use std::time::Instant;
@@ -10,11 +10,11 @@ use std::time::Instant;
 const BATCH: u64 = 2000;
 
 fn main() {
-    let of = |value| Uncertain { value, sigma: 0.02 * value };
+    let of = |value| UncertainValue { value, sigma: 0.02 * value };
     let mode = Mode { frequency_hz: of(8.0), damping_ratio: of(0.02), participation: of(1.0) };
     let plant = Plant { delays_s: vec![of(0.018)], lags_s: vec![of(0.012)], modes: vec![mode] };
     let plants = Plants { joints: vec![plant; 6], left_out: Vec::new() };
-    let taps = Taps::new(&plants, 0.001, &TapsSettings::default()).expect("taps");
+    let taps = FilterTaps::new(&plants, 0.001, &TapsSettings::default()).expect("taps");
     let mut filter = Filter::new(taps, [f64::INFINITY; JOINTS_MAX]);
     for known in [0, 128] {
         let ahead = [[0.1; JOINTS_MAX]; 128];

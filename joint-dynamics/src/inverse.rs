@@ -71,7 +71,7 @@ impl Design<'_> {
     /// frequencies, Hz, and the share λ included in them.
     #[must_use]
     pub fn gains(&self, bins_hz: &[f64]) -> Gains {
-        let neighbours = self.plant.off_by_sigma();
+        let neighbours = self.plant.perturbed_by_sigma();
         let by_frequency = self.shares(&neighbours);
         let shares: Vec<f64> = bins_hz.iter().map(|hz| share_at(&by_frequency, *hz)).collect();
         let step = |(hz, share): (&f64, &f64)| self.step(*hz, &neighbours) * share;
@@ -95,8 +95,8 @@ impl Design<'_> {
 
     /// The share at multiples of [`SPACING_HZ`].
     fn shares(&self, neighbours: &[Plant]) -> Vec<f64> {
-        let motors = self.plant.motors_off_by(self.robust_to);
-        let links = self.plant.links_off_by(self.robust_to);
+        let motors = self.plant.perturbed_motors(self.robust_to);
+        let links = self.plant.perturbed_links(self.robust_to);
         let count = (BANDS * self.bandwidth_hz / SPACING_HZ).ceil() as usize;
         let one = Complex64::new(1.0, 0.0);
         let mut shares = vec![1.0];

@@ -16,5 +16,5 @@ mod virtual_joint;
 #[cfg(test)]
 extern crate self as joint_dynamics;
 
-pub use filter::{Ahead, Filter};
-pub use taps::{Taps, TapsError, TapsSettings};
+pub use filter::{Filter, Lookahead};
+pub use taps::{FilterTaps, TapsError, TapsSettings};

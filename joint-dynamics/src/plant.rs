@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 
 /// A value with its standard uncertainty.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Uncertain {
+pub struct UncertainValue {
     /// SI.
     pub value: f64,
     /// SI.
@@ -23,20 +23,20 @@ pub struct Uncertain {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// Undamped natural frequency, Hz.
-    pub frequency_hz: Uncertain,
+    pub frequency_hz: UncertainValue,
     /// Share of critical damping.
-    pub damping_ratio: Uncertain,
+    pub damping_ratio: UncertainValue,
     /// Ratio of the mode's excitation to the motor's acceleration.
-    pub participation: Uncertain,
+    pub participation: UncertainValue,
 }
 
 /// One joint.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plant {
     /// Delays, s; they add up.
-    pub delays_s: Vec<Uncertain>,
+    pub delays_s: Vec<UncertainValue>,
     /// Time constants of first-order lags in series, s.
-    pub lags_s: Vec<Uncertain>,
+    pub lags_s: Vec<UncertainValue>,
     /// Modes; their deflections add up.
     pub modes: Vec<Mode>,
 }
@@ -63,7 +63,7 @@ impl Plants {
 
     /// Whether this is an effect that plants contain.
     #[must_use]
-    pub fn contain(entry: &EffectEntry) -> bool {
+    pub fn is_supported(entry: &EffectEntry) -> bool {
         match entry.kind.as_str() {
             "time_delay" => entry.channel.is_none(),
             "servo_lag" | "flexible_mode" => entry.joint.is_some(),
@@ -75,7 +75,10 @@ impl Plants {
     #[must_use]
     pub fn not_compensated(model: &RobotModel, leads: bool) -> Vec<String> {
         let entries = model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at));
-        entries.filter(|entry| !(leads && Self::contain(entry))).map(EffectEntry::title).collect()
+        entries
+            .filter(|entry| !(leads && Self::is_supported(entry)))
+            .map(EffectEntry::title)
+            .collect()
     }
 
     /// Whether no joint has anything to compensate.
@@ -85,7 +88,7 @@ impl Plants {
     }
 
     fn add(&mut self, arm: &Arm, entry: &EffectEntry, unstated: f64) {
-        let number = |stem: &str| number(arm, entry, stem, unstated);
+        let number = |stem: &str| parameter(arm, entry, stem, unstated);
         let joint = entry.joint.and_then(|joint| self.joints.get_mut(joint.wrapping_sub(1)));
         match (entry.kind.as_str(), joint) {
             ("time_delay", _) if entry.channel.is_none() => {
@@ -94,7 +97,7 @@ impl Plants {
             }
             ("servo_lag", Some(plant)) => plant.lags_s.extend(number("time_constant")),
             ("flexible_mode", Some(plant)) => {
-                let whole = Uncertain { value: 1.0, sigma: 0.0 };
+                let whole = UncertainValue { value: 1.0, sigma: 0.0 };
                 plant.modes.extend(number("frequency").zip(number("damping_ratio")).map(
                     |(frequency_hz, damping_ratio)| Mode {
                         frequency_hz,
@@ -114,7 +117,7 @@ impl Plants {
 }
 
 /// A parameter of an effect in SI; `None` if it is not given.
-fn number(arm: &Arm, entry: &EffectEntry, stem: &str, unstated: f64) -> Option<Uncertain> {
+fn parameter(arm: &Arm, entry: &EffectEntry, stem: &str, unstated: f64) -> Option<UncertainValue> {
     let si = |entry: &EffectEntry| {
         let numbers = entry.to_si(arm)?;
         numbers.into_iter().find(|(found, _)| *found == stem)?.1.first().copied()
@@ -126,7 +129,7 @@ fn number(arm: &Arm, entry: &EffectEntry, stem: &str, unstated: f64) -> Option<U
         let share = parameter.value.map(|value| value.abs() * unstated);
         parameter.value = parameter.sigma.take().unwrap_or(share);
     }
-    Some(Uncertain { value, sigma: si(&uncertainties)? })
+    Some(UncertainValue { value, sigma: si(&uncertainties)? })
 }
 
 impl Plant {
@@ -170,23 +173,23 @@ impl Plant {
     }
 
     /// Duration of its response without modes, s: delay, five time constants of its lags.
-    pub fn reach_s(&self) -> f64 {
-        let sum = |numbers: &[Uncertain]| numbers.iter().map(|n| n.value.abs()).sum::<f64>();
+    pub fn response_time_s(&self) -> f64 {
+        let sum = |numbers: &[UncertainValue]| numbers.iter().map(|n| n.value.abs()).sum::<f64>();
         sum(&self.delays_s) + 5.0 * sum(&self.lags_s)
     }
 
     /// Decay time of its slowest mode, s: to a hundredth.
-    pub fn rings_s(&self) -> f64 {
+    pub fn decay_time_s(&self) -> f64 {
         let decay = |mode: &Mode| TAU * mode.frequency_hz.value * mode.damping_ratio.value;
         self.modes.iter().map(|mode| 4.6 / decay(mode).max(0.5)).fold(0.0, f64::max)
     }
 
     /// The plant with each parameter in turn shifted by its standard uncertainty, up and down.
-    pub fn off_by_sigma(&self) -> Vec<Self> {
-        let count = self.clone().numbers().len();
+    pub fn perturbed_by_sigma(&self) -> Vec<Self> {
+        let count = self.clone().parameters_mut().len();
         let shifted = |at: usize, sign: f64| {
             let mut plant = self.clone();
-            if let Some(number) = plant.numbers().into_iter().nth(at) {
+            if let Some(number) = plant.parameters_mut().into_iter().nth(at) {
                 number.value += sign * number.sigma;
             }
             plant
@@ -195,7 +198,7 @@ impl Plant {
     }
 
     /// All its parameters.
-    pub fn numbers(&mut self) -> Vec<&mut Uncertain> {
+    pub fn parameters_mut(&mut self) -> Vec<&mut UncertainValue> {
         let of_modes = self.modes.iter_mut().flat_map(|mode| {
             [&mut mode.frequency_hz, &mut mode.damping_ratio, &mut mode.participation]
         });
@@ -203,7 +206,7 @@ impl Plant {
     }
 
     /// Motors with deviations of delay and lags up to `share`, each kind by itself.
-    pub fn motors_off_by(&self, share: f64) -> Vec<Self> {
+    pub fn perturbed_motors(&self, share: f64) -> Vec<Self> {
         let scaled = |delay: f64, lag: f64| {
             let mut plant = self.of_motor();
             plant.delays_s.iter_mut().for_each(|number| number.value *= 1.0 + delay);
@@ -217,7 +220,7 @@ impl Plant {
     /// Links with deviations of the modes up to `share`: frequencies together, in steps that
     /// resolve a peak of 2 % damping; damping at both ends; participation by three standard
     /// uncertainties, at most by `share`.
-    pub fn links_off_by(&self, share: f64) -> Vec<Self> {
+    pub fn perturbed_links(&self, share: f64) -> Vec<Self> {
         if self.modes.is_empty() {
             return vec![Self::default()];
         }
@@ -226,7 +229,7 @@ impl Plant {
             for mode in &mut plant.modes {
                 mode.frequency_hz.value *= 1.0 + frequency;
                 mode.damping_ratio.value *= 1.0 + damping;
-                let Uncertain { value, sigma } = mode.participation;
+                let UncertainValue { value, sigma } = mode.participation;
                 mode.participation.value += sign * (3.0 * sigma).min(share * value.abs());
             }
             plant

@@ -1,15 +1,15 @@
-//! The inverse of a joint as taps of a finite impulse response: from the path around an instant to the lead at that instant.
+//! Inverse joint dynamics as taps of a finite impulse response filter: from the path around an instant to the lead at that instant.
 //!
 //! `c(t) = Σ_k w_k (q(t + k Δ) − q(t))`, with `w` the inverse Fourier transform of [`Design::gains`] of a path (Wiener's inverse, scaled to be robust), faded out by a
 //! raised cosine towards both ends of the window (window method of filter design; Oppenheim, Schafer, *Discrete-Time Signal Processing*, section 7.5).
 //! Differences to the present point leave a joint at rest uncorrected. The taps are adjusted by a term that is odd in `k`, such that at constant speed the lead corresponds to exactly
 //! the sum of delay and lags.
 //!
-//! The response outlasts the window: the more, the less damped a mode is and the larger the share by which parameters may deviate. With a mode of 2 % damping the window of
-//! 0.5 s leaves out about a hundredth of the sum of all taps.
+//! The response is longer than the window, the more so the less damped a mode is and the larger the assumed parameter deviation. For a mode with 2 % damping the window of
+//! 0.5 s truncates about a hundredth of the sum of all taps.
 
 use crate::inverse::{Design, Source};
-use crate::plant::{Plant, Plants, Uncertain};
+use crate::plant::{Plant, Plants, UncertainValue};
 use physics::{JOINTS_MAX, Joints};
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
@@ -17,14 +17,14 @@ use std::f64::consts::PI;
 /// Settings of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TapsSettings {
-    /// Where the weight of the correction's third derivative equals that of the path's error, Hz, 1 to 100. Default 40, as for whole paths.
+    /// Frequency at which the weight of the correction's third derivative equals that of the path error, Hz, 1 to 100. Default 40, as for whole paths.
     pub bandwidth_hz: f64,
-    /// No plant whose parameters deviate by up to this share makes the RMS error of a path that is known ahead larger, 0 to 0.5. Default 0.3, as for whole paths.
+    /// Relative parameter deviation for which the RMS error of a path that is known ahead does not increase, 0 to 0.5. Default 0.3, as for whole paths.
     pub robust_to: f64,
-    /// Standard uncertainty of parameters whose model states none, as a share of each, 0 to 1. Default 0.1, as for whole paths.
+    /// Relative standard uncertainty of parameters without a stated one, 0 to 1. Default 0.1, as for whole paths.
     pub unstated: f64,
-    /// How far the filter reaches into the past and into the future, s, 0.05 to 1. Default 0.5: four periods of a mode of 8 Hz; for delay and lags
-    /// alone a fifth is enough.
+    /// Half length of the filter (past and future), s, 0.05 to 1. Default 0.5: four periods of a mode of 8 Hz; for delay and lags alone a fifth of it
+    /// suffices.
     pub reach_s: f64,
     /// Spacing of the taps, s, 1e-4 to 0.02; rounded up to a multiple of the commands' period. Default 0.004: a sixth of the period of the default bandwidth.
     pub spacing_s: f64,
@@ -36,49 +36,49 @@ impl Default for TapsSettings {
     }
 }
 
-/// Why there are no taps.
+/// Reason why the filter cannot be designed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum TapsError {
     /// No joint of the model has a delay, a lag or a mode.
     NothingInTime,
-    /// Commands come too slowly for the bandwidth: their period and the longest that it allows, s.
+    /// The command period is too long for the bandwidth.
     Sampling {
-        /// Between two commands, s.
+        /// Command period, s.
         period_s: f64,
-        /// The longest that the bandwidth allows, s.
+        /// Longest period allowed by the bandwidth, s.
         longest_s: f64,
     },
 }
 
-/// Samples per period of the bandwidth that a filter needs.
+/// Required samples per period of the bandwidth frequency.
 const SAMPLES_PER_PERIOD: f64 = 4.0;
-/// Relative rounding of a period.
+/// Relative rounding tolerance of a period.
 const ROUNDING: f64 = 1e-6;
-/// The response is computed over so many windows, so that what lies outside of one does not alias into it.
+/// Length over which the response is computed, in windows, to avoid time aliasing.
 const WINDOWS: usize = 16;
-/// The outer share of each side over which taps fade.
-const FADED: f64 = 0.4;
+/// Outer fraction of each side over which the taps fade out.
+const FADE_FRACTION: f64 = 0.4;
 
 /// Taps of all joints of an arm.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Taps {
-    /// Commands from one tap to the next.
+pub struct FilterTaps {
+    /// Command periods between two taps.
     stride: usize,
-    /// Between two commands, s.
+    /// Command period, s.
     period_s: f64,
-    /// How many joints the arm has.
+    /// Number of joints of the arm.
     joints: usize,
-    /// Of all joints, from the farthest past to the farthest future; zero for a joint without dynamics.
+    /// Taps of all joints, oldest first; zero for a joint without dynamics.
     rows: Vec<Joints>,
-    /// Of each number of known steps, see [`Taps::after`].
+    /// By number of known steps, see [`FilterTaps::extrapolation_taps`].
     rest: Vec<[Joints; 2]>,
-    /// Sum of the lags of each joint, s; zero where a joint has a mode.
+    /// Sum of the lags of each joint, s; zero if any joint has a mode.
     lags_s: Joints,
     /// Delay plus lags of the slowest joint, s.
     lead_s: f64,
 }
 
-impl Taps {
+impl FilterTaps {
     /// Taps for commands every `period_s` of a robot whose joints are `plants`.
     ///
     /// # Errors
@@ -111,25 +111,25 @@ impl Taps {
             rows.iter_mut().zip(of_joint).for_each(|(row, tap)| row[joint] = tap);
             lags_s[joint] = if rings { 0.0 } else { sum(&plant.lags_s) };
         }
-        let rest = rest(&rows[half + 1..]);
+        let rest = extrapolation_sums(&rows[half + 1..]);
         let lead_s = plants.joints.iter().map(lead_s).fold(0.0, f64::max);
         let joints = plants.joints.len();
         Ok(Self { stride, period_s, joints, rows, rest, lags_s, lead_s })
     }
 
-    /// Commands from one tap to the next.
+    /// Command periods between two taps.
     #[must_use]
     pub fn stride(&self) -> usize {
         self.stride
     }
 
-    /// How many joints the arm has.
+    /// Number of joints of the arm.
     #[must_use]
     pub fn joints(&self) -> usize {
         self.joints
     }
 
-    /// Between two commands, s.
+    /// Command period, s.
     #[must_use]
     pub fn period_s(&self) -> f64 {
         self.period_s
@@ -137,47 +137,47 @@ impl Taps {
 
     /// Taps on each side of the present one.
     #[must_use]
-    pub fn half(&self) -> usize {
+    pub fn side_count(&self) -> usize {
         self.rows.len() / 2
     }
 
-    /// Setpoints ahead of a command without which the delay cannot be compensated: those of delay plus lags of the slowest joint.
+    /// Number of setpoints after a command required to compensate the delay: delay plus lags of the slowest joint.
     #[must_use]
     pub fn commands_needed(&self) -> usize {
         ((self.lead_s / self.period_s - 1e-6).ceil() as usize).min(self.commands_ahead())
     }
 
-    /// Sum of the lags of each joint, s, as far as they can be compensated without a horizon: zero if any joint has a mode.
+    /// Sum of the lags of each joint that is compensated without a horizon, s: zero if any joint has a mode.
     #[must_use]
     pub fn lags_s(&self) -> &Joints {
         &self.lags_s
     }
 
-    /// Setpoints ahead of a command that the filter makes use of.
+    /// Number of setpoints after a command that the filter uses.
     #[must_use]
     pub fn commands_ahead(&self) -> usize {
-        self.half() * self.stride
+        self.side_count() * self.stride
     }
 
-    /// Those of the past, from the nearest on.
+    /// Taps of the past, newest first.
     pub fn past(&self) -> impl Iterator<Item = &Joints> {
-        self.rows[..self.half()].iter().rev()
+        self.rows[..self.side_count()].iter().rev()
     }
 
-    /// Those of the future, from the nearest on.
+    /// Taps of the future, nearest first.
     pub fn future(&self) -> impl Iterator<Item = &Joints> {
-        self.rows[self.half() + 1..].iter()
+        self.rows[self.side_count() + 1..].iter()
     }
 
-    /// What a path that goes on at constant speed after `known` steps contributes from there on: the sum of the taps, and that of the steps since times the taps.
+    /// Contribution of a path extrapolated at constant speed after `known` steps: sum of the remaining taps, and sum of step number times tap.
     #[must_use]
-    pub fn after(&self, known: usize) -> &[Joints; 2] {
-        &self.rest[known.min(self.half())]
+    pub fn extrapolation_taps(&self, known: usize) -> &[Joints; 2] {
+        &self.rest[known.min(self.side_count())]
     }
 }
 
-/// Of each number of known steps, the sums of [`Taps::after`].
-fn rest(future: &[Joints]) -> Vec<[Joints; 2]> {
+/// By number of known steps, the sums of [`FilterTaps::extrapolation_taps`].
+fn extrapolation_sums(future: &[Joints]) -> Vec<[Joints; 2]> {
     let mut sums = vec![[[0.0; JOINTS_MAX]; 2]];
     for row in future.iter().rev() {
         let [taps, steps] = sums[sums.len() - 1];
@@ -195,48 +195,48 @@ fn taps(plant: &Plant, half: usize, step_s: f64, settings: &TapsSettings) -> Vec
     let bins_hz: Vec<f64> = (0..=length / 2).map(|k| k as f64 / (length as f64 * step_s)).collect();
     let design = Design { plant, bandwidth_hz, robust_to, source: Source::Path };
     let mut gains = design.gains(&bins_hz).gains;
-    // Of a real signal both are real.
+    // For a real signal the first and the last bin are real.
     let last = gains.len() - 1;
     (gains[0].im, gains[last].im) = (0.0, 0.0);
     let mut response = vec![0.0; length];
     let done = RealFftPlanner::new().plan_fft_inverse(length).process(&mut gains, &mut response);
     debug_assert!(done.is_ok(), "the lengths are the plan's own");
     let at = |k: isize| {
-        // A tap of the future answers to the response before its cause.
+        // A tap of the future multiplies the acausal part of the response.
         let place = (-k).rem_euclid(length as isize) as usize;
-        response[place] / length as f64 * faded(k.unsigned_abs(), half)
+        response[place] / length as f64 * fade_window(k.unsigned_abs(), half)
     };
     let half = half as isize;
     let mut taps: Vec<f64> = (-half..=half).map(at).collect();
-    lead_exactly(&mut taps, step_s, lead_s(plant));
+    correct_lead(&mut taps, step_s, lead_s(plant));
     taps
 }
 
-/// Delay of a path at constant speed, s.
+/// Lead required at constant speed, s: delay plus lags.
 fn lead_s(plant: &Plant) -> f64 {
     sum(&plant.delays_s) + sum(&plant.lags_s)
 }
 
-fn sum(numbers: &[Uncertain]) -> f64 {
+fn sum(numbers: &[UncertainValue]) -> f64 {
     numbers.iter().map(|number| number.value).sum()
 }
 
-/// 1 in the middle, 0 beyond the ends of the window.
-fn faded(k: usize, half: usize) -> f64 {
+/// Window: 1 in the middle, 0 beyond its ends.
+fn fade_window(k: usize, half: usize) -> f64 {
     let place = k as f64 / (half + 1) as f64;
-    let share = ((place - (1.0 - FADED)) / FADED).max(0.0);
+    let share = ((place - (1.0 - FADE_FRACTION)) / FADE_FRACTION).max(0.0);
     0.5 + 0.5 * (PI * share).cos()
 }
 
-/// Adds a term to the taps that is odd in `k` and fades with them, so that the lead at constant speed is that of `lead_s`.
-fn lead_exactly(taps: &mut [f64], step_s: f64, lead_s: f64) {
+/// Adds a windowed term that is odd in `k` to the taps, so that the lead at constant speed equals `lead_s`.
+fn correct_lead(taps: &mut [f64], step_s: f64, lead_s: f64) {
     let half = (taps.len() / 2) as isize;
     let place = |at: usize| at as isize - half;
     let slope = |taps: &[f64]| -> f64 {
         taps.iter().enumerate().map(|(at, tap)| tap * place(at) as f64 * step_s).sum()
     };
     let odd: Vec<f64> = (0..taps.len())
-        .map(|at| place(at) as f64 * faded(place(at).unsigned_abs(), half as usize))
+        .map(|at| place(at) as f64 * fade_window(place(at).unsigned_abs(), half as usize))
         .collect();
     let share = (lead_s - slope(taps)) / slope(&odd);
     if share.is_finite() {

@@ -1,7 +1,7 @@
 //! A joint in the time domain, for tests: a delay line, lags and modes integrated by a Runge-Kutta
 //! method. Independent of the inverse.
 
-use joint_dynamics::plant::{Mode, Plant, Plants, Uncertain};
+use joint_dynamics::plant::{Mode, Plant, Plants, UncertainValue};
 
 /// Parameters of a joint with one lag and one mode.
 #[derive(Clone, Copy, Debug)]
@@ -31,11 +31,11 @@ const SUBSTEPS: usize = 8;
 impl VirtualJoint {
     /// A model of it whose parameters have this relative standard uncertainty.
     pub(crate) fn plants(&self, sigma: f64) -> Plants {
-        let number = |value: f64| Uncertain { value, sigma: sigma * value };
+        let number = |value: f64| UncertainValue { value, sigma: sigma * value };
         let mode = Mode {
             frequency_hz: number(self.frequency_hz),
             damping_ratio: number(self.damping_ratio),
-            participation: Uncertain { value: self.participation, sigma: 0.0 },
+            participation: UncertainValue { value: self.participation, sigma: 0.0 },
         };
         let plant = Plant {
             delays_s: vec![number(self.delay_s)],

@@ -5,9 +5,9 @@ use std::net::IpAddr;
 /// Who may view a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Every program of this machine that uses a name of the loopback interface in the header
-    /// `Host`: a web page whose server claims to be 127.0.0.1 (DNS rebinding) uses its own name
-    /// there.
+    /// Every program of this machine whose request names the loopback interface in the header
+    /// `Host`. A web page whose server resolves to 127.0.0.1 (DNS rebinding) sends its own name
+    /// there, and is refused.
     ThisMachine,
     /// Clients with this token: in the header `Authorization: Bearer TOKEN`, or as `?token=TOKEN`
     /// of the address.
@@ -16,7 +16,7 @@ pub enum Access {
 
 /// Parts of a request that determine access.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Asked<'a> {
+pub(crate) struct AccessRequest<'a> {
     /// Path and query.
     pub(crate) target: &'a str,
     /// The header `Host`.
@@ -27,7 +27,7 @@ pub(crate) struct Asked<'a> {
 
 impl Access {
     /// Whether a request may be answered.
-    pub(crate) fn allows(&self, asked: Asked<'_>) -> bool {
+    pub(crate) fn allows(&self, asked: AccessRequest<'_>) -> bool {
         let Self::Token(token) = self else { return asked.host.is_none_or(is_loopback) };
         let bearer = asked.authorization.and_then(|header| header.strip_prefix("Bearer "));
         let query = asked.target.split_once('?').map_or("", |(_, query)| query);
@@ -55,12 +55,12 @@ fn is_same(given: &str, token: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Access, Asked};
+    use super::{Access, AccessRequest};
 
     #[test]
     fn a_token_opens_by_header_or_address_and_nothing_else_does() {
         let access = Access::Token("secret".to_owned());
-        let asked = |target, authorization| Asked { target, host: None, authorization };
+        let asked = |target, authorization| AccessRequest { target, host: None, authorization };
         assert!(access.allows(asked("/metrics", Some("Bearer secret"))));
         assert!(access.allows(asked("/?x=1&token=secret", None)));
         for (target, header) in [
@@ -77,7 +77,8 @@ mod tests {
 
     #[test]
     fn without_a_token_the_address_is_called_by_a_name_of_this_machine() {
-        let allows = |host| Access::ThisMachine.allows(Asked { host, ..Asked::default() });
+        let allows =
+            |host| Access::ThisMachine.allows(AccessRequest { host, ..AccessRequest::default() });
         for host in ["127.0.0.1:9177", "localhost:9177", "LOCALHOST", "[::1]:9177", "127.0.0.2"] {
             assert!(allows(Some(host)), "{host}");
         }

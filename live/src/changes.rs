@@ -2,7 +2,7 @@
 
 use crate::report::Report;
 
-/// What is compared between two statuses.
+/// The values that are compared between two statuses.
 #[derive(Clone, Debug, PartialEq)]
 struct State {
     health: &'static str,
@@ -20,7 +20,7 @@ pub(crate) struct Changes {
 }
 
 impl Changes {
-    /// What changed since the last status; nothing at the first.
+    /// The changes since the last status; empty for the first one.
     pub(crate) fn since_last(&mut self, report: &Report) -> Vec<String> {
         let now = State {
             health: if report.away.is_some() { "no daemon" } else { report.health },

@@ -13,27 +13,27 @@ use std::thread;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use daemon::records;
-use recording::blackbox::Topic;
+use recording::mcap_recording::Topic;
 use serde_json::{Value, json};
 use tungstenite::handshake::server::{ErrorResponse, Request, Response};
 use tungstenite::http::{HeaderValue, StatusCode};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Bytes, Error, Message, WebSocket};
 
-use crate::access::Asked;
-use crate::watch::{Reader, Watch};
+use crate::access::AccessRequest;
+use crate::cell_watch::{CellWatch, ReaderPosition};
 use crate::{Access, LiveError};
 
 /// The protocol's names, the current one first.
 const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 /// How often `stop` and the messages of a client are polled.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_EVERY: Duration = Duration::from_millis(20);
 /// A client that receives nothing for this long is disconnected.
 const STALLED_AFTER: Duration = Duration::from_secs(2);
 /// Limit on clients; each takes a thread.
 const CLIENTS_MAX: usize = 16;
 /// Limit on the size of a client's message, bytes: a list of subscriptions.
-const SAID_BYTES_MAX: usize = 64 * 1024;
+const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 /// Opcode of a message of a channel.
 const MESSAGE_DATA: u8 = 1;
 
@@ -47,11 +47,7 @@ pub(crate) struct Server {
 
 impl Server {
     /// Binds the address.
-    pub(crate) fn listen(
-        address: SocketAddr,
-        cell: &str,
-        access: Access,
-    ) -> Result<Self, LiveError> {
+    pub(crate) fn bind(address: SocketAddr, cell: &str, access: Access) -> Result<Self, LiveError> {
         let refused = |why: io::Error| LiveError::Listen { address, why: why.to_string() };
         let listener = TcpListener::bind(address).map_err(refused)?;
         listener.set_nonblocking(true).map_err(refused)?;
@@ -65,11 +61,11 @@ impl Server {
     }
 
     /// Accepts clients until `stop` is set.
-    pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
+    pub(crate) fn run(self, watch: &Arc<CellWatch>, stop: &Arc<AtomicBool>) {
         let clients = Arc::new(AtomicUsize::new(0));
         while !stop.load(Relaxed) {
             let Ok((stream, _)) = self.listener.accept() else {
-                thread::sleep(LOOK_EVERY);
+                thread::sleep(POLL_EVERY);
                 continue;
             };
             if clients.load(Relaxed) >= CLIENTS_MAX {
@@ -110,7 +106,7 @@ fn serve(
     stream: TcpStream,
     cell: &str,
     access: &Access,
-    watch: &Watch,
+    watch: &CellWatch,
     stop: &AtomicBool,
 ) -> Result<(), Error> {
     stream.set_nonblocking(false)?;
@@ -118,35 +114,35 @@ fn serve(
     stream.set_read_timeout(Some(STALLED_AFTER))?;
     stream.set_write_timeout(Some(STALLED_AFTER))?;
     let limits = WebSocketConfig::default()
-        .max_message_size(Some(SAID_BYTES_MAX))
-        .max_frame_size(Some(SAID_BYTES_MAX));
+        .max_message_size(Some(MESSAGE_BYTES_MAX))
+        .max_frame_size(Some(MESSAGE_BYTES_MAX));
     let greeted = tungstenite::accept_hdr_with_config(
         stream,
-        |request: &Request, response: Response| greet(request, response, access),
+        |request: &Request, response: Response| negotiate(request, response, access),
         Some(limits),
     );
     let mut socket = greeted.map_err(|_| Error::ConnectionClosed)?;
-    socket.get_mut().set_read_timeout(Some(LOOK_EVERY))?;
+    socket.get_mut().set_read_timeout(Some(POLL_EVERY))?;
     let mut client = Client { socket, subscriptions: Vec::new() };
-    for message in [server_info(cell), advertised()] {
+    for message in [server_info(cell), advertisement()] {
         client.socket.send(Message::text(message.to_string()))?;
     }
-    let mut reader = Reader::default();
+    let mut reader = ReaderPosition::default();
     while !stop.load(Relaxed) {
-        client.listen()?;
-        let news = watch.news(&mut reader, Duration::ZERO);
+        client.receive()?;
+        let news = watch.wait_for_update(&mut reader, Duration::ZERO);
         for verdict in &news.verdicts {
-            client.tell(VERDICT, &records::verdict(verdict).to_cdr())?;
+            client.send(VERDICT, &records::verdict(verdict).to_cdr())?;
         }
         if let Some(seen) = news.seen {
-            client.tell(STATUS, &records::status(&seen.status).to_cdr())?;
+            client.send(STATUS, &records::status(&seen.status).to_cdr())?;
         }
     }
     client.socket.close(None)
 }
 
 /// Negotiates the protocol.
-fn greet(
+fn negotiate(
     request: &Request,
     mut response: Response,
     access: &Access,
@@ -159,7 +155,7 @@ fn greet(
     let header = |name: &str| request.headers().get(name).and_then(|value| value.to_str().ok());
     let target = request.uri().to_string();
     let (host, authorization) = (header("Host"), header("Authorization"));
-    if !access.allows(Asked { target: &target, host, authorization }) {
+    if !access.allows(AccessRequest { target: &target, host, authorization }) {
         return refused(StatusCode::UNAUTHORIZED, "a token is required: ?token=TOKEN");
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();
@@ -180,7 +176,7 @@ fn server_info(cell: &str) -> Value {
     })
 }
 
-fn advertised() -> Value {
+fn advertisement() -> Value {
     let channel = |id: u32, topic: Topic| {
         json!({
             "id": id, "topic": topic.name, "encoding": "cdr", "schemaName": topic.message,
@@ -192,13 +188,13 @@ fn advertised() -> Value {
 }
 
 impl Client {
-    /// Receives messages of the client, for up to [`LOOK_EVERY`].
-    fn listen(&mut self) -> Result<(), Error> {
+    /// Receives messages of the client, for up to [`POLL_EVERY`].
+    fn receive(&mut self) -> Result<(), Error> {
         match self.socket.read() {
             Ok(Message::Text(text)) => {
                 // Unknown messages are ignored, as the protocol requires.
                 if let Ok(request) = serde_json::from_str::<Value>(&text) {
-                    self.heed(&request);
+                    self.handle(&request);
                 }
                 Ok(())
             }
@@ -213,7 +209,7 @@ impl Client {
         }
     }
 
-    fn heed(&mut self, request: &Value) {
+    fn handle(&mut self, request: &Value) {
         let number = |value: &Value| value.as_u64().and_then(|value| u32::try_from(value).ok());
         let list = |key: &str| request[key].as_array().cloned().unwrap_or_default();
         match request["op"].as_str() {
@@ -236,7 +232,7 @@ impl Client {
     }
 
     /// Sends a message of a channel if the client has subscribed to it.
-    fn tell(&mut self, channel: u32, payload: &[u8]) -> Result<(), Error> {
+    fn send(&mut self, channel: u32, payload: &[u8]) -> Result<(), Error> {
         let wanted = self.subscriptions.iter().find(|one| one.channel == channel);
         let Some(Subscription { id, .. }) = wanted.copied() else { return Ok(()) };
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();

@@ -1,6 +1,6 @@
 //! The last five minutes of a cell: latency, events, spectra of the force. A page that is opened or reloaded, and a report, show them.
 //!
-//! Times are of this computer's clock at arrival, ms since 1970. All is bounded: no flood of events and no stream of spectra makes it grow.
+//! Times are arrival times by this computer's clock, ms since 1970. The memory is bounded, whatever the rate of events and spectra.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -11,17 +11,17 @@ use shm_schema::{Spectrum, Status, Verdict, VibrationClass, VibrationState, chan
 use crate::changes::Changes;
 use crate::report::Report;
 
-/// How far back it reaches.
+/// Length of the history.
 pub(crate) const SPAN_MS: u64 = 300_000;
 /// Interval of the latency, and of the columns of the spectrogram.
 pub(crate) const STEP_MS: u64 = 500;
-/// Limit on each kind of entry: all steps and some more.
-const KEPT: usize = 640;
+/// Largest number of entries of each kind: all steps and some more.
+const ENTRIES_MAX: usize = 640;
 
-/// Latency at a time.
+/// Latency at one time.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Latency {
-    /// When.
+    /// Arrival time, ms since 1970.
     pub(crate) t_ms: u64,
     /// 99th percentile since the start of the daemon; 0 before the first.
     #[serde(rename = "p99_us")]
@@ -31,12 +31,12 @@ pub(crate) struct Latency {
     pub(crate) counted: (u64, u64),
 }
 
-/// Something that happened.
+/// An event.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Event {
-    /// When.
+    /// Arrival time, ms since 1970.
     pub(crate) t_ms: u64,
-    /// In words.
+    /// Description.
     pub(crate) says: String,
     /// The line, if it is a verdict of the vibration monitor.
     #[serde(flatten)]
@@ -64,9 +64,9 @@ pub(crate) struct Line {
 /// The largest amplitudes within a step.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Column {
-    /// Begin of the step.
+    /// Begin of the step, ms since 1970.
     pub(crate) t_ms: u64,
-    /// Middle of the first bin.
+    /// Centre of the first bin.
     #[serde(rename = "first_Hz")]
     pub(crate) first_hz: f64,
     /// Width of a bin.
@@ -77,7 +77,7 @@ pub(crate) struct Column {
     pub(crate) amplitude_n: Vec<f64>,
 }
 
-/// Two digits are less than a step of colour, and a third of the bytes.
+/// Rounds to two digits: finer than a step of the colour scale, and a third of the bytes.
 fn two_digits<S: Serializer>(values: &[f64], to: S) -> Result<S::Ok, S::Error> {
     let rounded = |value: &f64| format!("{value:.1e}").parse::<f64>().unwrap_or(0.0);
     to.collect_seq(values.iter().map(rounded))
@@ -85,22 +85,22 @@ fn two_digits<S: Serializer>(values: &[f64], to: S) -> Result<S::Ok, S::Error> {
 
 /// Entries of one kind, numbered from 0.
 #[derive(Clone, Debug)]
-struct Log<T> {
+struct EventLog<T> {
     kept: VecDeque<T>,
     next: u64,
 }
 
-impl<T> Default for Log<T> {
+impl<T> Default for EventLog<T> {
     fn default() -> Self {
         Self { kept: VecDeque::new(), next: 0 }
     }
 }
 
-impl<T: Clone> Log<T> {
+impl<T: Clone> EventLog<T> {
     fn push(&mut self, entry: T) {
         self.kept.push_back(entry);
         self.next += 1;
-        while self.kept.len() > KEPT {
+        while self.kept.len() > ENTRIES_MAX {
             self.kept.pop_front();
         }
     }
@@ -112,7 +112,7 @@ impl<T: Clone> Log<T> {
         self.kept.iter().skip(known).cloned().collect()
     }
 
-    fn forget_while(&mut self, is_old: impl Fn(&T) -> bool) {
+    fn drop_while(&mut self, is_old: impl Fn(&T) -> bool) {
         while self.kept.front().is_some_and(&is_old) {
             self.kept.pop_front();
         }
@@ -122,23 +122,23 @@ impl<T: Clone> Log<T> {
 /// The history.
 #[derive(Debug, Default)]
 pub(crate) struct History {
-    latency: Log<Latency>,
-    events: Log<Event>,
-    spectra: Log<Arc<Column>>,
+    latency: EventLog<Latency>,
+    events: EventLog<Event>,
+    spectra: EventLog<Arc<Column>>,
     /// The column of the present step.
     open: Option<Column>,
     changes: Changes,
 }
 
-/// How far a reader has read.
+/// Position of a reader in the history.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Mark {
+pub(crate) struct HistoryPosition {
     latency: u64,
     events: u64,
     spectra: u64,
 }
 
-/// Entries in their order, oldest first.
+/// Entries, oldest first.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Entries {
     pub(crate) latency: Vec<Latency>,
@@ -152,9 +152,9 @@ fn columns<S: Serializer>(all: &[Arc<Column>], to: S) -> Result<S::Ok, S::Error>
 }
 
 impl History {
-    /// Takes a status.
-    pub(crate) fn status(&mut self, t_ms: u64, status: &Status, report: &Report) {
-        self.pass(t_ms);
+    /// Adds a status.
+    pub(crate) fn add_status(&mut self, t_ms: u64, status: &Status, report: &Report) {
+        self.advance(t_ms);
         for says in self.changes.since_last(report) {
             self.events.push(Event { t_ms, says, line: None });
         }
@@ -165,8 +165,8 @@ impl History {
         }
     }
 
-    /// Takes a verdict of the vibration monitor.
-    pub(crate) fn verdict(&mut self, t_ms: u64, verdict: &Verdict) {
+    /// Adds a verdict of the vibration monitor.
+    pub(crate) fn add_verdict(&mut self, t_ms: u64, verdict: &Verdict) {
         let line = Line {
             event: verdict.event,
             state: verdict.state().map_or("unknown", VibrationState::name),
@@ -178,9 +178,9 @@ impl History {
         self.events.push(Event { t_ms, says: verdict.to_string(), line: Some(line) });
     }
 
-    /// Takes a spectrum.
-    pub(crate) fn spectrum(&mut self, t_ms: u64, spectrum: &Spectrum) {
-        self.pass(t_ms);
+    /// Adds a spectrum.
+    pub(crate) fn add_spectrum(&mut self, t_ms: u64, spectrum: &Spectrum) {
+        self.advance(t_ms);
         let (found, t_ms) = (spectrum.amplitudes_n(), t_ms - t_ms % STEP_MS);
         let fits = |open: &&mut Column| {
             (open.first_hz, open.bin_hz, open.amplitude_n.len())
@@ -196,25 +196,25 @@ impl History {
         }
     }
 
-    /// Ends the step of the column that is over, and forgets what is old.
-    pub(crate) fn pass(&mut self, t_ms: u64) {
+    /// Closes the column of a step that has ended, and drops old entries.
+    pub(crate) fn advance(&mut self, t_ms: u64) {
         if let Some(done) = self.open.take_if(|open| t_ms >= open.t_ms + STEP_MS) {
             self.spectra.push(Arc::new(done));
         }
         let is_old = |at: u64| at + SPAN_MS < t_ms;
-        self.latency.forget_while(|one| is_old(one.t_ms));
-        self.events.forget_while(|one| is_old(one.t_ms));
-        self.spectra.forget_while(|one| is_old(one.t_ms));
+        self.latency.drop_while(|one| is_old(one.t_ms));
+        self.events.drop_while(|one| is_old(one.t_ms));
+        self.spectra.drop_while(|one| is_old(one.t_ms));
     }
 
-    /// Entries since the mark, which moves to the end.
-    pub(crate) fn since(&self, mark: &mut Mark) -> Entries {
+    /// Entries since a position, which is advanced to the end.
+    pub(crate) fn since(&self, mark: &mut HistoryPosition) -> Entries {
         let entries = Entries {
             latency: self.latency.since(mark.latency),
             events: self.events.since(mark.events),
             spectra: self.spectra.since(mark.spectra),
         };
-        *mark = Mark {
+        *mark = HistoryPosition {
             latency: self.latency.next,
             events: self.events.next,
             spectra: self.spectra.next,
@@ -239,12 +239,12 @@ mod tests {
     fn a_column_has_the_largest_amplitudes_of_its_half_second() {
         let mut history = History::default();
         for (after_ms, amplitude) in [(0, 1.0), (100, 0.123_456), (499, 0.2), (500, 7.0)] {
-            history.spectrum(NOW_MS + after_ms, &spectrum(amplitude));
+            history.add_spectrum(NOW_MS + after_ms, &spectrum(amplitude));
         }
-        let mut mark = Mark::default();
+        let mut mark = HistoryPosition::default();
         let first = history.since(&mut mark).spectra;
         assert_eq!((first.len(), first[0].amplitude_n[1], first[0].t_ms), (1, 1.0, NOW_MS));
-        history.pass(NOW_MS + 1000);
+        history.advance(NOW_MS + 1000);
         let next = history.since(&mut mark).spectra;
         assert_eq!((next.len(), next[0].amplitude_n[1]), (1, 7.0), "without another spectrum");
         assert!(history.since(&mut mark).spectra.is_empty());
@@ -259,17 +259,17 @@ mod tests {
         for step in 0..2000 {
             let t_ms = NOW_MS + step * STEP_MS;
             let status = Status { t_ns: t_ms * 1_000_000, joints: 6, ..Status::default() };
-            history.status(t_ms, &status, &Report::of("cell", &status, None));
-            history.spectrum(t_ms, &spectrum(1.0));
-            (0..5).for_each(|_| history.verdict(t_ms, &Verdict::default()));
+            history.add_status(t_ms, &status, &Report::new("cell", &status, None));
+            history.add_spectrum(t_ms, &spectrum(1.0));
+            (0..5).for_each(|_| history.add_verdict(t_ms, &Verdict::default()));
         }
-        let all = history.since(&mut Mark::default());
+        let all = history.since(&mut HistoryPosition::default());
         let last_ms = NOW_MS + 1999 * STEP_MS;
         assert_eq!(all.latency.len() as u64, SPAN_MS / STEP_MS + 1);
         assert!(
             all.latency[0].t_ms + SPAN_MS >= last_ms && all.spectra[0].t_ms + SPAN_MS >= last_ms
         );
-        assert_eq!(all.events.len(), KEPT);
+        assert_eq!(all.events.len(), ENTRIES_MAX);
     }
 
     #[test]
@@ -277,9 +277,9 @@ mod tests {
         let mut history = History::default();
         for (after_ms, mode) in [(0, 0), (40, 0), (80, 2)] {
             let status = Status { mode, ..Status::default() };
-            history.status(NOW_MS + after_ms, &status, &Report::of("cell", &status, None));
+            history.add_status(NOW_MS + after_ms, &status, &Report::new("cell", &status, None));
         }
-        let events = history.since(&mut Mark::default()).events;
+        let events = history.since(&mut HistoryPosition::default()).events;
         assert_eq!((events.len(), events[0].t_ms), (1, NOW_MS + 80));
         assert_eq!(events[0].says, "mode shadow -> full");
     }

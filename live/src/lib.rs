@@ -9,12 +9,14 @@
 //! | `/` | `page.html` | the page |
 //! | `/status` | [`report`] | the status as JSON, schema `trued.status/1` |
 //! | `/events` | `web` | the same with each change, what is drawn of the robot, and the last five minutes (`history`), as server-sent events |
-//! | `/report` | `moment` | this moment as a page to keep |
+//! | `/report` | `snapshot` | the present state as a page to save |
 //! | `/metrics` | [`metrics_text`] | OpenMetrics text |
 //! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
 #[cfg(feature = "views")]
 mod access;
+#[cfg(feature = "views")]
+mod cell_watch;
 #[cfg(feature = "views")]
 mod changes;
 #[cfg(feature = "views")]
@@ -23,23 +25,21 @@ mod foxglove;
 mod history;
 #[cfg(feature = "views")]
 mod metrics;
-#[cfg(feature = "views")]
-mod moment;
 pub mod report;
 #[cfg(feature = "views")]
 mod robot;
 #[cfg(feature = "views")]
 mod serve;
 #[cfg(feature = "views")]
-pub mod top;
+mod snapshot;
 #[cfg(feature = "views")]
-mod watch;
+pub mod top;
 #[cfg(feature = "views")]
 mod web;
 
 #[cfg(feature = "views")]
 pub use access::Access;
 #[cfg(feature = "views")]
-pub use metrics::text as metrics_text;
+pub use metrics::metrics_text;
 #[cfg(feature = "views")]
 pub use serve::{Live, LiveError, Settings};

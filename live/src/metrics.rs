@@ -1,6 +1,6 @@
 //! The status as metrics for Prometheus: OpenMetrics text, see `docs/reference/metrics.md`.
 //!
-//! Names begin with `trued_`, units are those of the base units that Prometheus asks for; each has the label `cell`. While the daemon does not respond, `trued_up` is 0 and
+//! Names begin with `trued_`, units are base units as recommended by Prometheus; each metric has the label `cell`. While the daemon does not respond, `trued_up` is 0 and
 //! the others are omitted: an old value would look like a current one.
 
 use std::fmt;
@@ -20,9 +20,9 @@ use crate::report::Report;
 ///
 /// # Errors
 /// None in practice: writing to a string cannot fail.
-pub fn text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
+pub fn metrics_text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix("trued");
-    let cell = Cell { name: escaped(cell), report: report.cloned() };
+    let cell = CellCollector { name: escaped(cell), report: report.cloned() };
     registry.register_collector(Box::new(cell));
     let mut text = String::new();
     encode(&mut text, &registry)?;
@@ -35,13 +35,13 @@ fn escaped(value: &str) -> String {
 }
 
 #[derive(Debug)]
-struct Cell {
+struct CellCollector {
     /// Escaped.
     name: String,
     report: Option<Report>,
 }
 
-impl Collector for Cell {
+impl Collector for CellCollector {
     fn encode(&self, encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let mut metrics = Metrics { cell: &self.name, encoder };
         let there = self.report.as_ref().filter(|report| report.away.is_none());
@@ -55,7 +55,7 @@ impl Collector for Cell {
         metrics.correction(report)?;
         metrics.latency(report)?;
         metrics.counts(report)?;
-        metrics.senses(report)
+        metrics.sensor_inputs(report)
     }
 }
 
@@ -95,7 +95,7 @@ impl Metrics<'_, '_> {
     }
 
     /// One value for each name: 1 for the state that applies.
-    fn words(&mut self, name: &str, help: &str, words: &[&str], now: &str) -> fmt::Result {
+    fn state_gauge(&mut self, name: &str, help: &str, words: &[&str], now: &str) -> fmt::Result {
         let value = |word: &&str| f64::from(u8::from(*word == now));
         let label = |word| Some(("state", word));
         let values: Vec<_> = words.iter().map(|word| (label(*word), value(word))).collect();
@@ -103,9 +103,19 @@ impl Metrics<'_, '_> {
     }
 
     fn state(&mut self, report: &Report) -> fmt::Result {
-        self.words("health", "1 for the state that the daemon is in", &HEALTH, report.health)?;
-        self.words("mode", "1 for the mode that the cell is in", &MODES, report.mode)?;
-        self.words("recorder", "1 for the state of the recorder", &RECORDER, report.recorder)?;
+        self.state_gauge(
+            "health",
+            "1 for the state that the daemon is in",
+            &HEALTH,
+            report.health,
+        )?;
+        self.state_gauge("mode", "1 for the mode that the cell is in", &MODES, report.mode)?;
+        self.state_gauge(
+            "recorder",
+            "1 for the state of the recorder",
+            &RECORDER,
+            report.recorder,
+        )?;
         let flag = |is: bool| f64::from(u8::from(is));
         self.gauge(
             "bypassed",
@@ -203,7 +213,7 @@ impl Metrics<'_, '_> {
         Ok(())
     }
 
-    fn senses(&mut self, report: &Report) -> fmt::Result {
+    fn sensor_inputs(&mut self, report: &Report) -> fmt::Result {
         let flag = |is: bool| f64::from(u8::from(is));
         let open = flag(report.force.wrench_gate == "open");
         self.gauge("wrench_gate_open", "1 if the wrench is used in the correction", open)?;
@@ -275,7 +285,7 @@ impl Metrics<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use super::text;
+    use super::metrics_text;
     use crate::report::Report;
     use shm_schema::{Mode, Status};
 
@@ -287,12 +297,12 @@ mod tests {
         status.latency_p99_ns = 25_000;
         (status.latency_counts[6], status.latency_counts[16]) = (2, 1);
         status.latency_sum_ns = 40_100_000;
-        Report::of("line 4 \"east\"", &status, away.map(str::to_owned))
+        Report::new("line 4 \"east\"", &status, away.map(str::to_owned))
     }
 
     #[test]
     fn every_line_is_a_comment_or_a_sample_and_values_are_those_of_the_status() {
-        let text = text("line 4 \"east\"", Some(&report(None))).expect("text");
+        let text = metrics_text("line 4 \"east\"", Some(&report(None))).expect("text");
         let sample = |begin: &str| {
             let line = text.lines().find(|line| line.starts_with(begin));
             let line = line.unwrap_or_else(|| panic!("{begin} in {text}"));
@@ -319,7 +329,7 @@ mod tests {
 
     #[test]
     fn a_daemon_that_is_away_has_no_figures_that_look_like_present_ones() {
-        for text in [text("x", None), text("x", Some(&report(Some("it ended"))))] {
+        for text in [metrics_text("x", None), metrics_text("x", Some(&report(Some("it ended"))))] {
             let text = text.expect("text");
             let samples: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
             assert_eq!(samples.len(), 1, "{text}");

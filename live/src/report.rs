@@ -57,7 +57,7 @@ pub struct Report {
     pub lead: Lead,
 }
 
-/// What the compensation of delay, lags and modes is computed from.
+/// Lead compensation of delay, lags and modes.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Lead {
@@ -252,14 +252,14 @@ pub struct Vibration {
 }
 
 /// The name of a code, or `unknown` for a code of a later version.
-fn word<T, E>(code: Result<T, E>, name: impl Fn(T) -> &'static str) -> &'static str {
+fn name_or_unknown<T, E>(code: Result<T, E>, name: impl Fn(T) -> &'static str) -> &'static str {
     code.map_or("unknown", name)
 }
 
 impl Report {
     /// The status of `cell`; `away`: why its daemon does not respond.
     #[must_use]
-    pub fn of(cell: &str, status: &Status, away: Option<String>) -> Self {
+    pub fn new(cell: &str, status: &Status, away: Option<String>) -> Self {
         let seconds = |from_ns: u64, to_ns: u64| to_ns.saturating_sub(from_ns) as f64 * 1e-9;
         let is_stale = |place: &u32| status.stale_temperatures & (1 << place) != 0;
         Self {
@@ -268,9 +268,9 @@ impl Report {
             age_s: seconds(status.t_ns, monotonic_ns()),
             pid: status.pid,
             uptime_s: seconds(status.started_ns, status.t_ns),
-            health: word(status.health(), Health::name),
+            health: name_or_unknown(status.health(), Health::name),
             message: status.message.to_string(),
-            mode: word(status.mode(), Mode::name),
+            mode: name_or_unknown(status.mode(), Mode::name),
             bypassed: status.bypassed != 0,
             robot: Robot {
                 maker: status.robot_maker.to_string(),
@@ -291,7 +291,7 @@ impl Report {
             counts: counts(status),
             latency_us: latency(status),
             force: Force {
-                wrench_gate: word(status.wrench_gate.try_into(), WrenchGate::name),
+                wrench_gate: name_or_unknown(status.wrench_gate.try_into(), WrenchGate::name),
                 loop_gain: status.wrench_loop_gain,
                 blocks: status.force_blocks,
                 gaps: status.force_gaps,
@@ -299,7 +299,7 @@ impl Report {
                 faults: status.force_faults().map(|fault| fault.to_string()).collect(),
             },
             vibration: vibration(status),
-            recorder: word(status.recorder.try_into(), RecorderState::name),
+            recorder: name_or_unknown(status.recorder.try_into(), RecorderState::name),
             recorder_dropped: status.recorder_dropped,
             stale_temperatures: (0..=status.joints).filter(is_stale).collect(),
             trim: trim(status),
@@ -329,8 +329,8 @@ fn length(vector: [f64; 3]) -> f64 {
 
 fn trim(status: &Status) -> Trim {
     Trim {
-        state: word(status.trim_state(), TrimState::name),
-        reason: word(status.trim_reason(), TrimReason::name),
+        state: name_or_unknown(status.trim_state(), TrimState::name),
+        reason: name_or_unknown(status.trim_reason(), TrimReason::name),
         trim_mm: status.trim_m.map(|m| 1e3 * m),
         found_mm: status.trim_found_m.map(|m| 1e3 * m),
         measurements: status.trim_measurements,
@@ -340,7 +340,7 @@ fn trim(status: &Status) -> Trim {
 
 fn lead(status: &Status) -> Lead {
     Lead {
-        state: word(status.lead_state(), LeadState::name),
+        state: name_or_unknown(status.lead_state(), LeadState::name),
         horizon_points: status.horizon_points,
         horizon_points_used: status.horizon_points_used,
         horizons_refused: status.horizons_refused,
@@ -349,8 +349,8 @@ fn lead(status: &Status) -> Lead {
 
 fn feed(status: &Status) -> Feed {
     Feed {
-        state: word(status.feed_state(), FeedState::name),
-        reason: word(status.feed_reason(), FeedReason::name),
+        state: name_or_unknown(status.feed_state(), FeedState::name),
+        reason: name_or_unknown(status.feed_reason(), FeedReason::name),
         override_percent: 1e2 * status.feed_override,
         wanted_percent: 1e2 * status.feed_wanted,
         force_n: status.feed_force_n,
@@ -405,9 +405,9 @@ fn latency(status: &Status) -> Latency {
 fn vibration(status: &Status) -> Vibration {
     let has_line = status.verdict.state().is_ok_and(|state| state != VibrationState::Over);
     Vibration {
-        watch: word(status.watch(), WatchState::name),
+        watch: name_or_unknown(status.watch(), WatchState::name),
         line: has_line.then(|| status.verdict.to_string()),
-        in_cut: word(status.in_cut.try_into(), InCut::name),
+        in_cut: name_or_unknown(status.in_cut.try_into(), InCut::name),
         spindle_rpm: status.spindle_rpm,
         feed_mm_s: status.feed_mm_s,
     }

@@ -1,6 +1,6 @@
-//! The robot as the page draws it: where its joints and its tool are at the last command, and where the correction displaces the tool.
+//! Drawing of the robot for the page: positions of joints and tool at the last command, and the displacement of the tool by the correction.
 //!
-//! Positions are those of the nominal geometry in the cell's model file, base frame. Drawn only while that file is the model in use.
+//! Positions are those of the nominal geometry in the cell's model file, base frame. Drawn only while that file is the active model.
 
 use std::path::PathBuf;
 
@@ -13,15 +13,15 @@ const MM: f64 = 1e3;
 
 /// The model file of a cell.
 #[derive(Debug)]
-pub(crate) struct Robot {
+pub(crate) struct RobotModelFile {
     path: PathBuf,
     /// The file, or why it cannot be used.
     model: Result<RobotModel, String>,
-    /// Hash of the model in use for which the file was read.
-    read_for: Option<u64>,
+    /// Hash of the active model for which the file was read.
+    read_for_hash: Option<u64>,
 }
 
-/// What is drawn of a robot.
+/// Drawing of a robot.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]
 pub(crate) enum Drawing {
@@ -29,7 +29,7 @@ pub(crate) enum Drawing {
     Arm {
         /// From the base to the tool, base frame, mm.
         points_mm: Vec<[f64; 3]>,
-        /// How the correction displaces the tool, base frame, mm.
+        /// Displacement of the tool by the correction, base frame, mm.
         shift_mm: [f64; 3],
         /// Length of all links together, mm: no point is farther from the base.
         reach_mm: f64,
@@ -41,17 +41,17 @@ pub(crate) enum Drawing {
     },
 }
 
-impl Robot {
+impl RobotModelFile {
     /// The robot whose model is in this file.
     pub(crate) fn new(path: PathBuf) -> Self {
-        Self { path, model: Err(String::new()), read_for: None }
+        Self { path, model: Err(String::new()), read_for_hash: None }
     }
 
-    /// What is drawn at this status. Reads the file again after the daemon has changed its model.
+    /// The drawing for a status. Reads the file again after the daemon has changed its model.
     pub(crate) fn drawing(&mut self, status: &Status) -> Drawing {
-        if self.read_for != Some(status.model_hash) {
+        if self.read_for_hash != Some(status.model_hash) {
             self.model = RobotModel::read(&self.path).map_err(|why| why.to_string());
-            self.read_for = Some(status.model_hash);
+            self.read_for_hash = Some(status.model_hash);
         }
         match &self.model {
             Err(why) => Drawing::Nothing { why: why.clone() },
@@ -109,14 +109,16 @@ mod tests {
     fn a_file_that_is_not_the_model_in_use_is_not_drawn() {
         let file = std::env::temp_dir().join(format!("trued-live-{}.toml", std::process::id()));
         model().file.write(&file).expect("a temporary folder");
-        let mut robot = Robot::new(file.clone());
+        let mut robot = RobotModelFile::new(file.clone());
         let mut status = Status { model_hash: model().hash, ..Status::default() };
         assert!(matches!(robot.drawing(&status), Drawing::Arm { .. }));
         status.model_hash += 1;
         let Drawing::Nothing { why } = robot.drawing(&status) else { panic!("another model") };
         assert!(why.contains("not the model in use"), "{why}");
         std::fs::remove_file(&file).expect("its own file");
-        let Drawing::Nothing { why } = Robot::new(file).drawing(&status) else { panic!("no file") };
+        let Drawing::Nothing { why } = RobotModelFile::new(file).drawing(&status) else {
+            panic!("no file")
+        };
         assert!(why.contains("trued-live"), "{why}");
     }
 }

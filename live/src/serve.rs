@@ -9,8 +9,8 @@ use std::thread;
 use trued_client::Monitor;
 
 use crate::access::Access;
-use crate::robot::Robot;
-use crate::watch::{self, Watch};
+use crate::cell_watch::{self, CellWatch};
+use crate::robot::RobotModelFile;
 use crate::{foxglove, web};
 
 /// Addresses and access.
@@ -70,17 +70,17 @@ impl Live {
             }
         }
         let stop = Arc::new(AtomicBool::new(false));
-        let watch = Arc::new(Watch::default());
+        let watch = Arc::new(CellWatch::default());
         let web = web::Server::listen(settings.http, settings.access.clone())?;
         let foxglove = settings
             .foxglove
-            .map(|address| foxglove::Server::listen(address, cell, settings.access.clone()));
+            .map(|address| foxglove::Server::bind(address, cell, settings.access.clone()));
         let foxglove = foxglove.transpose()?;
         let (http, stream) = (web.address(), foxglove.as_ref().map(foxglove::Server::address));
         let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };
         let (name, seen) = (cell.to_owned(), Arc::clone(&watch));
-        let robot = settings.model.clone().map(Robot::new);
-        live.spawn("watch", move |stop| watch::run(&name, monitor, robot, true, &seen, stop))?;
+        let robot = settings.model.clone().map(RobotModelFile::new);
+        live.spawn("watch", move |stop| cell_watch::run(&name, monitor, robot, true, &seen, stop))?;
         let seen = Arc::clone(&watch);
         live.spawn("web", move |stop| web.run(&seen, stop))?;
         if let Some(server) = foxglove {

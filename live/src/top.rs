@@ -3,7 +3,7 @@
 //! Two connections to the cell: one for the display, one for requests, so that a daemon that does not respond does not block the display. Only cells of the
 //! terminal that changed are written (ratatui): usable over a slow line.
 
-mod ask;
+mod requests;
 mod screen;
 mod view;
 
@@ -17,13 +17,13 @@ use ratatui::crossterm::event::{self, Event, KeyEventKind};
 use trued_client::Monitor;
 
 use crate::LiveError;
-use crate::watch::{self, Reader, Watch};
-use screen::{Effect, Screen};
+use crate::cell_watch::{self, CellWatch, ReaderPosition};
+use screen::{KeyAction, Screen};
 
 /// Time to wait for a key before the cell is polled.
-const KEYS_WITHIN: Duration = Duration::from_millis(50);
+const KEY_TIMEOUT: Duration = Duration::from_millis(50);
 /// Interval between redraws without a key: as often as a person can read numbers.
-const DRAWN_EVERY: Duration = Duration::from_millis(250);
+const REDRAW_EVERY: Duration = Duration::from_millis(250);
 
 /// Why the display ended.
 #[derive(Debug, thiserror::Error)]
@@ -47,16 +47,16 @@ pub fn run(
     asking: Monitor,
     stop: &Arc<AtomicBool>,
 ) -> Result<(), TopError> {
-    let watch = Arc::new(Watch::default());
+    let watch = Arc::new(CellWatch::default());
     let ended = Arc::new(AtomicBool::new(false));
     let (ask, asked) = mpsc::channel();
     let (answer, answers) = mpsc::channel();
     let looks = {
         let (name, watch, ended) = (cell.to_owned(), Arc::clone(&watch), Arc::clone(&ended));
-        spawn("watch", move || watch::run(&name, looking, None, false, &watch, &ended))?
+        spawn("watch", move || cell_watch::run(&name, looking, None, false, &watch, &ended))?
     };
     // It ends when `ask` is dropped; a daemon that does not respond is not waited for.
-    spawn("ask", move || ask::run(asking, &asked, &answer))?;
+    spawn("ask", move || requests::run(asking, &asked, &answer))?;
     let mut terminal = ratatui::try_init()?;
     let shown = show(cell, &mut terminal, &Channels { watch: &watch, ask, answers }, stop);
     let restored = ratatui::try_restore();
@@ -69,9 +69,9 @@ pub fn run(
 
 /// Connections of the display to the cell's state and to the thread for requests.
 struct Channels<'a> {
-    watch: &'a Watch,
-    ask: mpsc::Sender<ask::Request>,
-    answers: mpsc::Receiver<ask::Answered>,
+    watch: &'a CellWatch,
+    ask: mpsc::Sender<requests::OperatorRequest>,
+    answers: mpsc::Receiver<requests::AnsweredRequest>,
 }
 
 fn show(
@@ -81,21 +81,21 @@ fn show(
     stop: &AtomicBool,
 ) -> io::Result<()> {
     let mut screen = Screen::new(cell);
-    let mut reader = Reader::default();
+    let mut reader = ReaderPosition::default();
     let mut drawn: Option<Instant> = None;
     while !stop.load(Relaxed) {
-        let news = channels.watch.news(&mut reader, Duration::ZERO);
-        screen.hear(news);
-        channels.answers.try_iter().for_each(|answered| screen.answered(&answered));
-        let mut at_once = drawn.is_none_or(|drawn| drawn.elapsed() >= DRAWN_EVERY);
-        if event::poll(if at_once { Duration::ZERO } else { KEYS_WITHIN })? {
+        let news = channels.watch.wait_for_update(&mut reader, Duration::ZERO);
+        screen.update(news);
+        channels.answers.try_iter().for_each(|answered| screen.add_answer(&answered));
+        let mut at_once = drawn.is_none_or(|drawn| drawn.elapsed() >= REDRAW_EVERY);
+        if event::poll(if at_once { Duration::ZERO } else { KEY_TIMEOUT })? {
             match event::read()? {
                 Event::Key(key) if key.kind != KeyEventKind::Release => match screen.key(key) {
-                    Effect::None => {}
-                    Effect::Quit => return Ok(()),
+                    KeyAction::None => {}
+                    KeyAction::Quit => return Ok(()),
                     // If the thread has ended, the screen continues to show that no answer was
                     // received.
-                    Effect::Ask(request) => drop(channels.ask.send(request)),
+                    KeyAction::Ask(request) => drop(channels.ask.send(request)),
                 },
                 _ => {}
             }

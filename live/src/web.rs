@@ -10,22 +10,22 @@ use std::time::Duration;
 use serde::Serialize;
 use tiny_http::{Header, Method, Request, Response, StatusCode};
 
-use crate::access::Asked;
-use crate::history::{Entries, Mark, SPAN_MS, STEP_MS};
-use crate::moment::Moment;
+use crate::access::AccessRequest;
+use crate::cell_watch::{CellState, CellWatch, ReaderPosition, unix_ms};
+use crate::history::{Entries, HistoryPosition, SPAN_MS, STEP_MS};
 use crate::report::Report;
-use crate::watch::{Reader, Seen, Watch, unix_ms};
+use crate::snapshot::SnapshotPage;
 use crate::{Access, LiveError, metrics};
 
-/// The page: no other file, no other server.
+/// The page: self-contained, without other files or servers.
 const PAGE: &str = include_str!("page.html");
 /// How often `stop` is polled.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+const POLL_EVERY: Duration = Duration::from_millis(100);
 /// Limit on browsers that receive events; each takes a thread.
-const FOLLOWERS_MAX: usize = 32;
+const EVENT_READERS_MAX: usize = 32;
 /// Interval at which a comment is sent if there are no events, so that a closed connection is
 /// detected.
-const BEAT_AFTER: Duration = Duration::from_secs(2);
+const HEARTBEAT_AFTER: Duration = Duration::from_secs(2);
 
 /// Answer to a request without access.
 const REFUSED: &str =
@@ -60,11 +60,11 @@ impl Server {
     }
 
     /// Answers requests until `stop` is set.
-    pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
+    pub(crate) fn run(self, watch: &Arc<CellWatch>, stop: &Arc<AtomicBool>) {
         let followers = Arc::new(AtomicUsize::new(0));
         while !stop.load(Relaxed) {
             // An error here concerns one connection only.
-            if let Ok(Some(request)) = self.http.recv_timeout(LOOK_EVERY) {
+            if let Ok(Some(request)) = self.http.recv_timeout(POLL_EVERY) {
                 self.answer(request, watch, &followers, stop);
             }
         }
@@ -73,7 +73,7 @@ impl Server {
     fn answer(
         &self,
         request: Request,
-        watch: &Arc<Watch>,
+        watch: &Arc<CellWatch>,
         followers: &Arc<AtomicUsize>,
         stop: &Arc<AtomicBool>,
     ) {
@@ -82,13 +82,13 @@ impl Server {
             found.map(|header| header.value.as_str())
         };
         let (host, authorization) = (header("Host"), header("Authorization"));
-        if !self.access.allows(Asked { target: request.url(), host, authorization }) {
+        if !self.access.allows(AccessRequest { target: request.url(), host, authorization }) {
             return respond(request, 401, TEXT, REFUSED.to_owned());
         }
         if *request.method() != Method::Get {
             return respond(request, 405, TEXT, "only GET is supported\n".to_owned());
         }
-        let seen = watch.now();
+        let seen = watch.current();
         let report = seen.as_deref().map(|seen| &seen.report);
         let path = request.url().split('?').next().unwrap_or_default();
         match path {
@@ -99,14 +99,14 @@ impl Server {
             },
             "/metrics" => {
                 let cell = report.map_or("", |report| &report.cell);
-                let text = metrics::text(cell, report).unwrap_or_default();
+                let text = metrics::metrics_text(cell, report).unwrap_or_default();
                 respond(request, 200, OPEN_METRICS, text);
             }
             "/report" => match seen {
-                Some(seen) => save(request, watch, seen),
+                Some(seen) => send_report(request, watch, seen),
                 None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
             },
-            "/events" => follow(request, watch, followers, stop),
+            "/events" => stream_events(request, watch, followers, stop),
             _ => {
                 let places =
                     "not found; available: /, /status, /events, /metrics, /report\n".to_owned();
@@ -129,9 +129,9 @@ fn json(report: &Report) -> String {
 }
 
 /// The report, under the name by which a browser saves it.
-fn save(request: Request, watch: &Watch, seen: Arc<Seen>) {
-    let entries = watch.history(&mut Mark::default());
-    let moment = Moment { seen, entries, now_ms: unix_ms() };
+fn send_report(request: Request, watch: &CellWatch, seen: Arc<CellState>) {
+    let entries = watch.history(&mut HistoryPosition::default());
+    let moment = SnapshotPage { seen, entries, now_ms: unix_ms() };
     let saved = format!("attachment; filename=\"{}\"", moment.file_name());
     respond_as(request, 200, HTML, moment.html(), Some(("Content-Disposition", &saved)));
 }
@@ -149,7 +149,7 @@ fn respond_as(request: Request, code: u16, kind: &str, text: String, also: Optio
         header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
         also.and_then(|(name, value)| header(name, value)),
     ];
-    // In one piece, of a stated length: a browser shows how much of a saved report is there.
+    // Sent with a stated length, so that a browser can show the progress of a download.
     let response = Response::from_string(text).with_chunked_threshold(usize::MAX);
     let mut response = response.with_status_code(StatusCode(code));
     headers.into_iter().flatten().for_each(|header| response.add_header(header));
@@ -158,15 +158,15 @@ fn respond_as(request: Request, code: u16, kind: &str, text: String, also: Optio
 }
 
 /// Sends each change of the status, in a separate thread, until the browser disconnects.
-fn follow(
+fn stream_events(
     request: Request,
-    watch: &Arc<Watch>,
+    watch: &Arc<CellWatch>,
     followers: &Arc<AtomicUsize>,
     stop: &Arc<AtomicBool>,
 ) {
-    if followers.fetch_add(1, Relaxed) >= FOLLOWERS_MAX {
+    if followers.fetch_add(1, Relaxed) >= EVENT_READERS_MAX {
         followers.fetch_sub(1, Relaxed);
-        let words = format!("{FOLLOWERS_MAX} browsers are connected already\n");
+        let words = format!("{EVENT_READERS_MAX} browsers are connected already\n");
         return respond(request, 503, TEXT, words);
     }
     let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(followers));
@@ -182,20 +182,21 @@ fn follow(
     }
 }
 
-fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Result<()> {
-    let (mut reader, mut mark, mut is_first) = (Reader::default(), Mark::default(), true);
+fn send_events(to: &mut impl Write, watch: &CellWatch, stop: &AtomicBool) -> io::Result<()> {
+    let (mut reader, mut mark, mut is_first) =
+        (ReaderPosition::default(), HistoryPosition::default(), true);
     let mut drawn = String::new();
     to.write_all(EVENTS.as_bytes())?;
     to.flush()?;
     while !stop.load(Relaxed) {
-        let news = watch.news(&mut reader, BEAT_AFTER);
+        let news = watch.wait_for_update(&mut reader, HEARTBEAT_AFTER);
         send_history(to, &watch.history(&mut mark), is_first)?;
         is_first = false;
         match news.seen {
             Some(seen) => {
                 if let Some(robot) = &seen.robot {
                     let drawing = serde_json::to_string(robot).unwrap_or_default();
-                    // A robot at rest is drawn once for each reader, however often the status comes.
+                    // An unchanged drawing is sent once to each reader, however often the status is published.
                     if drawing != drawn {
                         write!(to, "event: robot\ndata: {drawing}\n\n")?;
                         drawn = drawing;
@@ -210,7 +211,7 @@ fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Res
     Ok(())
 }
 
-/// The first time all that is kept, as one event, so that a page draws it once; then each new entry.
+/// First the whole history as one event, so that a page draws it once; then each new entry.
 fn send_history(to: &mut impl Write, entries: &Entries, is_first: bool) -> io::Result<()> {
     if is_first {
         let whole = serde_json::json!({ "now_ms": unix_ms(), "span_ms": SPAN_MS, "step_ms": STEP_MS, "entries": entries });
@@ -229,13 +230,13 @@ fn send(to: &mut impl Write, event: &str, data: &impl Serialize) -> io::Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cell_watch::CellState;
     use crate::robot::Drawing;
-    use crate::watch::Seen;
     use shm_schema::Status;
 
     /// Publishes the next state when the events so far were sent; ends after the last one.
     struct Page<'a> {
-        watch: &'a Watch,
+        watch: &'a CellWatch,
         stop: &'a AtomicBool,
         shifts_mm: Vec<f64>,
         text: String,
@@ -249,25 +250,25 @@ mod tests {
 
         fn flush(&mut self) -> io::Result<()> {
             match self.shifts_mm.pop() {
-                Some(x) => self.watch.see(state(x)),
+                Some(x) => self.watch.set_state(state(x)),
                 None => self.stop.store(true, Relaxed),
             }
             Ok(())
         }
     }
 
-    fn state(x: f64) -> Seen {
+    fn state(x: f64) -> CellState {
         let status = Status::default();
-        let report = Report::of("cell", &status, None);
+        let report = Report::new("cell", &status, None);
         let robot =
             Drawing::Arm { points_mm: vec![[0.0; 3]], shift_mm: [x, 0.0, 0.0], reach_mm: 1.0 };
-        Seen { report, status, robot: Some(robot) }
+        CellState { report, status, robot: Some(robot) }
     }
 
     #[test]
     fn a_drawing_is_sent_to_each_reader_at_once_and_again_when_it_has_changed() {
-        let watch = Watch::default();
-        watch.see(state(1.0));
+        let watch = CellWatch::default();
+        watch.set_state(state(1.0));
         for _ in 0..2 {
             let stop = AtomicBool::new(false);
             let shifts_mm = vec![1.0, 2.0, 2.0, 1.0, 1.0];

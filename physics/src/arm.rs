@@ -3,7 +3,7 @@
 //! Invariant: an [`Arm`] is valid: axes are unit vectors, limits are ordered, all values are
 //! finite. Deviations from this geometry are in [`crate::effects`].
 
-use crate::placed::Along;
+use crate::lane_pose::BaseAxis;
 use crate::{JOINTS_MAX, Joints};
 use glam::{DMat3, DVec3};
 use thiserror::Error;
@@ -71,7 +71,7 @@ pub struct Tool {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
     joints: [Joint; JOINTS_MAX],
-    along: [Along; JOINTS_MAX],
+    along: [BaseAxis; JOINTS_MAX],
     /// Vector to each joint's point from that of the previous joint, of the first from the base's
     /// origin, m.
     ways: [DVec3; JOINTS_MAX],
@@ -134,7 +134,7 @@ impl Arm {
             return Err(ArmError::Gravity);
         }
         check_tool(&tool)?;
-        let along = all.map(|joint| Along::of(joint.axis));
+        let along = all.map(|joint| BaseAxis::of(joint.axis));
         let before = |i: usize| if i == 0 { DVec3::ZERO } else { all[i - 1].point };
         let ways = core::array::from_fn(|i| all[i].point - before(i));
         let moment = |joint: Joint| {
@@ -159,7 +159,7 @@ impl Arm {
 
     /// The base axis that the axis of joint `i` is parallel to.
     #[inline(always)]
-    pub(crate) fn along(&self, i: usize) -> Along {
+    pub(crate) fn along(&self, i: usize) -> BaseAxis {
         self.along[i]
     }
 

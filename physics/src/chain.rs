@@ -6,8 +6,8 @@
 
 use crate::deviation::Deviation;
 use crate::frame::rotation_from_vector;
-use crate::lanes::{Lanes, Padded, Work, widest};
-use crate::placed::{Along, Axis, Kept, Placed, turned_on};
+use crate::lane_pose::{Axis, BaseAxis, LanePose, StoredPose, advance_sin_cos};
+use crate::lanes::{Kernel, Lanes, PaddedVec3, run_widest};
 use crate::trig::sin_cos_all;
 use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
@@ -21,9 +21,9 @@ pub type Jacobian = SMatrix<f64, 6, JOINTS_MAX>;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Chain {
-    pub(crate) bodies: [Kept; JOINTS_MAX],
-    pub(crate) axes: [Padded; JOINTS_MAX],
-    pub(crate) points: [Padded; JOINTS_MAX],
+    pub(crate) bodies: [StoredPose; JOINTS_MAX],
+    pub(crate) axes: [PaddedVec3; JOINTS_MAX],
+    pub(crate) points: [PaddedVec3; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
     /// Sine of each joint position.
@@ -36,9 +36,9 @@ impl Default for Chain {
     /// A chain without joints.
     fn default() -> Self {
         Self {
-            bodies: [Kept::IDENTITY; JOINTS_MAX],
-            axes: [Padded::of(DVec3::ZERO); JOINTS_MAX],
-            points: [Padded::of(DVec3::ZERO); JOINTS_MAX],
+            bodies: [StoredPose::IDENTITY; JOINTS_MAX],
+            axes: [PaddedVec3::of(DVec3::ZERO); JOINTS_MAX],
+            points: [PaddedVec3::of(DVec3::ZERO); JOINTS_MAX],
             base_from_tool: Frame::IDENTITY,
             sines: [0.0; JOINTS_MAX],
             cosines: [0.0; JOINTS_MAX],
@@ -51,31 +51,31 @@ impl Chain {
     /// The controller's geometry at `q` (rad or m).
     pub fn nominal(arm: &Arm, q: &Joints) -> Self {
         let mut chain = Self::default();
-        chain.stand(arm, q);
+        chain.set_nominal(arm, q);
         chain
     }
 
     /// The geometry at `q` (rad or m) with `deviation`.
     pub fn real(arm: &Arm, q: &Joints, deviation: &Deviation) -> Self {
         let mut chain = Self::default();
-        chain.deviate(arm, q, deviation, &Self::nominal(arm, q));
+        chain.set_deviated(arm, q, deviation, &Self::nominal(arm, q));
         chain
     }
 
     /// The tool pose at `q`: bit for bit that of [`Chain::nominal`], without the rest of the chain.
     pub fn tool_at(arm: &Arm, q: &Joints) -> Frame {
-        widest(arm.count(), ToolAt { arm, q })
+        run_widest(arm.count(), ToolPoseKernel { arm, q })
     }
 
     /// [`Chain::nominal`], written over a chain of the same arm.
-    pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
-        widest(arm.count(), Stand { chain: self, arm, q });
+    pub(crate) fn set_nominal(&mut self, arm: &Arm, q: &Joints) {
+        run_widest(arm.count(), NominalKernel { chain: self, arm, q });
     }
 
     /// The same, with these lanes; `on` is the step from the configuration of this chain to `q`, if
     /// known.
     #[inline(always)]
-    pub(crate) fn stand_in<S: Lanes>(
+    pub(crate) fn set_nominal_in<S: Lanes>(
         &mut self,
         lanes: S,
         arm: &Arm,
@@ -87,27 +87,33 @@ impl Chain {
             Some(on) => {
                 for k in 0..S::PARTS {
                     let before = (lanes.part(&self.sines, k), lanes.part(&self.cosines, k));
-                    self.turn_on(lanes, before, on, k);
+                    self.advance_angles(lanes, before, on, k);
                 }
             }
             None => sin_cos_all(lanes, q, &mut self.sines, &mut self.cosines),
         }
-        let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
+        let mut carrier = LanePose::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
-            let axis = axis_of(arm, i);
-            carrier = self.place(i, &carrier, &axis, joint.kind, q[i]);
+            let axis = nominal_axis(arm, i);
+            carrier = self.place_joint(i, &carrier, &axis, joint.kind, q[i]);
         }
-        self.base_from_tool = carrier.frame(&tool_of(arm));
+        self.base_from_tool = carrier.frame(&nominal_tool(arm));
     }
 
     /// [`Chain::real`], written over a chain of the same arm; `nominal` is the arm without the
     /// deviation.
-    pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
-        widest(arm.count(), Deviate { chain: self, arm, q, deviation, nominal });
+    pub(crate) fn set_deviated(
+        &mut self,
+        arm: &Arm,
+        q: &Joints,
+        deviation: &Deviation,
+        nominal: &Self,
+    ) {
+        run_widest(arm.count(), DeviatedKernel { chain: self, arm, q, deviation, nominal });
     }
 
     #[inline(always)]
-    fn deviate_in<S: Lanes>(
+    fn set_deviated_in<S: Lanes>(
         &mut self,
         lanes: S,
         arm: &Arm,
@@ -118,39 +124,39 @@ impl Chain {
         self.count = arm.count();
         for k in 0..S::PARTS {
             let before = (lanes.part(&nominal.sines, k), lanes.part(&nominal.cosines, k));
-            self.turn_on(lanes, before, &deviation.joints, k);
+            self.advance_angles(lanes, before, &deviation.joints, k);
         }
         let mut base = Frame::IDENTITY;
         if deviation.base_turn != DVec3::ZERO {
             base.rotation = rotation_from_vector(deviation.base_turn);
         }
-        let (mut carrier, is_of_joints) = (Placed::of(lanes, &base), deviation.is_of_joints());
+        let (mut carrier, is_of_joints) = (LanePose::of(lanes, &base), deviation.is_of_joints());
         for (i, joint) in arm.joints().iter().enumerate() {
             if let Some(link) = deviation.link(i) {
                 carrier = carrier.after(&link.frame());
             }
-            let mut axis = axis_of(arm, i);
+            let mut axis = nominal_axis(arm, i);
             if let Some(twist) = deviation.axis(i) {
                 let moved = twist.frame();
                 axis.axis = moved.rotation * joint.axis;
                 axis.point = moved.point(joint.point);
-                axis.along = Along::of(axis.axis);
+                axis.along = BaseAxis::of(axis.axis);
             }
             if !is_of_joints {
-                axis.way = carrier.way_to(axis.point);
+                axis.offset = carrier.offset_to(axis.point);
             }
             let position = q[i] + deviation.joints[i];
-            carrier = self.place(i, &carrier, &axis, joint.kind, position);
+            carrier = self.place_joint(i, &carrier, &axis, joint.kind, position);
         }
         if let Some(flange) = deviation.link(self.count) {
             carrier = carrier.after(&flange.frame());
         }
-        let (tool, shift) = (tool_of(arm), deviation.tool_shift);
+        let (tool, shift) = (nominal_tool(arm), deviation.tool_shift);
         self.base_from_tool = if deviation.tool_turn == DVec3::ZERO && shift == DVec3::ZERO {
             carrier.frame(&tool)
         } else {
             let turn = rotation_from_vector(deviation.tool_turn);
-            carrier.frame(&Placed::of(lanes, &tool).frame(&Frame::new(turn, shift)))
+            carrier.frame(&LanePose::of(lanes, &tool).frame(&Frame::new(turn, shift)))
         };
     }
 
@@ -199,61 +205,68 @@ impl Chain {
 
     /// Sines and cosines of joints `4 k` to `4 k + 3`, by the angle difference from those before.
     #[inline(always)]
-    fn turn_on<S: Lanes>(&mut self, lanes: S, before: (S::Four, S::Four), by: &Joints, k: usize) {
-        let (sines, cosines) = turned_on(lanes, before, lanes.part(by, k));
-        lanes.put(sines, &mut self.sines, k);
-        lanes.put(cosines, &mut self.cosines, k);
+    fn advance_angles<S: Lanes>(
+        &mut self,
+        lanes: S,
+        before: (S::Four, S::Four),
+        by: &Joints,
+        k: usize,
+    ) {
+        let (sines, cosines) = advance_sin_cos(lanes, before, lanes.part(by, k));
+        lanes.store(sines, &mut self.sines, k);
+        lanes.store(cosines, &mut self.cosines, k);
     }
 
     /// Adds joint `i`, at `position`, to the body that carries it; returns the pose of its own
     /// body.
     #[inline(always)]
-    fn place<S: Lanes>(
+    fn place_joint<S: Lanes>(
         &mut self,
         i: usize,
-        carrier: &Placed<S>,
+        carrier: &LanePose<S>,
         axis: &Axis,
         kind: JointKind,
         position: f64,
-    ) -> Placed<S> {
+    ) -> LanePose<S> {
         let turned = (self.sines[i], self.cosines[i]);
         let ((axis, point), body) = carrier.joint(axis, kind, position, turned);
         let lanes = body.lanes();
-        (self.axes[i], self.points[i]) = (Padded::put(lanes, axis), Padded::put(lanes, point));
-        self.bodies[i] = body.keep();
+        (self.axes[i], self.points[i]) =
+            (PaddedVec3::put(lanes, axis), PaddedVec3::put(lanes, point));
+        self.bodies[i] = body.store();
         body
     }
 }
 
 /// The nominal axis of joint `i`.
 #[inline(always)]
-fn axis_of(arm: &Arm, i: usize) -> Axis {
+fn nominal_axis(arm: &Arm, i: usize) -> Axis {
     let joint = &arm.joints()[i];
-    Axis { along: arm.along(i), axis: joint.axis, point: joint.point, way: arm.way(i) }
+    Axis { along: arm.along(i), axis: joint.axis, point: joint.point, offset: arm.way(i) }
 }
 
 /// The tool on the last body, at the zero configuration.
 #[inline(always)]
-fn tool_of(arm: &Arm) -> Frame {
+fn nominal_tool(arm: &Arm) -> Frame {
     Frame::new(arm.tool.base_from_tool, arm.tool.tcp)
 }
 
-struct Stand<'a> {
+struct NominalKernel<'a> {
     chain: &'a mut Chain,
     arm: &'a Arm,
     q: &'a Joints,
 }
 
-impl Work for Stand<'_> {
+impl Kernel for NominalKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.chain.stand_in(lanes, self.arm, self.q, None);
+        self.chain.set_nominal_in(lanes, self.arm, self.q, None);
     }
 }
 
-struct Deviate<'a> {
+struct DeviatedKernel<'a> {
     chain: &'a mut Chain,
     arm: &'a Arm,
     q: &'a Joints,
@@ -261,21 +274,21 @@ struct Deviate<'a> {
     nominal: &'a Chain,
 }
 
-impl Work for Deviate<'_> {
+impl Kernel for DeviatedKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.chain.deviate_in(lanes, self.arm, self.q, self.deviation, self.nominal);
+        self.chain.set_deviated_in(lanes, self.arm, self.q, self.deviation, self.nominal);
     }
 }
 
-struct ToolAt<'a> {
+struct ToolPoseKernel<'a> {
     arm: &'a Arm,
     q: &'a Joints,
 }
 
-impl Work for ToolAt<'_> {
+impl Kernel for ToolPoseKernel<'_> {
     type Output = Frame;
 
     #[inline(always)]
@@ -283,11 +296,11 @@ impl Work for ToolAt<'_> {
         let Self { arm, q } = self;
         let (mut sines, mut cosines) = ([0.0; JOINTS_MAX], [0.0; JOINTS_MAX]);
         sin_cos_all(lanes, q, &mut sines, &mut cosines);
-        let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
+        let mut carrier = LanePose::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
-            let axis = axis_of(arm, i);
+            let axis = nominal_axis(arm, i);
             carrier = carrier.joint(&axis, joint.kind, q[i], (sines[i], cosines[i])).1;
         }
-        carrier.frame(&tool_of(arm))
+        carrier.frame(&nominal_tool(arm))
     }
 }

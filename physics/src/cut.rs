@@ -33,9 +33,9 @@ pub enum ForceTerm {
     /// there against the rotation, m.
     Runout([f64; 2]),
     /// An oscillating force across the feed while the tool cuts, N.
-    Ring(f64),
+    Oscillation(f64),
     /// Cross-talk: output of each channel per force along each axis, in addition to its own; rows are channels.
-    Leak(DMat3),
+    CrossTalk(DMat3),
 }
 
 impl ForceTerm {
@@ -47,8 +47,8 @@ impl ForceTerm {
             Self::Chip(x) => Self::Chip(x * factor),
             Self::Wear(x) => Self::Wear(x * factor),
             Self::Runout(x) => Self::Runout(x.map(|x| x * factor)),
-            Self::Ring(x) => Self::Ring(x * factor),
-            Self::Leak(x) => Self::Leak(x * factor),
+            Self::Oscillation(x) => Self::Oscillation(x * factor),
+            Self::CrossTalk(x) => Self::CrossTalk(x * factor),
         }
     }
 
@@ -60,8 +60,8 @@ impl ForceTerm {
             (Self::Chip(a), Self::Chip(b)) => Self::Chip(a - b),
             (Self::Wear(a), Self::Wear(b)) => Self::Wear(a - b),
             (Self::Runout([a, b]), Self::Runout([c, d])) => Self::Runout([a - c, b - d]),
-            (Self::Ring(a), Self::Ring(b)) => Self::Ring(a - b),
-            (Self::Leak(a), Self::Leak(b)) => Self::Leak(a - b),
+            (Self::Oscillation(a), Self::Oscillation(b)) => Self::Oscillation(a - b),
+            (Self::CrossTalk(a), Self::CrossTalk(b)) => Self::CrossTalk(a - b),
             (one, _) => one,
         }
     }
@@ -70,37 +70,37 @@ impl ForceTerm {
 /// Directions of tangential, radial and axial forces of teeth (columns) in cut axes, with their
 /// weights.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Teeth {
+pub struct ForceDirections {
     /// Per N of edge force.
     pub edge: DMat3,
     /// The same, each tooth times the sine of its angle: per N of force by a chip of full feed.
     pub chip: DMat3,
 }
 
-impl Teeth {
+impl ForceDirections {
     fn times(self, factor: f64) -> Self {
         Self { edge: self.edge * factor, chip: self.chip * factor }
     }
 }
 
 /// A tooth at one angle over its whole depth.
-fn straight(angle: f64) -> Teeth {
+fn straight_tooth(angle: f64) -> ForceDirections {
     let (sin, cos) = libm::sincos(angle);
     let edge = DMat3::from_cols(DVec3::new(-cos, sin, 0.0), DVec3::new(-sin, -cos, 0.0), DVec3::Z);
-    Teeth { edge, chip: edge * sin }
+    ForceDirections { edge, chip: edge * sin }
 }
 
 /// The integral of [`Teeth`] of one tooth over its angle, N rad.
-pub fn swept(from_rad: f64, to_rad: f64) -> Teeth {
+pub fn swept_tooth_forces(from_rad: f64, to_rad: f64) -> ForceDirections {
     let (high, low) = (antiderivative(to_rad), antiderivative(from_rad));
-    Teeth { edge: high.edge - low.edge, chip: high.chip - low.chip }
+    ForceDirections { edge: high.edge - low.edge, chip: high.chip - low.chip }
 }
 
-fn antiderivative(angle: f64) -> Teeth {
+fn antiderivative(angle: f64) -> ForceDirections {
     let (sin, cos) = libm::sincos(angle);
     let (sin_cos, sin_sin) = (0.5 * sin * sin, 0.5 * (angle - sin * cos));
     let axis = |radial: f64| DVec3::Z * radial;
-    Teeth {
+    ForceDirections {
         edge: DMat3::from_cols(
             DVec3::new(-sin, -cos, 0.0),
             DVec3::new(cos, -sin, 0.0),
@@ -139,7 +139,7 @@ pub struct Cutter {
 
 /// Forces of the teeth at one instant, or on average, per unit of each coefficient, cut axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bite {
+pub struct ToothForces {
     /// N per N/m of edge coefficient.
     pub edge: DMat3,
     /// N per N/m² of cutting coefficient.
@@ -150,12 +150,12 @@ pub struct Bite {
     pub engaged: f64,
 }
 
-impl Bite {
+impl ToothForces {
     /// Outside the cut.
     pub const NONE: Self =
         Self { edge: DMat3::ZERO, chip: DMat3::ZERO, runout: [DMat3::ZERO; 2], engaged: 0.0 };
 
-    fn add(&mut self, teeth: Teeth, engaged: f64, leads: [f64; 2]) {
+    fn add(&mut self, teeth: ForceDirections, engaged: f64, leads: [f64; 2]) {
         self.edge += teeth.edge;
         self.chip += teeth.chip;
         self.runout[0] += teeth.edge * leads[0];
@@ -171,20 +171,20 @@ impl Cutter {
     }
 
     /// Forces with tooth 0 at this angle; helical teeth lag with increasing height.
-    pub fn bite(&self, angle_rad: f64, feed_per_tooth_m: f64) -> Bite {
+    pub fn tooth_forces(&self, angle_rad: f64, feed_per_tooth_m: f64) -> ToothForces {
         if self.turning {
-            return self.standing(feed_per_tooth_m);
+            return self.turning_forces(feed_per_tooth_m);
         }
-        let mut bite = Bite::NONE;
+        let mut bite = ToothForces::NONE;
         let lag = self.axial_depth_m * libm::tan(self.helix_rad) / (0.5 * self.diameter_m);
         let span = self.exit_rad - self.entry_rad;
         for tooth in 0..self.teeth {
             let place = TAU * f64::from(tooth) / f64::from(self.teeth);
-            let leads = self.leads(place);
+            let leads = self.runout_chip(place);
             let angle = angle_rad + place;
             if libm::fabs(lag) < STRAIGHT_RAD {
-                if turn_part(angle - self.entry_rad) <= span {
-                    bite.add(straight(angle), 1.0, leads);
+                if within_turn(angle - self.entry_rad) <= span {
+                    bite.add(straight_tooth(angle), 1.0, leads);
                 }
                 continue;
             }
@@ -196,7 +196,11 @@ impl Cutter {
                 let (from, to) = (entry.max(low), (entry + span).min(high));
                 if to > from {
                     let size = high - low;
-                    bite.add(swept(from, to).times(1.0 / size), (to - from) / size, leads);
+                    bite.add(
+                        swept_tooth_forces(from, to).times(1.0 / size),
+                        (to - from) / size,
+                        leads,
+                    );
                 }
                 entry += TAU;
             }
@@ -208,14 +212,14 @@ impl Cutter {
     }
 
     /// The average over whole turns, which does not depend on helix and runout.
-    pub fn mean(&self, feed_per_tooth_m: f64) -> Bite {
+    pub fn mean(&self, feed_per_tooth_m: f64) -> ToothForces {
         if self.turning {
-            return self.standing(feed_per_tooth_m);
+            return self.turning_forces(feed_per_tooth_m);
         }
         let share = f64::from(self.teeth) / TAU;
         let depth = self.axial_depth_m * share;
-        let Teeth { edge, chip } = swept(self.entry_rad, self.exit_rad);
-        Bite {
+        let ForceDirections { edge, chip } = swept_tooth_forces(self.entry_rad, self.exit_rad);
+        ToothForces {
             edge: edge * depth,
             chip: chip * (depth * feed_per_tooth_m),
             runout: [DMat3::ZERO; 2],
@@ -224,14 +228,14 @@ impl Cutter {
     }
 
     /// A turning tool: the limit of one tooth that remains at the thickest chip.
-    fn standing(&self, feed_m: f64) -> Bite {
+    fn turning_forces(&self, feed_m: f64) -> ToothForces {
         let along = DMat3::from_cols(DVec3::Y, -DVec3::X, DVec3::Z) * self.axial_depth_m;
-        Bite { edge: along, chip: along * feed_m, runout: [DMat3::ZERO; 2], engaged: 1.0 }
+        ToothForces { edge: along, chip: along * feed_m, runout: [DMat3::ZERO; 2], engaged: 1.0 }
     }
 
     /// Additional chip thickness of a tooth at this angular position of the tool, per m of runout:
     /// it protrudes, and the previous tooth left more or less material.
-    fn leads(&self, place_rad: f64) -> [f64; 2] {
+    fn runout_chip(&self, place_rad: f64) -> [f64; 2] {
         let before = place_rad + TAU / f64::from(self.teeth);
         let ((sin, cos), (sin_before, cos_before)) =
             (libm::sincos(place_rad), libm::sincos(before));
@@ -240,7 +244,7 @@ impl Cutter {
 }
 
 /// An angle reduced to one turn, from 0.
-fn turn_part(angle: f64) -> f64 {
+fn within_turn(angle: f64) -> f64 {
     angle - TAU * libm::floor(angle / TAU)
 }
 
@@ -255,12 +259,12 @@ pub struct CutForce {
     runout: [f64; 2],
     /// Oscillating force, N.
     ring: f64,
-    leak: DMat3,
+    cross_talk: DMat3,
     bias: Wrench,
     scale: Wrench,
     turn: DVec3,
     /// Compliance of the tool along its axis, m/N.
-    give: f64,
+    axial_compliance: f64,
 }
 
 impl Default for CutForce {
@@ -271,11 +275,11 @@ impl Default for CutForce {
             wear: 0.0,
             runout: [0.0; 2],
             ring: 0.0,
-            leak: DMat3::ZERO,
+            cross_talk: DMat3::ZERO,
             bias: Wrench::ZERO,
             scale: Wrench::ZERO,
             turn: DVec3::ZERO,
-            give: 0.0,
+            axial_compliance: 0.0,
         }
     }
 }
@@ -291,8 +295,8 @@ impl CutForce {
                 ForceTerm::Runout([a, b]) => {
                     self.runout = [self.runout[0] + a, self.runout[1] + b];
                 }
-                ForceTerm::Ring(force) => self.ring += force,
-                ForceTerm::Leak(more) => self.leak += more,
+                ForceTerm::Oscillation(force) => self.ring += force,
+                ForceTerm::CrossTalk(more) => self.cross_talk += more,
             },
             Contribution::Sensor { bias, scale, turn } => {
                 self.bias = self.bias.plus(&bias);
@@ -314,7 +318,7 @@ impl CutForce {
     }
 
     /// Force on the tool, cut axes, N, after `cut_m` metres of cut.
-    pub fn acting(&self, cutter: &Cutter, bite: &Bite, cut_m: f64) -> DVec3 {
+    pub fn acting(&self, cutter: &Cutter, bite: &ToothForces, cut_m: f64) -> DVec3 {
         if bite.engaged <= 0.0 {
             return DVec3::ZERO;
         }
@@ -322,14 +326,14 @@ impl CutForce {
         let lead = bite.runout[0] * self.runout[0] + bite.runout[1] * self.runout[1];
         let force = bite.edge * self.edge(cutter, cut_m) + (bite.chip + lead) * chip;
         // An axial deflection reduces the depth of cut, which the force is proportional to.
-        let shallower = 1.0 + self.give * force.z / cutter.axial_depth_m;
+        let shallower = 1.0 + self.axial_compliance * force.z / cutter.axial_depth_m;
         force / shallower.max(1.0 / DEEPEST) + DVec3::Y * self.ring
     }
 
     /// Measured force, N, in the axes of the model's cut.
-    pub fn read(&self, acting: DVec3) -> DVec3 {
+    pub fn measured_force(&self, acting: DVec3) -> DVec3 {
         let felt = rotation_from_vector(self.turn).transpose() * acting;
-        self.bias.force + (DVec3::ONE + self.scale.force) * (felt + self.leak * felt)
+        self.bias.force + (DVec3::ONE + self.scale.force) * (felt + self.cross_talk * felt)
     }
 }
 
@@ -340,7 +344,7 @@ impl Model {
         self.contributions(inputs, memories, |_, contribution| force.add(contribution));
         for effect in self.effects() {
             if let AnyEffect::ToolCompliance(tool) = effect {
-                force.give += tool.values()[2];
+                force.axial_compliance += tool.values()[2];
             }
         }
         force

@@ -6,7 +6,7 @@
 use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;
 use crate::frame::Twist;
-use crate::lanes::{Lanes, Three, Work, widest};
+use crate::lanes::{Kernel, Lanes, Vec3Lanes, run_widest};
 use crate::{Chain, Frame, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::DVec3;
 
@@ -196,12 +196,12 @@ struct ByJoints<'a> {
     motions: &'a Motions,
 }
 
-impl Work for ByJoints<'_> {
+impl Kernel for ByJoints<'_> {
     type Output = (DVec3, DVec3);
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> (DVec3, DVec3) {
-        let none = Three::same(lanes, DVec3::ZERO);
+        let none = Vec3Lanes::same(lanes, DVec3::ZERO);
         let (mut linear, mut angular) = (none, none);
         for k in 0..S::PARTS {
             let by = lanes.part(self.by, k);
@@ -270,7 +270,7 @@ impl Deviation {
     /// axes; `chain` is the arm without deviation, `motions` its Jacobian.
     pub fn moves(&self, chain: &Chain, motions: &Motions) -> (DVec3, DVec3) {
         let tool = &chain.base_from_tool;
-        let (linear, angular) = widest(chain.count(), ByJoints { by: &self.joints, motions });
+        let (linear, angular) = run_widest(chain.count(), ByJoints { by: &self.joints, motions });
         let mut sum = Twist { turn: self.base_turn, velocity: DVec3::ZERO };
         let carrier = |link: usize| match link {
             0 => Frame::IDENTITY,

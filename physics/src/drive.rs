@@ -82,7 +82,7 @@ impl DriveTerm {
 
 /// Drive torques at one sample. Zero beyond the arm's joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Drive {
+pub struct DriveTorques {
     /// Rigid-body torque, `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
     pub rigid: Joints,
     /// Friction, springs and ripple, without viscous friction and hardening, Nm or N.
@@ -97,7 +97,7 @@ pub struct Drive {
     positions: Joints,
 }
 
-impl Drive {
+impl DriveTorques {
     fn of(signals: &Signals<'_>) -> Self {
         let rigid = signals.loads.drive_torque();
         Self { rigid, positions: signals.inputs.q, ..Self::default() }
@@ -115,7 +115,7 @@ impl Drive {
             }
             DriveTerm::SpringCubic(cubic) => self.cubic[i] += cubic,
             DriveTerm::Carried(moment) => {
-                for (k, torque) in held(arm, chain, i, moment) {
+                for (k, torque) in holding_torques(arm, chain, i, moment) {
                     self.plain[k] += torque;
                 }
             }
@@ -132,11 +132,11 @@ impl Drive {
 
     /// Recorded torque of joint `i`, Nm or N.
     pub fn recorded(&self, i: usize) -> f64 {
-        self.read(i, self.acting(i))
+        self.recorded_from(i, self.acting(i))
     }
 
     /// Recorded torque of joint `i` for this actual one, Nm or N.
-    pub fn read(&self, i: usize, acting: f64) -> f64 {
+    pub fn recorded_from(&self, i: usize, acting: f64) -> f64 {
         (1.0 + self.gain[i]) * acting
     }
 
@@ -156,7 +156,7 @@ impl Drive {
             DriveTerm::SpringCubic(cubic) => gain * cubic * stretch * stretch * stretch,
             DriveTerm::Recorded(gain) => gain * self.acting(i),
             DriveTerm::Carried(moment) => {
-                for (k, torque) in held(arm, chain, i, moment) {
+                for (k, torque) in holding_torques(arm, chain, i, moment) {
                     all[k] = (1.0 + self.gain[k]) * torque;
                 }
                 return all;
@@ -168,7 +168,7 @@ impl Drive {
 
 /// Torques of the drives up to that of joint `last` against a moment, base axes; a prismatic joint
 /// needs none.
-fn held<'a>(
+fn holding_torques<'a>(
     arm: &'a Arm,
     chain: &'a Chain,
     last: usize,
@@ -181,8 +181,8 @@ fn held<'a>(
 
 impl Model {
     /// Drive torques at one sample with these memories, which are not changed.
-    pub fn drive(&self, inputs: &Inputs, memories: &Memories) -> Drive {
-        self.driven(inputs, memories, |signals, _| self.drive_of(signals, memories))
+    pub fn drive(&self, inputs: &Inputs, memories: &Memories) -> DriveTorques {
+        self.with_signals(inputs, memories, |signals, _| self.drive_of(signals, memories))
     }
 
     /// Calls `visit` with each place in `wanted` and the derivative of the recorded torques by that
@@ -195,7 +195,7 @@ impl Model {
         wanted: &[(usize, usize)],
         mut visit: impl FnMut(usize, &Joints),
     ) {
-        self.driven(inputs, memories, |signals, change| {
+        self.with_signals(inputs, memories, |signals, change| {
             let drive = self.drive_of(signals, memories);
             for (place, &(index, value)) in wanted.iter().enumerate() {
                 let both = self.effects().zip(memories.iter()).nth(index);
@@ -211,7 +211,7 @@ impl Model {
         });
     }
 
-    fn driven<R>(
+    fn with_signals<R>(
         &self,
         inputs: &Inputs,
         memories: &Memories,
@@ -223,8 +223,8 @@ impl Model {
         visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads }, &change)
     }
 
-    fn drive_of(&self, signals: &Signals<'_>, memories: &Memories) -> Drive {
-        let mut drive = Drive::of(signals);
+    fn drive_of(&self, signals: &Signals<'_>, memories: &Memories) -> DriveTorques {
+        let mut drive = DriveTorques::of(signals);
         for (effect, memory) in self.effects().zip(memories.iter()) {
             if is_of_drives(effect) {
                 drive.add(&self.arm, signals.chain, &effect.predict(signals, memory));
@@ -245,8 +245,8 @@ impl Model {
             let mut change = *change;
             change.add(&slope.times(step));
             let Signals { arm, inputs, chain, .. } = *signals;
-            let mut loads = Loads::changed(arm, chain, inputs.wrench_base, &change);
-            loads.carry_inertia(arm, chain, inputs, &change);
+            let mut loads = Loads::with_change(arm, chain, inputs.wrench_base, &change);
+            loads.compute_inertia(arm, chain, inputs, &change);
             self.drive_of(&Signals { loads: &loads, ..*signals }, memories)
         };
         let (more, less) = (at(STEP), at(-STEP));

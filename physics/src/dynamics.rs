@@ -7,21 +7,21 @@
 //! times the arm's parameters is [`inverse_dynamics`] without a wrench. Which parameters are
 //! identifiable is determined in `diagnosis` (by rank).
 
-use crate::inertia::{Moving, moving};
+use crate::inertia::{BodyMotion, body_motions};
 use crate::{
     Arm, Body, Chain, Contribution, Inputs, JOINTS_MAX, JointKind, Joints, LoadChange, Loads,
 };
 use glam::{DMat3, DVec3};
 
 /// Number of inertial parameters of a body.
-pub const INERTIAL: usize = 10;
+pub const INERTIAL_PARAMETERS: usize = 10;
 
 /// One row per joint, one column per inertial parameter of one body: Nm (N) per unit of the parameter.
-pub type BodyRegressor = [[f64; INERTIAL]; JOINTS_MAX];
+pub type BodyRegressor = [[f64; INERTIAL_PARAMETERS]; JOINTS_MAX];
 
 /// The inertial parameters of a body, in which the drives' torques are linear; bodies on one joint add up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Inertial {
+pub struct InertialParameters {
     /// Mass, kg.
     pub mass: f64,
     /// `m c`, c the centre of mass at the zero configuration, base frame, kg m.
@@ -30,7 +30,7 @@ pub struct Inertial {
     pub inertia: DMat3,
 }
 
-impl Inertial {
+impl InertialParameters {
     /// The parameters of a body.
     pub fn of(body: &Body) -> Self {
         let first_moment = body.centre * body.mass;
@@ -44,7 +44,7 @@ impl Inertial {
     }
 
     /// In the order of a [`BodyRegressor`]'s columns: mass, first moment (3), `Ixx, Iyy, Izz, Ixy, Ixz, Iyz`.
-    pub const fn values(&self) -> [f64; INERTIAL] {
+    pub const fn values(&self) -> [f64; INERTIAL_PARAMETERS] {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = self.inertia;
         let h = self.first_moment;
         [self.mass, h.x, h.y, h.z, x.x, y.y, z.z, x.y, x.z, y.z]
@@ -57,8 +57,8 @@ pub fn inverse_dynamics(arm: &Arm, inputs: &Inputs) -> Joints {
     let chain = Chain::nominal(arm, &inputs.q);
     let mut change = LoadChange::default();
     change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
-    let mut loads = Loads::changed(arm, &chain, inputs.wrench_base, &change);
-    loads.carry_inertia(arm, &chain, inputs, &change);
+    let mut loads = Loads::with_change(arm, &chain, inputs.wrench_base, &change);
+    loads.compute_inertia(arm, &chain, inputs, &change);
     loads.drive_torque()
 }
 
@@ -67,21 +67,21 @@ pub fn inverse_dynamics(arm: &Arm, inputs: &Inputs) -> Joints {
 pub struct Regressor<'a> {
     arm: &'a Arm,
     chain: &'a Chain,
-    bodies: [Moving; JOINTS_MAX],
+    bodies: [BodyMotion; JOINTS_MAX],
     gravity: DVec3,
 }
 
 impl<'a> Regressor<'a> {
     /// `chain`: the arm at `inputs.q`; `gravity`: base axes, m/s², as in [`Loads::gravity`].
     pub fn new(arm: &'a Arm, chain: &'a Chain, inputs: &Inputs, gravity: DVec3) -> Self {
-        let bodies = moving(arm, chain, &inputs.velocity, &inputs.acceleration);
+        let bodies = body_motions(arm, chain, &inputs.velocity, &inputs.acceleration);
         Self { arm, chain, bodies, gravity }
     }
 
     /// The regressor of the body that joint `body` (0-based) moves; rows of joints beyond it are
     /// zero. A tool or payload is a body of the last joint.
     pub fn of_body(&self, body: usize) -> BodyRegressor {
-        let mut table = [[0.0; INERTIAL]; JOINTS_MAX];
+        let mut table = [[0.0; INERTIAL_PARAMETERS]; JOINTS_MAX];
         for (column, (force, moment)) in self.wrenches(body).into_iter().enumerate() {
             for (i, joint) in self.arm.joints().iter().enumerate().take(body + 1) {
                 let (axis, point) = (self.chain.axis(i), self.chain.point(i));
@@ -95,7 +95,7 @@ impl<'a> Regressor<'a> {
     }
 
     /// Force, and moment about the base frame's origin, that moves the body, per unit of each parameter.
-    fn wrenches(&self, body: usize) -> [(DVec3, DVec3); INERTIAL] {
+    fn wrenches(&self, body: usize) -> [(DVec3, DVec3); INERTIAL_PARAMETERS] {
         let (frame, moving) = (&self.chain.body(body), &self.bodies[body]);
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = frame.rotation;
         let fall = moving.acceleration_of(frame.origin) - self.gravity;

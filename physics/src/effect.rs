@@ -13,7 +13,7 @@ use crate::deviation::Contribution;
 use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
+use crate::spec::{Count, EffectScope, Parameter, Range, Role, Spec};
 use crate::{Arm, Inputs, JOINTS_MAX, JointKind};
 use glam::DVec3;
 use thiserror::Error;
@@ -30,12 +30,12 @@ pub trait Effect: Copy + Sized {
     /// Name, parameters and needs.
     const SPEC: Spec;
 
-    /// The effect with the given values at the given site; the generic checks of [`Site::checked`]
+    /// The effect with the given values at the given site; the generic checks of [`BuildContext::checked`]
     /// are done.
     ///
     /// # Errors
     /// Errors that only this effect can detect.
-    fn build(site: &Site<'_>) -> Result<Self, BuildError>;
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError>;
 
     /// The 0-based joint that it belongs to; `None` for the whole robot.
     fn joint(&self) -> Option<usize>;
@@ -75,7 +75,7 @@ pub trait Effect: Copy + Sized {
     /// Derivative of its contribution by the joints, for constant memory; unknown unless the effect
     /// provides it. It speeds up a solve without affecting its accuracy.
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Untold
+        Slope::Unknown
     }
 
     /// Both at once, for an effect with common subexpressions.
@@ -100,19 +100,19 @@ pub trait Effect: Copy + Sized {
 
 /// Where an effect is to be built, and its values.
 #[derive(Clone, Copy, Debug)]
-pub struct Site<'a> {
+pub struct BuildContext<'a> {
     /// The arm.
     pub arm: &'a Arm,
     /// 0-based joint; 0 for effects of the whole robot.
     pub joint: usize,
-    given: Given<'a>,
+    given: ParameterValues<'a>,
 }
 
 /// The values of an effect: stems of [`crate::spec::Parameter`] with values in SI.
 #[derive(Clone, Copy, Debug)]
-pub struct Given<'a>(pub &'a [(&'a str, &'a [f64])]);
+pub struct ParameterValues<'a>(pub &'a [(&'a str, &'a [f64])]);
 
-impl<'a> Given<'a> {
+impl<'a> ParameterValues<'a> {
     /// The values of one entry.
     pub fn list(&self, stem: &str) -> Option<&'a [f64]> {
         self.0.iter().find(|(name, _)| *name == stem).map(|(_, values)| *values)
@@ -188,7 +188,7 @@ pub enum BuildError {
     Combination(&'static str),
 }
 
-impl<'a> Site<'a> {
+impl<'a> BuildContext<'a> {
     /// A site whose values fit the spec: names, counts, ranges, joint.
     ///
     /// # Errors
@@ -197,7 +197,7 @@ impl<'a> Site<'a> {
         spec: &Spec,
         arm: &'a Arm,
         joint: Option<usize>,
-        given: Given<'a>,
+        given: ParameterValues<'a>,
     ) -> Result<Self, BuildError> {
         let joint = check_place(spec, arm, joint)?;
         for (index, (name, _)) in given.0.iter().enumerate() {
@@ -232,11 +232,11 @@ impl<'a> Site<'a> {
 
     /// A required value; zero for an optional one that was not given.
     pub fn one(&self, stem: &str) -> f64 {
-        self.maybe(stem).unwrap_or(0.0)
+        self.optional_value(stem).unwrap_or(0.0)
     }
 
     /// An optional value.
-    pub fn maybe(&self, stem: &str) -> Option<f64> {
+    pub fn optional_value(&self, stem: &str) -> Option<f64> {
         self.given.list(stem).and_then(|values| values.first().copied())
     }
 
@@ -273,16 +273,16 @@ impl<'a> Site<'a> {
 }
 
 fn check_place(spec: &Spec, arm: &Arm, joint: Option<usize>) -> Result<usize, BuildError> {
-    match (spec.place, joint) {
-        (Place::Robot, None) => Ok(0),
-        (Place::Robot, Some(_)) => Err(BuildError::TakesNoJoint),
-        (Place::JointOrBase, None) => Ok(0),
+    match (spec.scope, joint) {
+        (EffectScope::Robot, None) => Ok(0),
+        (EffectScope::Robot, Some(_)) => Err(BuildError::TakesNoJoint),
+        (EffectScope::JointOrBase, None) => Ok(0),
         (_, None) => Err(BuildError::NeedsJoint),
         (place, Some(joint)) => {
             let Some(found) = arm.joints().get(joint) else {
                 return Err(BuildError::NoSuchJoint { joint: joint + 1, count: arm.count() });
             };
-            if place == Place::RevoluteJoint && found.kind != JointKind::Revolute {
+            if place == EffectScope::RevoluteJoint && found.kind != JointKind::Revolute {
                 return Err(BuildError::NeedsRevolute);
             }
             Ok(joint)

@@ -4,10 +4,10 @@
 //! conformance suite. An effect is a copyable value, without heap or virtual table.
 
 use crate::deviation::{Contribution, Deviation};
-use crate::effect::{BuildError, Effect, Given, Memory, Site};
+use crate::effect::{BuildContext, BuildError, Effect, Memory, ParameterValues};
 use crate::laws::Law;
 use crate::signals::Signals;
-use crate::slopes::{Slope, Told};
+use crate::slopes::{Slope, SlopeSums};
 use crate::spec::{Parameter, Spec};
 use crate::{Arm, Inputs, JointKind};
 pub use over_path::{OVER_PATHS, OverPath};
@@ -109,19 +109,19 @@ macro_rules! effects {
                 kind: &str,
                 arm: &Arm,
                 joint: Option<usize>,
-                given: Given<'_>,
+                given: ParameterValues<'_>,
             ) -> Result<Self, BuildError> {
                 let wanted = spec_of_stems(kind, given);
                 $(if wanted == Some(&$module::$Kind::SPEC) {
-                    let site = Site::checked(&$module::$Kind::SPEC, arm, joint, given)?;
+                    let site = BuildContext::checked(&$module::$Kind::SPEC, arm, joint, given)?;
                     return $module::$Kind::build(&site).map(Self::$Kind);
                 })+
                 $(if wanted == Some(&drives::$drive::$Drive::SPEC) {
-                    let site = Site::checked(&drives::$drive::$Drive::SPEC, arm, joint, given)?;
+                    let site = BuildContext::checked(&drives::$drive::$Drive::SPEC, arm, joint, given)?;
                     return drives::$drive::$Drive::build(&site).map(Self::$Drive);
                 })+
                 $(if wanted == Some(&cutting::$cut::$Cut::SPEC) {
-                    let site = Site::checked(&cutting::$cut::$Cut::SPEC, arm, joint, given)?;
+                    let site = BuildContext::checked(&cutting::$cut::$Cut::SPEC, arm, joint, given)?;
                     return cutting::$cut::$Cut::build(&site).map(Self::$Cut);
                 })+
                 OverPath::build(kind, arm, joint, given)
@@ -195,16 +195,16 @@ macro_rules! effects {
                 &self,
                 (signals, memory): (&Signals<'_>, &Memory),
                 deviation: &mut Deviation,
-                told: Option<&mut Told>,
+                slopes: Option<&mut SlopeSums>,
             ) {
                 match self {
                     $(Self::$Kind(effect) => {
-                        let Some(told) = told else {
+                        let Some(slopes) = slopes else {
                             return deviation.add(&effect.predict(signals, memory));
                         };
                         let (adds, slope) = effect.predict_and_slope(signals, memory);
                         deviation.add(&adds);
-                        told.add(effect.joint(), slope);
+                        slopes.add(effect.joint(), slope);
                     })+
                     _ => {}
                 }
@@ -234,7 +234,7 @@ macro_rules! effects {
                     $(Self::$Kind(effect) => effect.slope(signals),)+
                     $(Self::$Drive(effect) => effect.slope(signals),)+
                     $(Self::$Cut(effect) => effect.slope(signals),)+
-                    Self::OverPath(_) => Slope::Steady,
+                    Self::OverPath(_) => Slope::Zero,
                 }
             }
 
@@ -335,7 +335,7 @@ pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
 }
 
 /// The spec of that name that has most of these stems; in a tie the first.
-fn spec_of_stems(kind: &str, given: Given<'_>) -> Option<&'static Spec> {
+fn spec_of_stems(kind: &str, given: ParameterValues<'_>) -> Option<&'static Spec> {
     let has = |spec: &Spec, stem: &str| spec.parameters.iter().any(|p| p.stem == stem);
     specs_of(kind).min_by_key(|spec| given.0.iter().filter(|(stem, _)| !has(spec, stem)).count())
 }

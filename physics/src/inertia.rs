@@ -13,14 +13,14 @@ use glam::{DMat3, DVec3};
 
 /// A mass that the arm does not list: mass, kg, and first moment `m c` at the zero configuration, base frame, kg m.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Extra {
+pub(crate) struct UnmodelledMass {
     pub(crate) mass: f64,
     pub(crate) first_moment: DVec3,
 }
 
 /// Inertial loads by the arm's own motion.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Reaction {
+pub(crate) struct InertialLoads {
     /// `−(M q̈ + C q̇)_i`, Nm or N.
     pub(crate) torque: Joints,
     /// Moment about the base frame's origin, Nm.
@@ -29,7 +29,7 @@ pub(crate) struct Reaction {
 
 /// Motion of a body.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Moving {
+pub(crate) struct BodyMotion {
     pub(crate) spin: DVec3,
     pub(crate) spin_rate: DVec3,
     /// Acceleration of `point`, m/s².
@@ -37,7 +37,7 @@ pub(crate) struct Moving {
     point: DVec3,
 }
 
-impl Moving {
+impl BodyMotion {
     /// Acceleration of a point of the body, given at its present position, m/s².
     pub(crate) fn acceleration_of(&self, point: DVec3) -> DVec3 {
         let lever = point - self.point;
@@ -47,18 +47,18 @@ impl Moving {
 
 /// The reaction of all masses on `chain`, moving at `velocity` and `acceleration` (rad or m per s and s²).
 #[inline(always)]
-pub(crate) fn reaction(
+pub(crate) fn inertial_loads(
     arm: &Arm,
     chain: &Chain,
     velocity: &Joints,
     acceleration: &Joints,
-    extra: &Extra,
-) -> Reaction {
+    extra: &UnmodelledMass,
+) -> InertialLoads {
     let count = arm.count();
-    if is_still(velocity, acceleration) {
-        return Reaction::default();
+    if is_at_rest(velocity, acceleration) {
+        return InertialLoads::default();
     }
-    let bodies = moving(arm, chain, velocity, acceleration);
+    let bodies = body_motions(arm, chain, velocity, acceleration);
     // Force, and moment about the base frame's origin, of all bodies from here to the tool.
     let (mut force, mut moment) = (DVec3::ZERO, DVec3::ZERO);
     let mut torque = [0.0; JOINTS_MAX];
@@ -92,12 +92,12 @@ pub(crate) fn reaction(
             JointKind::Prismatic => chain.axis(i).dot(force),
         };
     }
-    Reaction { torque, base_moment: moment }
+    InertialLoads { torque, base_moment: moment }
 }
 
 /// Whether all joints are at rest: then there are no inertial loads.
 #[inline(always)]
-pub(crate) fn is_still(velocity: &Joints, acceleration: &Joints) -> bool {
+pub(crate) fn is_at_rest(velocity: &Joints, acceleration: &Joints) -> bool {
     // Branch-free test for values other than zero of either sign.
     let both = velocity.iter().zip(acceleration);
     both.fold(0, |any, (v, a)| any | (v.to_bits() << 1) | (a.to_bits() << 1)) == 0
@@ -105,20 +105,20 @@ pub(crate) fn is_still(velocity: &Joints, acceleration: &Joints) -> bool {
 
 /// Motion of each body of the arm.
 #[inline(always)]
-pub(crate) fn moving(
+pub(crate) fn body_motions(
     arm: &Arm,
     chain: &Chain,
     velocity: &Joints,
     acceleration: &Joints,
-) -> [Moving; JOINTS_MAX] {
-    let mut all = [Moving::default(); JOINTS_MAX];
-    let mut body = Moving::default();
+) -> [BodyMotion; JOINTS_MAX] {
+    let mut all = [BodyMotion::default(); JOINTS_MAX];
+    let mut body = BodyMotion::default();
     for (i, joint) in arm.joints().iter().enumerate() {
         let (axis, point) = (chain.axis(i), chain.point(i));
         let (rate, push) = (axis * velocity[i], axis * acceleration[i]);
         let carried = body.acceleration_of(point);
         body = match joint.kind {
-            JointKind::Revolute => Moving {
+            JointKind::Revolute => BodyMotion {
                 spin: body.spin + rate,
                 spin_rate: body.spin_rate + push + body.spin.cross(rate),
                 acceleration: carried,
@@ -128,7 +128,7 @@ pub(crate) fn moving(
                 // The point of a prismatic joint moves with its body: `chain.points` is its
                 // position before that motion.
                 let slid = chain.body(i).point(joint.point);
-                Moving {
+                BodyMotion {
                     acceleration: body.acceleration_of(slid) + push + 2.0 * body.spin.cross(rate),
                     point: slid,
                     ..body
@@ -164,11 +164,16 @@ pub(crate) mod tests {
     fn a_pendulum_resists_with_its_moment_of_inertia_and_no_speed_brakes_it() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.4; JOINTS_MAX]);
-        let seen =
-            reaction(&arm, &chain, &[1.7; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
+        let seen = inertial_loads(
+            &arm,
+            &chain,
+            &[1.7; JOINTS_MAX],
+            &[0.5; JOINTS_MAX],
+            &UnmodelledMass::default(),
+        );
         assert!((seen.torque[0] + 3.0 * 4.0 * 0.5).abs() < 1e-12);
-        let extra = Extra { mass: 1.0, first_moment: DVec3::X };
-        let loaded = reaction(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &extra);
+        let extra = UnmodelledMass { mass: 1.0, first_moment: DVec3::X };
+        let loaded = inertial_loads(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &extra);
         assert!((loaded.torque[0] + (12.0 + 1.0) * 0.5).abs() < 1e-12);
     }
 
@@ -202,7 +207,8 @@ pub(crate) mod tests {
             let q = scene.inputs.q;
             let v: Joints = std::array::from_fn(|i| 0.3 + 0.2 * (i as f64).sin());
             let a: Joints = std::array::from_fn(|i| 0.7 - 0.4 * (i as f64).cos());
-            let seen = reaction(&arm, &Chain::nominal(&arm, &q), &v, &a, &Extra::default());
+            let seen =
+                inertial_loads(&arm, &Chain::nominal(&arm, &q), &v, &a, &UnmodelledMass::default());
             let power: f64 = (0..arm.count()).map(|i| seen.torque[i] * v[i]).sum();
             let h = 1e-3;
             let later = |s: f64| {
@@ -219,8 +225,13 @@ pub(crate) mod tests {
     fn a_mass_that_the_base_accelerates_pulls_the_base_back() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.0; JOINTS_MAX]);
-        let seen =
-            reaction(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
+        let seen = inertial_loads(
+            &arm,
+            &chain,
+            &[0.0; JOINTS_MAX],
+            &[0.5; JOINTS_MAX],
+            &UnmodelledMass::default(),
+        );
         assert!((seen.base_moment - DVec3::new(0.0, -6.0, 0.0)).length() < 1e-12);
     }
 }

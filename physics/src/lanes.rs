@@ -13,7 +13,7 @@ use glam::DVec3;
 use pulp::{NullaryFnOnce, f64x4, x86::V3};
 
 mod vectors;
-pub use vectors::{Padded, Three, Vectors};
+pub use vectors::{JointVectors, PaddedVec3, Vec3Lanes};
 
 /// Number of lanes.
 pub const WIDTH: usize = 4;
@@ -28,44 +28,44 @@ pub trait Lanes: Copy {
     const PARTS: usize;
 
     /// Four numbers side by side.
-    fn of(self, numbers: [f64; WIDTH]) -> Self::Four;
+    fn load(self, numbers: [f64; WIDTH]) -> Self::Four;
 
     /// The four numbers as an array.
-    fn numbers(self, four: Self::Four) -> [f64; WIDTH];
+    fn to_array(self, four: Self::Four) -> [f64; WIDTH];
 
     /// One number in all lanes.
-    fn same(self, number: f64) -> Self::Four;
+    fn splat(self, number: f64) -> Self::Four;
 
     /// `a + b`.
-    fn plus(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn add(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// `a − b`.
-    fn minus(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// `a b`.
-    fn times(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// `a b + c`.
-    fn times_plus(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    fn mul_add(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
 
     /// `c − a b`.
-    fn times_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    fn neg_mul_add(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
 
     /// `|a|`.
-    fn size(self, a: Self::Four) -> Self::Four;
+    fn abs(self, a: Self::Four) -> Self::Four;
 
     /// The larger of each pair: `b` if `a` is NaN.
-    fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    fn max(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// The sum of each of four.
-    fn sums(self, of: [Self::Four; WIDTH]) -> Self::Four;
+    fn row_sums(self, of: [Self::Four; WIDTH]) -> Self::Four;
 
     /// The first three columns of four rows.
     fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
 
     /// Sines and cosines of angles advanced by as many quarter turns as the last bits of `shifted`
     /// state.
-    fn quartered(
+    fn rotate_quarter_turns(
         self,
         shifted: Self::Four,
         sine: Self::Four,
@@ -74,27 +74,27 @@ pub trait Lanes: Copy {
 
     /// A vector's coordinates.
     #[inline(always)]
-    fn vector(self, v: DVec3) -> Self::Four {
-        self.of([v.x, v.y, v.z, 0.0])
+    fn load_vector(self, v: DVec3) -> Self::Four {
+        self.load([v.x, v.y, v.z, 0.0])
     }
 
     /// The vector of these coordinates.
     #[inline(always)]
-    fn xyz(self, four: Self::Four) -> DVec3 {
-        let [x, y, z, _] = self.numbers(four);
+    fn to_vector(self, four: Self::Four) -> DVec3 {
+        let [x, y, z, _] = self.to_array(four);
         DVec3::new(x, y, z)
     }
 
     /// The numbers of four joints, `4 k` to `4 k + 3`.
     #[inline(always)]
     fn part(self, of: &[f64; JOINTS_MAX], k: usize) -> Self::Four {
-        self.of(of.as_chunks().0[k])
+        self.load(of.as_chunks().0[k])
     }
 
     /// The sum of the four.
     #[inline(always)]
     fn sum(self, four: Self::Four) -> f64 {
-        let [a, b, c, d] = self.numbers(four);
+        let [a, b, c, d] = self.to_array(four);
         (a + b) + (c + d)
     }
 
@@ -102,20 +102,20 @@ pub trait Lanes: Copy {
     #[inline(always)]
     fn largest(self, four: Self::Four) -> f64 {
         let larger = |a: f64, b: f64| if a > b { a } else { b };
-        let [a, b, c, d] = self.numbers(four);
+        let [a, b, c, d] = self.to_array(four);
         larger(larger(a, c), larger(b, d))
     }
 
     /// Stores the values of four joints.
     #[inline(always)]
-    fn put(self, four: Self::Four, into: &mut [f64; JOINTS_MAX], k: usize) {
-        into.as_chunks_mut().0[k] = self.numbers(four);
+    fn store(self, four: Self::Four, into: &mut [f64; JOINTS_MAX], k: usize) {
+        into.as_chunks_mut().0[k] = self.to_array(four);
     }
 }
 
 /// A kernel over lanes. Write plain loops: closures and iterator adaptors prevent the compiler from
 /// optimising lanes.
-pub trait Work {
+pub trait Kernel {
     /// Result of the kernel.
     type Output;
 
@@ -125,32 +125,36 @@ pub trait Work {
 }
 
 /// Groups that hold the joints of nearly every arm, and of any.
-const FEW: usize = 2;
-const ALL: usize = JOINTS_MAX / WIDTH;
+const FEW_PARTS: usize = 2;
+const ALL_PARTS: usize = JOINTS_MAX / WIDTH;
 
 /// Runs the kernel for an arm of `count` joints with the widest lanes of this machine.
 #[inline(always)]
-pub fn widest<W: Work>(count: usize, work: W) -> W::Output {
-    let are_few = count <= FEW * WIDTH;
+pub fn run_widest<W: Kernel>(count: usize, work: W) -> W::Output {
+    let are_few = count <= FEW_PARTS * WIDTH;
     #[cfg(target_arch = "x86_64")]
     if let Some(lanes) = V3::try_new() {
         return if are_few {
-            lanes.vectorize(On { lanes: Wide::<FEW>(lanes), work })
+            lanes.vectorize(KernelCall { lanes: Avx2Lanes::<FEW_PARTS>(lanes), work })
         } else {
-            lanes.vectorize(On { lanes: Wide::<ALL>(lanes), work })
+            lanes.vectorize(KernelCall { lanes: Avx2Lanes::<ALL_PARTS>(lanes), work })
         };
     }
-    if are_few { work.run(Plain::<FEW>) } else { work.run(Plain::<ALL>) }
+    if are_few {
+        work.run(PortableLanes::<FEW_PARTS>)
+    } else {
+        work.run(PortableLanes::<ALL_PARTS>)
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
-struct On<L, W> {
+struct KernelCall<L, W> {
     lanes: L,
     work: W,
 }
 
 #[cfg(target_arch = "x86_64")]
-impl<L: Lanes, W: Work> NullaryFnOnce for On<L, W> {
+impl<L: Lanes, W: Kernel> NullaryFnOnce for KernelCall<L, W> {
     type Output = W::Output;
 
     #[inline(always)]
@@ -161,66 +165,66 @@ impl<L: Lanes, W: Work> NullaryFnOnce for On<L, W> {
 
 /// Portable code, vectorised by the compiler if possible.
 #[derive(Clone, Copy)]
-pub struct Plain<const PARTS: usize>;
+pub struct PortableLanes<const PARTS: usize>;
 
-impl<const PARTS: usize> Lanes for Plain<PARTS> {
+impl<const PARTS: usize> Lanes for PortableLanes<PARTS> {
     type Four = [f64; WIDTH];
 
     const PARTS: usize = PARTS;
 
     #[inline(always)]
-    fn of(self, numbers: [f64; WIDTH]) -> Self::Four {
+    fn load(self, numbers: [f64; WIDTH]) -> Self::Four {
         numbers
     }
 
     #[inline(always)]
-    fn numbers(self, four: Self::Four) -> [f64; WIDTH] {
+    fn to_array(self, four: Self::Four) -> [f64; WIDTH] {
         four
     }
 
     #[inline(always)]
-    fn same(self, number: f64) -> Self::Four {
+    fn splat(self, number: f64) -> Self::Four {
         [number; WIDTH]
     }
 
     #[inline(always)]
-    fn plus(self, a: Self::Four, b: Self::Four) -> Self::Four {
+    fn add(self, a: Self::Four, b: Self::Four) -> Self::Four {
         [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
     }
 
     #[inline(always)]
-    fn minus(self, a: Self::Four, b: Self::Four) -> Self::Four {
+    fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four {
         [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
     }
 
     #[inline(always)]
-    fn times(self, a: Self::Four, b: Self::Four) -> Self::Four {
+    fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four {
         [a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]]
     }
 
     #[inline(always)]
-    fn times_plus(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four {
-        self.plus(self.times(a, b), c)
+    fn mul_add(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four {
+        self.add(self.mul(a, b), c)
     }
 
     #[inline(always)]
-    fn times_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four {
-        self.minus(c, self.times(a, b))
+    fn neg_mul_add(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four {
+        self.sub(c, self.mul(a, b))
     }
 
     #[inline(always)]
-    fn size(self, a: Self::Four) -> Self::Four {
+    fn abs(self, a: Self::Four) -> Self::Four {
         a.map(f64::abs)
     }
 
     #[inline(always)]
-    fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four {
+    fn max(self, a: Self::Four, b: Self::Four) -> Self::Four {
         let larger = |i: usize| if a[i] > b[i] { a[i] } else { b[i] };
         [larger(0), larger(1), larger(2), larger(3)]
     }
 
     #[inline(always)]
-    fn sums(self, [a, b, c, d]: [Self::Four; WIDTH]) -> Self::Four {
+    fn row_sums(self, [a, b, c, d]: [Self::Four; WIDTH]) -> Self::Four {
         [self.sum(a), self.sum(b), self.sum(c), self.sum(d)]
     }
 
@@ -230,7 +234,7 @@ impl<const PARTS: usize> Lanes for Plain<PARTS> {
     }
 
     #[inline(always)]
-    fn quartered(
+    fn rotate_quarter_turns(
         self,
         shifted: Self::Four,
         sine: Self::Four,
@@ -244,66 +248,66 @@ impl<const PARTS: usize> Lanes for Plain<PARTS> {
 /// AVX2 with fused multiply-add.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy)]
-struct Wide<const PARTS: usize>(V3);
+struct Avx2Lanes<const PARTS: usize>(V3);
 
 #[cfg(target_arch = "x86_64")]
-impl<const PARTS: usize> Lanes for Wide<PARTS> {
+impl<const PARTS: usize> Lanes for Avx2Lanes<PARTS> {
     type Four = f64x4;
 
     const PARTS: usize = PARTS;
 
     #[inline(always)]
-    fn of(self, [a, b, c, d]: [f64; WIDTH]) -> f64x4 {
+    fn load(self, [a, b, c, d]: [f64; WIDTH]) -> f64x4 {
         f64x4(a, b, c, d)
     }
 
     #[inline(always)]
-    fn numbers(self, four: f64x4) -> [f64; WIDTH] {
+    fn to_array(self, four: f64x4) -> [f64; WIDTH] {
         [four.0, four.1, four.2, four.3]
     }
 
     #[inline(always)]
-    fn same(self, number: f64) -> f64x4 {
+    fn splat(self, number: f64) -> f64x4 {
         self.0.splat_f64x4(number)
     }
 
     #[inline(always)]
-    fn plus(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn add(self, a: f64x4, b: f64x4) -> f64x4 {
         self.0.add_f64x4(a, b)
     }
 
     #[inline(always)]
-    fn minus(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn sub(self, a: f64x4, b: f64x4) -> f64x4 {
         self.0.sub_f64x4(a, b)
     }
 
     #[inline(always)]
-    fn times(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn mul(self, a: f64x4, b: f64x4) -> f64x4 {
         self.0.mul_f64x4(a, b)
     }
 
     #[inline(always)]
-    fn times_plus(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+    fn mul_add(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.0.mul_add_f64x4(a, b, c)
     }
 
     #[inline(always)]
-    fn times_from(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
+    fn neg_mul_add(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.0.negate_mul_add_f64x4(a, b, c)
     }
 
     #[inline(always)]
-    fn size(self, a: f64x4) -> f64x4 {
+    fn abs(self, a: f64x4) -> f64x4 {
         self.0.abs_f64x4(a)
     }
 
     #[inline(always)]
-    fn larger(self, a: f64x4, b: f64x4) -> f64x4 {
+    fn max(self, a: f64x4, b: f64x4) -> f64x4 {
         pulp::cast(self.0.avx._mm256_max_pd(pulp::cast(a), pulp::cast(b)))
     }
 
     #[inline(always)]
-    fn sums(self, of: [f64x4; WIDTH]) -> f64x4 {
+    fn row_sums(self, of: [f64x4; WIDTH]) -> f64x4 {
         let (avx, [a, b, c, d]) = (self.0.avx, of.map(pulp::cast));
         // Sums of pairs, those of lower lanes first.
         let (ab, cd) = (avx._mm256_hadd_pd(a, b), avx._mm256_hadd_pd(c, d));
@@ -324,10 +328,10 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
     }
 
     #[inline(always)]
-    fn quartered(self, shifted: f64x4, sine: f64x4, cosine: f64x4) -> (f64x4, f64x4) {
+    fn rotate_quarter_turns(self, shifted: f64x4, sine: f64x4, cosine: f64x4) -> (f64x4, f64x4) {
         let (avx, avx2) = (self.0.avx, self.0.avx2);
         let (sine, cosine) = (pulp::cast(sine), pulp::cast(cosine));
-        let (bits, minus) = (pulp::cast(shifted), pulp::cast(self.same(-0.0)));
+        let (bits, minus) = (pulp::cast(shifted), pulp::cast(self.splat(-0.0)));
         // Tests the top bit: whether the quarter is odd, then whether the sign changes.
         let odd = pulp::cast(avx2._mm256_slli_epi64::<63>(bits));
         let next = avx2._mm256_add_epi64(bits, avx._mm256_set1_epi64x(1));
@@ -347,25 +351,25 @@ mod tests {
     use proptest::prelude::*;
 
     /// The sums of four rows and their columns, the larger sizes of the first two, and the largest of these.
-    struct Looked([[f64; WIDTH]; WIDTH]);
+    struct SumsAndColumns([[f64; WIDTH]; WIDTH]);
 
-    impl Work for Looked {
+    impl Kernel for SumsAndColumns {
         type Output = ([f64; WIDTH], [f64; WIDTH], f64, [[f64; WIDTH]; 3]);
 
         fn run<S: Lanes>(self, lanes: S) -> Self::Output {
-            let [a, b, c, d] = self.0.map(|row| lanes.of(row));
-            let larger = lanes.larger(lanes.size(a), lanes.size(b));
-            let sums = lanes.numbers(lanes.sums([a, b, c, d]));
-            let columns = lanes.columns([a, b, c, d]).map(|column| lanes.numbers(column));
-            (sums, lanes.numbers(larger), lanes.largest(larger), columns)
+            let [a, b, c, d] = self.0.map(|row| lanes.load(row));
+            let larger = lanes.max(lanes.abs(a), lanes.abs(b));
+            let sums = lanes.to_array(lanes.row_sums([a, b, c, d]));
+            let columns = lanes.columns([a, b, c, d]).map(|column| lanes.to_array(column));
+            (sums, lanes.to_array(larger), lanes.largest(larger), columns)
         }
     }
 
     proptest! {
         #[test]
         fn the_widest_lanes_say_of_four_numbers_what_any_do(rows in prop::array::uniform4(prop::array::uniform4(-9.0..9.0_f64))) {
-            let plain = Looked(rows).run(Plain::<FEW>);
-            prop_assert_eq!(widest(1, Looked(rows)), plain);
+            let plain = SumsAndColumns(rows).run(PortableLanes::<FEW_PARTS>);
+            prop_assert_eq!(run_widest(1, SumsAndColumns(rows)), plain);
             prop_assert!((plain.0[3] - rows[3].iter().sum::<f64>()).abs() < 1e-14);
             let largest = rows[..2].iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
             prop_assert_eq!(plain.2, largest);
@@ -377,7 +381,7 @@ mod tests {
     fn nan_is_never_the_larger() {
         let mut rows = [[1.0; WIDTH]; WIDTH];
         rows[0][2] = f64::NAN;
-        assert_eq!(widest(1, Looked(rows)).1, [1.0; WIDTH]);
-        assert_eq!(Looked(rows).run(Plain::<FEW>).1, [1.0; WIDTH]);
+        assert_eq!(run_widest(1, SumsAndColumns(rows)).1, [1.0; WIDTH]);
+        assert_eq!(SumsAndColumns(rows).run(PortableLanes::<FEW_PARTS>).1, [1.0; WIDTH]);
     }
 }

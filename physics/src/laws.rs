@@ -7,7 +7,7 @@
 use crate::deviation::{Contribution, Deviation};
 use crate::lanes::Lanes;
 use crate::signals::Signals;
-use crate::slopes::{Slope, Told};
+use crate::slopes::{Slope, SlopeSums};
 use crate::trig::{sin_cos, sin_cos_four};
 use crate::{JOINTS_MAX, Joints};
 
@@ -43,7 +43,7 @@ impl Law {
     pub(crate) fn at(&self, joint: usize, signals: &Signals<'_>) -> (Contribution, Slope) {
         let (q, loads) = (signals.inputs.q[joint], signals.loads);
         let (delta, slope) = match *self {
-            Self::Offset(offset) => (offset, Slope::Steady),
+            Self::Offset(offset) => (offset, Slope::Zero),
             Self::Ratio(ratio) => (ratio * q, Slope::Position(ratio)),
             Self::Wave { amplitude, cycles, phase } => {
                 let (sine, cosine) = sin_cos(cycles * q + phase);
@@ -84,7 +84,7 @@ pub(crate) struct Laws {
     waves: [Waves; WAVES_MAX],
     /// Number of waves per joint, and the largest of these.
     counts: [usize; JOINTS_MAX],
-    most: usize,
+    max_waves: usize,
     pub(crate) is_compliant: bool,
     /// Whether every joint has the same compliance under gravity and under the wrench.
     pub(crate) is_even: bool,
@@ -97,11 +97,22 @@ impl Laws {
         let waves = [Waves { amplitude: none, cycles: none, phase: none }; WAVES_MAX];
         let (counts, most, is_compliant, is_even) = ([0; JOINTS_MAX], 0, false, true);
         let (offset, ratio, gravity, wrench, inertia) = (none, none, none, none, none);
-        Self { offset, ratio, gravity, wrench, inertia, waves, counts, most, is_compliant, is_even }
+        Self {
+            offset,
+            ratio,
+            gravity,
+            wrench,
+            inertia,
+            waves,
+            counts,
+            max_waves: most,
+            is_compliant,
+            is_even,
+        }
     };
 
     /// Adds a law of `joint`; false if there is no room for it.
-    pub(crate) fn take(&mut self, joint: usize, law: &Law) -> bool {
+    pub(crate) fn add(&mut self, joint: usize, law: &Law) -> bool {
         match *law {
             Law::Offset(offset) => self.offset[joint] += offset,
             Law::Ratio(ratio) => self.ratio[joint] += ratio,
@@ -110,7 +121,7 @@ impl Laws {
                 waves.amplitude[joint] = amplitude;
                 (waves.cycles[joint], waves.phase[joint]) = (cycles, phase);
                 self.counts[joint] += 1;
-                self.most = self.most.max(self.counts[joint]);
+                self.max_waves = self.max_waves.max(self.counts[joint]);
             }
             Law::Compliance { gravity, wrench, inertia } => {
                 self.gravity[joint] += gravity;
@@ -130,31 +141,31 @@ impl Laws {
         lanes: S,
         signals: &Signals<'_>,
         deviation: &mut Deviation,
-        mut told: Option<&mut Told>,
+        mut slopes: Option<&mut SlopeSums>,
     ) {
         let loads = signals.loads;
         for k in 0..S::PARTS {
             let q = lanes.part(&signals.inputs.q, k);
             let mut slope = lanes.part(&self.ratio, k);
-            let mut sum = lanes.times_plus(slope, q, lanes.part(&self.offset, k));
+            let mut sum = lanes.mul_add(slope, q, lanes.part(&self.offset, k));
             for (bends, load) in [
                 (&self.gravity, &loads.gravity_torque),
                 (&self.wrench, &loads.wrench_torque),
                 (&self.inertia, &loads.inertia_torque),
             ] {
-                sum = lanes.times_plus(lanes.part(bends, k), lanes.part(load, k), sum);
+                sum = lanes.mul_add(lanes.part(bends, k), lanes.part(load, k), sum);
             }
-            for waves in self.waves.iter().take(self.most) {
+            for waves in self.waves.iter().take(self.max_waves) {
                 let amplitude = lanes.part(&waves.amplitude, k);
                 let cycles = lanes.part(&waves.cycles, k);
-                let angle = lanes.times_plus(cycles, q, lanes.part(&waves.phase, k));
+                let angle = lanes.mul_add(cycles, q, lanes.part(&waves.phase, k));
                 let (sine, cosine) = sin_cos_four(lanes, angle);
-                sum = lanes.times_plus(amplitude, sine, sum);
-                slope = lanes.times_plus(lanes.times(amplitude, cycles), cosine, slope);
+                sum = lanes.mul_add(amplitude, sine, sum);
+                slope = lanes.mul_add(lanes.mul(amplitude, cycles), cosine, slope);
             }
-            lanes.put(sum, &mut deviation.joints, k);
-            if let Some(told) = &mut told {
-                lanes.put(slope, &mut told.position, k);
+            lanes.store(sum, &mut deviation.joints, k);
+            if let Some(told) = &mut slopes {
+                lanes.store(slope, &mut told.position, k);
             }
         }
     }

@@ -7,9 +7,9 @@
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
-use crate::inertia::{Extra, is_still, reaction};
-use crate::lanes::{Lanes, Padded, Three, Vectors, Work, widest};
-use crate::placed::Placed;
+use crate::inertia::{UnmodelledMass, inertial_loads, is_at_rest};
+use crate::lane_pose::LanePose;
+use crate::lanes::{JointVectors, Kernel, Lanes, PaddedVec3, Vec3Lanes, run_widest};
 use crate::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::{DMat3, DVec3};
 
@@ -38,9 +38,9 @@ pub struct Loads {
     pub wrench: Wrench,
     /// Mass carried by each joint, kg, and its first moment about the joint's point, kg m.
     masses: Joints,
-    first_moments: [Padded; JOINTS_MAX],
+    first_moments: [PaddedVec3; JOINTS_MAX],
     /// Change of the first moment carried by each joint, kg m per rad or per m of it.
-    pub(crate) swings: Vectors,
+    pub(crate) moment_rates: JointVectors,
     /// Motion of the tool per unit of each joint.
     pub motions: Motions,
     /// `−∂V/∂q_i`, Nm or N, including springs of effects.
@@ -92,7 +92,7 @@ impl LoadChange {
     }
 
     /// The actual wrench for the measured one `read`; both about the TCP, base axes.
-    fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
+    fn actual_wrench(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
         if untouched && self.sensor_turn == DVec3::ZERO {
             return read;
@@ -113,19 +113,19 @@ impl LoadChange {
 impl Loads {
     /// The loads on `chain` from the arm's own masses and `wrench` at the TCP (base axes).
     pub fn on(arm: &Arm, chain: &Chain, wrench: Wrench) -> Self {
-        Self::changed(arm, chain, wrench, &LoadChange::default())
+        Self::with_change(arm, chain, wrench, &LoadChange::default())
     }
 
     /// The same, with the changes by effects; `wrench` is then the measured one.
-    pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
+    pub fn with_change(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
         let mut loads = Self::default();
-        widest(arm.count(), Carry { loads: &mut loads, arm, chain, wrench, change });
+        run_widest(arm.count(), LoadsKernel { loads: &mut loads, arm, chain, wrench, change });
         loads
     }
 
     /// [`Loads::changed`], written over loads of the same arm.
     #[inline(always)]
-    pub(crate) fn carry<S: Lanes>(
+    pub(crate) fn compute<S: Lanes>(
         &mut self,
         lanes: S,
         (arm, chain): (&Arm, &Chain),
@@ -134,11 +134,11 @@ impl Loads {
     ) {
         (self.wrench, self.gravity) = (wrench, arm.gravity);
         if change.is_any {
-            self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
-            self.gravity = turned(arm.gravity, change.gravity_turn);
+            self.wrench = change.actual_wrench(wrench, &chain.base_from_tool.rotation);
+            self.gravity = rotated_gravity(arm.gravity, change.gravity_turn);
         }
-        let first_moment = self.carry_along(lanes, arm, chain, change);
-        self.swing(lanes, arm, chain);
+        let first_moment = self.accumulate_masses(lanes, arm, chain, change);
+        self.compute_torques(lanes, arm, chain);
         if change.is_any {
             let joints = self.gravity_torque.iter_mut().zip(&change.joints);
             joints.take(arm.count()).for_each(|(torque, more)| *torque += more);
@@ -173,7 +173,7 @@ impl Loads {
     }
 
     /// Sets the inertial loads to zero.
-    pub(crate) fn forget_inertia(&mut self) {
+    pub(crate) fn clear_inertia(&mut self) {
         self.inertia_torque = [0.0; JOINTS_MAX];
         self.inertia_base_moment = DVec3::ZERO;
         self.at_rest = true;
@@ -181,86 +181,86 @@ impl Loads {
 
     /// Adds the inertial loads for the speeds and accelerations of `inputs`.
     #[inline(always)]
-    pub(crate) fn carry_inertia(
+    pub(crate) fn compute_inertia(
         &mut self,
         arm: &Arm,
         chain: &Chain,
         inputs: &Inputs,
         change: &LoadChange,
     ) {
-        if is_still(&inputs.velocity, &inputs.acceleration) {
-            self.forget_inertia();
+        if is_at_rest(&inputs.velocity, &inputs.acceleration) {
+            self.clear_inertia();
             return;
         }
         self.at_rest = false;
-        let extra = Extra { mass: change.mass, first_moment: change.first_moment };
-        let moved = reaction(arm, chain, &inputs.velocity, &inputs.acceleration, &extra);
+        let extra = UnmodelledMass { mass: change.mass, first_moment: change.first_moment };
+        let moved = inertial_loads(arm, chain, &inputs.velocity, &inputs.acceleration, &extra);
         (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);
     }
 
     /// From the tool back to the base: mass and first moment carried by each joint; the total first
     /// moment about the base frame's origin.
     #[inline(always)]
-    fn carry_along<S: Lanes>(
+    fn accumulate_masses<S: Lanes>(
         &mut self,
         lanes: S,
         arm: &Arm,
         chain: &Chain,
         change: &LoadChange,
     ) -> DVec3 {
-        let flange = Placed::kept(lanes, &chain.bodies[arm.count() - 1]);
-        let (mut mass, mut first_moment) = (0.0, lanes.same(0.0));
+        let flange = LanePose::load(lanes, &chain.bodies[arm.count() - 1]);
+        let (mut mass, mut first_moment) = (0.0, lanes.splat(0.0));
         if change.is_any && (change.mass != 0.0 || change.first_moment != DVec3::ZERO) {
             mass = change.mass;
             let flange = chain.body(arm.count() - 1);
             let moved = flange.rotation * change.first_moment + flange.origin * change.mass;
-            first_moment = lanes.vector(moved);
+            first_moment = lanes.load_vector(moved);
         }
         if let Some(tool) = &arm.tool.body {
             mass += tool.mass;
-            let moment = flange.way_to(tool.centre) * tool.mass;
-            first_moment = lanes.plus(first_moment, flange.moment(tool.mass, moment));
+            let moment = flange.offset_to(tool.centre) * tool.mass;
+            first_moment = lanes.add(first_moment, flange.moment(tool.mass, moment));
         }
         for (i, joint) in arm.joints().iter().enumerate().rev() {
             if let Some(link) = &joint.link {
                 mass += link.mass;
-                let body = Placed::kept(lanes, &chain.bodies[i]);
-                first_moment = lanes.plus(first_moment, body.moment(link.mass, arm.moment(i)));
+                let body = LanePose::load(lanes, &chain.bodies[i]);
+                first_moment = lanes.add(first_moment, body.moment(link.mass, arm.moment(i)));
             }
             let point = chain.points[i].four(lanes);
-            let about_point = lanes.times_from(point, lanes.same(mass), first_moment);
-            (self.masses[i], self.first_moments[i]) = (mass, Padded::put(lanes, about_point));
+            let about_point = lanes.neg_mul_add(point, lanes.splat(mass), first_moment);
+            (self.masses[i], self.first_moments[i]) = (mass, PaddedVec3::put(lanes, about_point));
         }
-        lanes.xyz(first_moment)
+        lanes.to_vector(first_moment)
     }
 
     /// Motion of the carried masses and of the tool with each joint, and the torques of gravity and
     /// wrench from these.
     #[inline(always)]
-    fn swing<S: Lanes>(&mut self, lanes: S, arm: &Arm, chain: &Chain) {
+    fn compute_torques<S: Lanes>(&mut self, lanes: S, arm: &Arm, chain: &Chain) {
         self.motions.take(lanes, arm, chain);
         for k in 0..S::PARTS {
-            let about_point = Three::gathered(lanes, &self.first_moments, k);
-            self.swings.put(self.motions.angular.part(lanes, k).cross(about_point), k);
+            let about_point = Vec3Lanes::gathered(lanes, &self.first_moments, k);
+            self.moment_rates.put(self.motions.angular.part(lanes, k).cross(about_point), k);
         }
         for i in arm.slides() {
-            self.swings.set(i, chain.axis(i) * self.masses[i]);
+            self.moment_rates.set(i, chain.axis(i) * self.masses[i]);
         }
-        let gravity = Three::same(lanes, self.gravity);
-        let force = Three::same(lanes, self.wrench.force);
-        let moment = Three::same(lanes, self.wrench.moment);
+        let gravity = Vec3Lanes::same(lanes, self.gravity);
+        let force = Vec3Lanes::same(lanes, self.wrench.force);
+        let moment = Vec3Lanes::same(lanes, self.wrench.moment);
         for k in 0..S::PARTS {
             let (linear, angular) =
                 (self.motions.linear.part(lanes, k), self.motions.angular.part(lanes, k));
-            let by_gravity = self.swings.part(lanes, k).dot(gravity);
-            lanes.put(by_gravity, &mut self.gravity_torque, k);
+            let by_gravity = self.moment_rates.part(lanes, k).dot(gravity);
+            lanes.store(by_gravity, &mut self.gravity_torque, k);
             let by_wrench = angular.dot_plus(moment, linear.dot(force));
-            lanes.put(by_wrench, &mut self.wrench_torque, k);
+            lanes.store(by_wrench, &mut self.wrench_torque, k);
         }
     }
 }
 
-struct Carry<'a> {
+struct LoadsKernel<'a> {
     loads: &'a mut Loads,
     arm: &'a Arm,
     chain: &'a Chain,
@@ -268,15 +268,15 @@ struct Carry<'a> {
     change: &'a LoadChange,
 }
 
-impl Work for Carry<'_> {
+impl Kernel for LoadsKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.loads.carry(lanes, (self.arm, self.chain), self.wrench, self.change);
+        self.loads.compute(lanes, (self.arm, self.chain), self.wrench, self.change);
     }
 }
 
-fn turned(gravity: DVec3, turn: DVec3) -> DVec3 {
+fn rotated_gravity(gravity: DVec3, turn: DVec3) -> DVec3 {
     if turn == DVec3::ZERO { gravity } else { rotation_from_vector(turn).transpose() * gravity }
 }

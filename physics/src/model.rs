@@ -81,7 +81,7 @@ pub enum ModelError {
 
 /// A load outside the physical range of a joint's stiffening law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beyond {
+pub struct LoadOutOfRange {
     /// 0-based joint.
     pub joint: usize,
     /// The load, Nm or N.
@@ -103,13 +103,13 @@ pub struct Evaluation {
     pub real: Chain,
     /// The first joint whose load is outside the range of its `stiffness_hardening`: the evaluation
     /// is then not valid.
-    pub beyond: Option<Beyond>,
+    pub out_of_range: Option<LoadOutOfRange>,
 }
 
 impl Evaluation {
     /// The second half of [`Model::evaluate_into`]: the actual geometry.
-    pub fn stand(&mut self, arm: &Arm, inputs: &Inputs) {
-        self.real.deviate(arm, &inputs.q, &self.deviation, &self.nominal);
+    pub fn set_real(&mut self, arm: &Arm, inputs: &Inputs) {
+        self.real.set_deviated(arm, &inputs.q, &self.deviation, &self.nominal);
     }
 }
 
@@ -178,7 +178,7 @@ impl Model {
         self.hardens |= is_hardening(&effect);
         *slot = Some(effect);
         self.count += 1;
-        self.sort(self.count - 1);
+        self.assign_to_laws(self.count - 1);
         Ok(())
     }
 
@@ -204,7 +204,7 @@ impl Model {
         let (same_kind, same_law) = (discriminant(effect) == kind, effect.law() == before);
         if !same_law {
             (self.laws, self.others_count) = (Laws::NONE, 0);
-            (0..self.count).for_each(|index| self.sort(index));
+            (0..self.count).for_each(|index| self.assign_to_laws(index));
         }
         if !same_kind {
             let any = |is: fn(&AnyEffect) -> bool| self.effects().any(is);
@@ -214,9 +214,9 @@ impl Model {
     }
 
     /// Adds effect `index` to the laws of joints, or to the other effects.
-    fn sort(&mut self, index: usize) {
+    fn assign_to_laws(&mut self, index: usize) {
         let law = self.effects[index].as_ref().and_then(|e| e.joint().zip(e.law()));
-        if !law.is_some_and(|(joint, law)| self.laws.take(joint, &law)) {
+        if !law.is_some_and(|(joint, law)| self.laws.add(joint, &law)) {
             self.others[self.others_count] = index as u8;
             self.others_count += 1;
         }
@@ -224,9 +224,9 @@ impl Model {
 
     /// Evaluates one sample with these memories, which are not changed.
     pub fn evaluate(&self, inputs: &Inputs, memories: &Memories) -> Evaluation {
-        let mut seen = Evaluation::default();
-        self.evaluate_into(inputs, memories, &mut seen);
-        seen
+        let mut evaluation = Evaluation::default();
+        self.evaluate_into(inputs, memories, &mut evaluation);
+        evaluation
     }
 
     /// Calls `visit` with the index and contribution of each effect at one sample.
@@ -236,9 +236,9 @@ impl Model {
         memories: &Memories,
         visit: impl FnMut(usize, &Contribution),
     ) {
-        let mut seen = Evaluation::default();
-        self.load_into(inputs, memories, &mut seen);
-        self.contributions_under(inputs, memories, &seen, visit);
+        let mut evaluation = Evaluation::default();
+        self.load_into(inputs, memories, &mut evaluation);
+        self.contributions_under(inputs, memories, &evaluation, visit);
     }
 
     /// [`Model::contributions`] for the geometry and loads in `seen`, computed by [`Model::load_into`] and possibly changed since.
@@ -246,10 +246,10 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         mut visit: impl FnMut(usize, &Contribution),
     ) {
-        let Evaluation { nominal: chain, loads, .. } = seen;
+        let Evaluation { nominal: chain, loads, .. } = evaluation;
         let signals = Signals { arm: &self.arm, inputs, chain, loads };
         for (index, (effect, memory)) in self.effects().zip(&memories.0).enumerate() {
             visit(index, &effect.predict(&signals, memory));
@@ -265,9 +265,9 @@ impl Model {
         wanted: &[(usize, usize)],
         visit: impl FnMut(usize, &Contribution),
     ) {
-        let mut seen = Evaluation::default();
-        self.load_into(inputs, memories, &mut seen);
-        self.derivatives_under(inputs, memories, &seen, wanted, visit);
+        let mut evaluation = Evaluation::default();
+        self.load_into(inputs, memories, &mut evaluation);
+        self.derivatives_under(inputs, memories, &evaluation, wanted, visit);
     }
 
     /// [`Model::derivatives`] for the nominal geometry and loads that [`Model::load_into`]
@@ -276,11 +276,11 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         wanted: &[(usize, usize)],
         mut visit: impl FnMut(usize, &Contribution),
     ) {
-        let Evaluation { nominal: chain, loads, .. } = seen;
+        let Evaluation { nominal: chain, loads, .. } = evaluation;
         let signals = Signals { arm: &self.arm, inputs, chain, loads };
         for (place, &(index, value)) in wanted.iter().enumerate() {
             if let Some(effect) = self.effects[..self.count].get(index).and_then(Option::as_ref) {
@@ -296,7 +296,7 @@ impl Model {
 
     /// A settled pose after another one, `inputs.dt_s` later: memories of motion settle, thermal
     /// memories advance by the time; without a previous pose (`dt_s` of 0) all settle.
-    pub fn arrive(&self, inputs: &Inputs, memories: &mut Memories) {
+    pub fn settle_pose(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, |effect, inputs, memory| {
             if inputs.dt_s > 0.0 && !effect.spec().needs.contains(&Need::Direction) {
                 effect.advance(inputs, memory);
@@ -318,13 +318,13 @@ impl Model {
 
     /// Whether a joint has a hardening law, whose range is limited ([`Evaluation::beyond`]).
     #[must_use]
-    pub fn hardens(&self) -> bool {
+    pub fn has_hardening(&self) -> bool {
         self.hardens
     }
 
     /// The first joint whose load is at or above `sqrt(C/3D)`, C and D being the sums over that
     /// joint. If gravity and wrench have separate compliances, the smaller one is used.
-    fn beyond(&self, loads: &Loads) -> Option<Beyond> {
+    fn load_out_of_range(&self, loads: &Loads) -> Option<LoadOutOfRange> {
         (0..self.arm.count()).find_map(|joint| {
             let sum = |wanted: fn(&AnyEffect) -> bool| -> f64 {
                 let here = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
@@ -343,7 +343,7 @@ impl Model {
             };
             let compliance = sum(|e| matches!(e, AnyEffect::JointCompliance(_))) + halves;
             let (torque, limit) = (loads.torque(joint), libm::sqrt(compliance / (3.0 * cubic)));
-            (torque.abs() >= limit).then_some(Beyond { joint, torque, limit })
+            (torque.abs() >= limit).then_some(LoadOutOfRange { joint, torque, limit })
         })
     }
 

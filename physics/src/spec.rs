@@ -74,7 +74,7 @@ pub enum Unit {
     /// `_N_per_mm2`.
     NewtonPerSquareMillimetre,
     /// A string, no suffix: not a number.
-    Word,
+    Text,
 }
 
 impl Unit {
@@ -83,7 +83,7 @@ impl Unit {
         use core::f64::consts::{PI, TAU};
         let slides = kind == JointKind::Prismatic;
         match self {
-            Self::One | Self::Word => ("", 1.0),
+            Self::One | Self::Text => ("", 1.0),
             Self::Milliradian if slides => ("_mm", 1e-3),
             Self::Milliradian | Self::TurnMilliradian => ("_mrad", 1e-3),
             Self::PhaseRadian => ("_rad", 1.0),
@@ -263,7 +263,7 @@ impl PartialEq<str> for Key {
 
 /// Whether an effect belongs to a joint or to the whole robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum EffectScope {
     /// A joint of either kind.
     Joint,
     /// A revolute joint.
@@ -316,7 +316,7 @@ pub struct Spec {
     /// The name in files and results.
     pub kind: &'static str,
     /// Joint or robot.
-    pub place: Place,
+    pub scope: EffectScope,
     /// Where it acts.
     pub acts_on: ActsOn,
     /// Required signals.

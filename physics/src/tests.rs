@@ -13,7 +13,7 @@ mod matrix;
 mod nominal_loads;
 
 use crate::effects::AnyEffect;
-use crate::{Arm, Evaluation, Given, Inputs, JOINTS_MAX, Joints, Memories, Model};
+use crate::{Arm, Evaluation, Inputs, JOINTS_MAX, Joints, Memories, Model, ParameterValues};
 use proptest::prelude::*;
 
 /// An effect from its entries; `joint` is 0-based.
@@ -23,7 +23,7 @@ fn effect(
     joint: impl Into<Option<usize>>,
     given: &[(&str, &[f64])],
 ) -> AnyEffect {
-    AnyEffect::build(kind, arm, joint.into(), Given(given))
+    AnyEffect::build(kind, arm, joint.into(), ParameterValues(given))
         .unwrap_or_else(|e| panic!("{kind}: {e}"))
 }
 

@@ -53,51 +53,51 @@ pub(crate) fn sin_cos_all<S: Lanes>(
 ) {
     for k in 0..S::PARTS {
         let (sine, cosine) = sin_cos_four(lanes, lanes.part(angles_rad, k));
-        lanes.put(sine, sines, k);
-        lanes.put(cosine, cosines, k);
+        lanes.store(sine, sines, k);
+        lanes.store(cosine, cosines, k);
     }
 }
 
 /// Sines and cosines of four angles.
 #[inline(always)]
 pub(crate) fn sin_cos_four<S: Lanes>(lanes: S, angles_rad: S::Four) -> (S::Four, S::Four) {
-    let angles = lanes.numbers(angles_rad);
+    let angles = lanes.to_array(angles_rad);
     if angles.iter().all(|angle| angle.abs() < LARGE) {
         return reduced_four(lanes, angles_rad);
     }
     let [a, b, c, d] = angles.map(sin_cos);
-    (lanes.of([a.0, b.0, c.0, d.0]), lanes.of([a.1, b.1, c.1, d.1]))
+    (lanes.load([a.0, b.0, c.0, d.0]), lanes.load([a.1, b.1, c.1, d.1]))
 }
 
 /// [`reduced`], four times.
 #[inline(always)]
 fn reduced_four<S: Lanes>(lanes: S, angle: S::Four) -> (S::Four, S::Four) {
-    let one = lanes.same(1.0);
-    let (a_turn, whole) = (lanes.same(core::f64::consts::FRAC_2_PI), lanes.same(WHOLE));
-    let shifted = lanes.plus(lanes.times(angle, a_turn), whole);
-    let quarters = lanes.minus(shifted, whole);
+    let one = lanes.splat(1.0);
+    let (a_turn, whole) = (lanes.splat(core::f64::consts::FRAC_2_PI), lanes.splat(WHOLE));
+    let shifted = lanes.add(lanes.mul(angle, a_turn), whole);
+    let quarters = lanes.sub(shifted, whole);
     let mut rest = angle;
     for part in QUARTER {
-        rest = lanes.times_from(quarters, lanes.same(part), rest);
+        rest = lanes.neg_mul_add(quarters, lanes.splat(part), rest);
     }
-    let square = lanes.times(rest, rest);
-    let cube = lanes.times(rest, square);
-    let sine = lanes.times_plus(cube, polynomial_four(lanes, square, &SINE), rest);
-    let half = lanes.times(lanes.same(0.5), square);
-    let near = lanes.minus(one, half);
-    let lost = lanes.minus(lanes.minus(one, near), half);
-    let fourth = lanes.times(square, square);
-    let lost = lanes.times_plus(fourth, polynomial_four(lanes, square, &COSINE), lost);
-    let cosine = lanes.plus(near, lost);
-    lanes.quartered(shifted, sine, cosine)
+    let square = lanes.mul(rest, rest);
+    let cube = lanes.mul(rest, square);
+    let sine = lanes.mul_add(cube, polynomial_four(lanes, square, &SINE), rest);
+    let half = lanes.mul(lanes.splat(0.5), square);
+    let near = lanes.sub(one, half);
+    let lost = lanes.sub(lanes.sub(one, near), half);
+    let fourth = lanes.mul(square, square);
+    let lost = lanes.mul_add(fourth, polynomial_four(lanes, square, &COSINE), lost);
+    let cosine = lanes.add(near, lost);
+    lanes.rotate_quarter_turns(shifted, sine, cosine)
 }
 
 /// [`polynomial`], four times.
 #[inline(always)]
 fn polynomial_four<S: Lanes>(lanes: S, x: S::Four, coefficients: &[f64; 6]) -> S::Four {
-    let mut sum = lanes.same(coefficients[5]);
+    let mut sum = lanes.splat(coefficients[5]);
     for k in (0..5).rev() {
-        sum = lanes.times_plus(x, sum, lanes.same(coefficients[k]));
+        sum = lanes.mul_add(x, sum, lanes.splat(coefficients[k]));
     }
     sum
 }
@@ -139,12 +139,12 @@ fn polynomial(x: f64, coefficients: &[f64; 6]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::{Work, widest};
+    use crate::lanes::{Kernel, run_widest};
     use proptest::prelude::*;
 
     struct Many<'a>(&'a Joints, &'a mut Joints, &'a mut Joints);
 
-    impl Work for Many<'_> {
+    impl Kernel for Many<'_> {
         type Output = ();
 
         fn run<S: Lanes>(self, lanes: S) {
@@ -178,7 +178,7 @@ mod tests {
         fn many_at_once_are_those_of_libm(angles in prop::array::uniform16(-9.0..9.0_f64), far in any::<f64>()) {
             for angles in [angles, [far; 16]] {
                 let (mut sines, mut cosines) = ([0.0; 16], [0.0; 16]);
-                widest(16, Many(&angles, &mut sines, &mut cosines));
+                run_widest(16, Many(&angles, &mut sines, &mut cosines));
                 for (angle, found) in angles.iter().zip(sines.iter().zip(&cosines)) {
                     let known = sincos(*angle);
                     let is_near = |found: f64, known: f64| (found - known).abs() <= 2.3e-16 || known.is_nan() && found.is_nan();

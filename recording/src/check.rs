@@ -1,7 +1,8 @@
 //! Validation of a file: every error in it, a summary, and the first rows of a recording as they are understood (`trued.check/1`).
 //!
-//! [`file()`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files that are checked with more than this crate (a cell with the
-//! limits of the daemon, a manifest with its models) make their [`Findings`] elsewhere.
+//! [`file()`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files
+//! whose checks need other crates (a cell with the limits of the daemon, a manifest with its
+//! models) get their [`Findings`] there.
 
 mod columns;
 mod other;
@@ -17,7 +18,7 @@ use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
 use crate::mapping::{Mapping, mapping_path};
 use crate::model::RobotModel;
-use crate::series::{self, About, Channel, Kind, Need, Recording};
+use crate::series::{self, Channel, Recording, RecordingKind, RecordingMetadata, RequiredData};
 
 /// What is found in a file and in the files that it names.
 #[derive(Debug, Default)]
@@ -72,7 +73,8 @@ struct FaultReport {
 /// Checks a file of this crate's formats: a TOML by its `schema`, a table as recording, a URDF and waveforms of
 /// instruments by their readers.
 ///
-/// `mapping`: how a recording is read, if not by the mapping beside it; `model`: the robot that recordings have to fit.
+/// `mapping`: mapping of a recording, if not the one in its folder; `model`: the robot with which
+/// recordings must be compatible.
 ///
 /// ```
 /// use std::path::Path;
@@ -83,7 +85,7 @@ struct FaultReport {
 ///
 /// # Errors
 /// The file cannot be read. Faults in it are among the findings.
-pub fn file(
+pub fn validate_file(
     path: &Path,
     mapping: Option<&Path>,
     model: Option<&RobotModel>,
@@ -134,7 +136,8 @@ pub fn file(
         }
         Some("trued.recording/1") => {
             findings.kind = "recording's description";
-            findings.take(About::parse(&name, &text).map_err(FileError::from), |_, _| {})?;
+            findings
+                .take(RecordingMetadata::parse(&name, &text).map_err(FileError::from), |_, _| {})?;
         }
         other => {
             findings.kind = "file";
@@ -144,7 +147,7 @@ pub fn file(
     Ok(findings)
 }
 
-/// The root key `schema` of a TOML; none for other files, and where it has none.
+/// The root key `schema` of a TOML; `None` for other files, or without the key.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -156,7 +159,7 @@ pub fn schema_of(path: &Path) -> Result<Option<String>, FileError> {
 }
 
 impl Findings {
-    /// Takes the content of a file, or its faults.
+    /// Describes the content of a file, or collects its faults.
     ///
     /// # Errors
     /// The file cannot be read.
@@ -175,22 +178,22 @@ impl Findings {
 
     fn describe_model(&mut self, model: &RobotModel) {
         let (joints, effects) = (model.file.joints.len(), model.file.effects.len());
-        let (joints, effects) = (count(joints, "joint"), count(effects, "effect"));
+        let (joints, effects) = (pluralise(joints, "joint"), pluralise(effects, "effect"));
         self.summary = format!("`{}`, {joints}, {effects}", model.file.name);
         let names = model.not_compensated_names();
         self.notes.extend(names.iter().map(|name| format!("{name} is not compensated")));
     }
 
     fn describe_recording(&mut self, recording: Recording) {
-        let kind = if recording.about.kind == Kind::Poses { "poses" } else { "path" };
+        let kind = if recording.metadata.kind == RecordingKind::Poses { "poses" } else { "path" };
         let mut segments = recording.segment.clone();
         segments.sort_unstable();
         segments.dedup();
         let columns: Vec<String> = recording.channels().map(Channel::base).collect();
         self.summary = format!(
             "{kind}, {}, {}, columns {}",
-            count(recording.len(), "row"),
-            count(segments.len(), "segment"),
+            pluralise(recording.len(), "row"),
+            pluralise(segments.len(), "segment"),
             columns.join(" ")
         );
         self.columns = columns::of(&recording);
@@ -218,8 +221,8 @@ impl FileReport {
     pub fn of(path: &Path, findings: Findings) -> Self {
         let fault = |file: &str, fault: &Fault| FaultReport {
             file: file.to_owned(),
-            line: fault.place.as_ref().map(|place| place.line),
-            column: fault.place.as_ref().map(|place| place.column),
+            line: fault.location.as_ref().map(|place| place.line),
+            column: fault.location.as_ref().map(|place| place.column),
             key: fault.key.clone(),
             message: fault.message.clone(),
             expected: fault.expected.clone(),
@@ -249,10 +252,10 @@ fn read_recording(
     mapping: Option<&Path>,
     model: Option<&RobotModel>,
 ) -> Result<Recording, FileError> {
-    let recording = match series::read(path, mapping, Need::Path) {
+    let recording = match series::read(path, mapping, RequiredData::Path) {
         // A recording of forces alone is valid too, except for a replay.
         Err(FileError::Content(faults)) if model.is_none() => {
-            series::read(path, mapping, Need::Measurement).map_err(|_| faults)?
+            series::read(path, mapping, RequiredData::Measurement).map_err(|_| faults)?
         }
         recording => recording?,
     };
@@ -273,7 +276,7 @@ fn recording_of(mapping: &Path) -> Option<PathBuf> {
 
 /// A number with its noun: `1 row`, `2 rows`.
 #[must_use]
-pub fn count(number: usize, what: &str) -> String {
+pub fn pluralise(number: usize, what: &str) -> String {
     let ending = if number == 1 { "" } else { "s" };
     format!("{number} {what}{ending}")
 }
@@ -292,7 +295,7 @@ fn schema(text: &str) -> Option<&str> {
 }
 
 fn unknown_schema(name: &str, schema: Option<&str>) -> Faults {
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     let message = match schema {
         Some(schema) => format!("is \"{schema}\""),
         None => "is missing".to_owned(),

@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::faults::Faults;
 use crate::files::{FileError, read_text};
 use crate::series::{Cut, read_cut};
-use crate::walk::{Document, Table};
+use crate::toml_reader::{Document, Table};
 
 /// Name of the format.
 pub const SCHEMA: &str = "trued.cut/1";
@@ -25,28 +25,28 @@ const CHART: [f64; 2] = [0.5, 1.5];
 /// Default of the largest depth evaluated, as a multiple of the present one.
 const DEEPEST: f64 = 10.0;
 
-/// A cut and the structure under it.
+/// A cut and the dynamics of the structure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CutFile {
     /// Direction of the feed, in the frame of the modes' directions; any length but 0.
     pub feed: [f64; 3],
-    /// Up out of the work, against the tool's own z; likewise.
+    /// Direction out of the workpiece, opposite to the tool's z axis; any length but 0.
     pub up: [f64; 3],
     /// Spindle speed, rev/min.
     pub spindle_rpm: f64,
     /// Cutter, engagement, depth, coefficients.
     pub cut: Cut,
-    /// Modes typed by hand.
+    /// Modes stated in the file.
     pub modes: Vec<CutMode>,
     /// Results of `trued tap` with further modes; relative paths refer to the file's folder.
     pub taps: Vec<PathBuf>,
-    /// A proposed cut stays below its limit by this part of its depth.
+    /// A proposed depth of cut stays below the stability limit by this share.
     pub margin: f64,
     /// What the chart shows.
     pub chart: ChartRange,
 }
 
-/// A mode as the tip of the tool shows it.
+/// A mode at the tool tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CutMode {
     /// Natural frequency, Hz.

@@ -18,7 +18,7 @@ const LINE_MAX: usize = 400;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fault {
     /// Place in the file, where one can be named.
-    pub place: Option<Place>,
+    pub location: Option<Location>,
     /// Path of the key (`joint[2].axis`) or name of the column (`q3_deg`); may be empty.
     pub key: String,
     /// What is wrong.
@@ -31,7 +31,7 @@ pub struct Fault {
 
 /// A span within one line of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct Location {
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
@@ -42,22 +42,22 @@ pub struct Place {
     pub span: Range<usize>,
 }
 
-impl Place {
+impl Location {
     /// The place of a byte span in a source text; a span over several lines is cut to its first.
     #[must_use]
-    pub fn of_span(source: &str, span: &Range<usize>) -> Self {
+    pub fn from_span(source: &str, span: &Range<usize>) -> Self {
         let start = floor_boundary(source, span.start);
         let before = source.get(..start).unwrap_or_default();
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         let rest = source.get(line_start..).unwrap_or_default();
         let text = rest.lines().next().unwrap_or_default();
         let line = before.matches('\n').count() + 1;
-        Self::in_line(line, text, &(start - line_start..span.end.saturating_sub(line_start)))
+        Self::from_line(line, text, &(start - line_start..span.end.saturating_sub(line_start)))
     }
 
     /// A span of bytes within a given line (`line` counts from 1).
     #[must_use]
-    pub fn in_line(line: usize, text: &str, span: &Range<usize>) -> Self {
+    pub fn from_line(line: usize, text: &str, span: &Range<usize>) -> Self {
         let kept = text.get(..floor_boundary(text, LINE_MAX)).unwrap_or_default();
         let start = floor_boundary(kept, span.start);
         let end = floor_boundary(kept, span.end).max(start);
@@ -80,7 +80,7 @@ impl Fault {
     #[must_use]
     pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self {
-            place: None,
+            location: None,
             key: key.into(),
             message: message.into(),
             expected: String::new(),
@@ -90,8 +90,8 @@ impl Fault {
 
     /// The same fault at a place.
     #[must_use]
-    pub fn at(mut self, place: Place) -> Self {
-        self.place = Some(place);
+    pub fn at(mut self, place: Location) -> Self {
+        self.location = Some(place);
         self
     }
 
@@ -119,7 +119,7 @@ impl Fault {
 
     fn report<'a>(&'a self, file: &'a str) -> Group<'a> {
         let title = Level::ERROR.primary_title(self.title());
-        let mut group = match &self.place {
+        let mut group = match &self.location {
             None => Group::with_title(title).element(Origin::path(file)),
             Some(place) => {
                 let label =
@@ -132,7 +132,7 @@ impl Fault {
                 Group::with_title(title).element(snippet)
             }
         };
-        if self.place.is_none() && !self.expected.is_empty() {
+        if self.location.is_none() && !self.expected.is_empty() {
             group = group.element(Level::NOTE.message(format!("expected {}", self.expected)));
         }
         if !self.help.is_empty() {
@@ -153,7 +153,7 @@ pub struct Faults {
 impl Faults {
     /// No faults yet, of the file with this name.
     #[must_use]
-    pub fn of(file: impl Into<String>) -> Self {
+    pub fn new(file: impl Into<String>) -> Self {
         Self { file: file.into(), list: Vec::new(), left_out: 0 }
     }
 
@@ -175,14 +175,14 @@ impl Faults {
     ///
     /// # Errors
     /// The faults themselves.
-    pub fn or<T>(mut self, value: Option<T>) -> Result<T, Self> {
+    pub fn into_result<T>(mut self, value: Option<T>) -> Result<T, Self> {
         match value {
             Some(value) if self.list.is_empty() => Ok(value),
             _ => {
                 if self.list.is_empty() {
                     self.push(Fault::new("", "the file could not be read completely"));
                 }
-                let line = |fault: &Fault| fault.place.as_ref().map(|p| (p.line, p.column));
+                let line = |fault: &Fault| fault.location.as_ref().map(|p| (p.line, p.column));
                 self.list.sort_by_key(line);
                 Err(self)
             }
@@ -256,7 +256,7 @@ impl std::error::Error for Faults {}
 pub fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
     let near = |k: &'k str| (distance(name, k), k);
     let (steps, found) = known.into_iter().map(near).min_by_key(|(steps, _)| *steps)?;
-    // No more of a name is compared: a long text is near to nothing.
+    // Only the start of a name is compared, so that a long text has no near match.
     let length = name.chars().count().max(found.chars().count()).min(COMPARED);
     (steps > 0 && steps * 3 <= length.max(3)).then_some(found)
 }
@@ -294,8 +294,8 @@ mod tests {
     #[test]
     fn a_fault_shows_its_line_and_a_caret() {
         let source = "a = 1\nanlge = 2\n";
-        let mut faults = Faults::of("cell.toml");
-        let place = Place::of_span(source, &(6..11));
+        let mut faults = Faults::new("cell.toml");
+        let place = Location::from_span(source, &(6..11));
         faults.push(
             Fault::new("anlge", "unknown key")
                 .at(place)
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn faults_beyond_the_limit_are_counted() {
-        let mut faults = Faults::of("x");
+        let mut faults = Faults::new("x");
         for _ in 0..FAULTS_MAX + 7 {
             faults.push(Fault::new("k", "m"));
         }
@@ -333,9 +333,9 @@ mod tests {
 
     #[test]
     fn a_span_beyond_its_text_or_inside_a_character_is_cut() {
-        let place = Place::of_span("größe", &(3..900));
+        let place = Location::from_span("größe", &(3..900));
         assert_eq!((place.line, place.column), (1, 3));
-        let empty = Place::of_span("", &(7..9));
+        let empty = Location::from_span("", &(7..9));
         assert_eq!(empty.span, 0..0);
     }
 }

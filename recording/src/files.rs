@@ -7,8 +7,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::faults::{Fault, Faults, Place};
-use crate::part::Part;
+use crate::faults::{Fault, Faults, Location};
+use crate::partial_file::Part;
 
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -58,8 +58,8 @@ pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
         Err(error) => {
             let good = error.utf8_error().valid_up_to();
             let head = String::from_utf8_lossy(error.as_bytes().get(..good).unwrap_or_default());
-            let place = Place::of_span(&head, &(good..good));
-            let mut faults = Faults::of(name);
+            let place = Location::from_span(&head, &(good..good));
+            let mut faults = Faults::new(name);
             faults.push(
                 Fault::new("", format!("byte {good} is not UTF-8 text"))
                     .at(place)
@@ -92,9 +92,9 @@ pub fn content_hash(bytes: &[u8]) -> u64 {
     })
 }
 
-/// The file that a cell's or a recording's TOML names as `model`; none where it names none, or a preset.
+/// The file named by the key `model` of a cell's or a recording's TOML; `None` without the key, or for a preset.
 #[must_use]
-pub fn named_model(toml: &Path) -> Option<PathBuf> {
+pub fn referenced_model(toml: &Path) -> Option<PathBuf> {
     let is_toml = toml.extension().is_some_and(|ending| ending == "toml");
     let text = is_toml.then(|| fs::read_to_string(toml).ok()).flatten()?;
     let table: toml::Table = text.parse().ok()?;
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn text_that_is_not_utf8_is_reported_with_its_line() {
         let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
-        assert_eq!(faults.list()[0].place.as_ref().unwrap().line, 2);
+        assert_eq!(faults.list()[0].location.as_ref().unwrap().line, 2);
         assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");
     }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use crate::faults::{Faults, nearest};
 use crate::files::{FileError, read_text};
 use crate::series::instant_us;
-use crate::walk::{Document, POSITIVE, Table};
+use crate::toml_reader::{Document, POSITIVE, Table};
 
 /// Name of the format.
 pub const SCHEMA: &str = "trued.manifest/1";
@@ -19,33 +19,33 @@ pub const SCHEMA: &str = "trued.manifest/1";
 /// Recordings of a fleet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manifest {
-    /// Seed of all chance, of each recording alike.
+    /// Seed of the random number generators, the same for each recording.
     pub seed: u64,
     /// Torque and motion are compared below this frequency, Hz; none: as a single diagnosis chooses it.
     pub band_hz: Option<f64>,
     /// The robots, in the order of the file.
     pub robots: Vec<Robot>,
     /// The recordings, in the order of the file.
-    pub recordings: Vec<Entry>,
+    pub recordings: Vec<RecordingEntry>,
 }
 
 /// One `[[robot]]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Robot {
-    /// What the plant calls it.
+    /// Its name in the plant.
     pub name: String,
     /// The manufacturer's serial number, if known.
     pub serial: Option<String>,
     /// Its model: a file, or the name of a preset; a relative path counts from the manifest's folder.
     pub model: PathBuf,
-    /// Mapping for tables of other programs; likewise.
+    /// Mapping for tables of other programs; relative paths as for the model.
     pub mapping: Option<PathBuf>,
 }
 
 /// One `[[recording]]`: files that are diagnosed together.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Entry {
-    /// Its robot, as a place in [`Manifest::robots`].
+pub struct RecordingEntry {
+    /// Its robot, as an index into [`Manifest::robots`].
     pub robot: usize,
     /// The files as the manifest names them; a relative path counts from its folder.
     pub files: Vec<String>,
@@ -95,7 +95,7 @@ fn manifest(root: &Table<'_, '_>) -> Option<Manifest> {
         robots.push(robot(table));
     }
     let mut seen = BTreeSet::new();
-    let entries: Vec<Option<Entry>> =
+    let entries: Vec<Option<RecordingEntry>> =
         root.tables("recording").iter().map(|table| entry(table, &places, &mut seen)).collect();
     root.close();
     Some(Manifest {
@@ -131,7 +131,7 @@ fn entry(
     table: &Table<'_, '_>,
     robots: &BTreeMap<&str, usize>,
     seen: &mut BTreeSet<(usize, String)>,
-) -> Option<Entry> {
+) -> Option<RecordingEntry> {
     table.require("robot", "the name of a [[robot]]");
     table.require("files", "a list of files, such as [\"2026-03-01.csv\"]");
     let robot = filled(table, "robot").and_then(|name| {
@@ -168,7 +168,7 @@ fn entry(
         time
     });
     table.close();
-    Some(Entry { robot: robot?, files: files?, recorded_at_us })
+    Some(RecordingEntry { robot: robot?, files: files?, recorded_at_us })
 }
 
 #[cfg(test)]

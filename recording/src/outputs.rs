@@ -30,11 +30,11 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::files::named_model;
+use crate::files::referenced_model;
 use crate::mapping::mapping_path;
-use crate::part::Part;
+use crate::partial_file::Part;
 use crate::program::MADE_BY;
-use crate::series::about_path;
+use crate::series::metadata_path;
 
 /// Files of one command have modification times within this span; a file changed later was edited.
 const WRITTEN_TOGETHER: Duration = Duration::from_secs(2);
@@ -47,15 +47,15 @@ pub enum WriteError {
     /// The system refused.
     #[error("cannot write {}: {source}; check that its folder exists and is writable, and that the disk is not full", path.display())]
     Io {
-        /// The file that was to be.
+        /// The file to be written.
         path: PathBuf,
         /// The operating system's error.
         source: io::Error,
     },
-    /// Something is there.
+    /// The file exists.
     #[error("{} already exists; nothing was written. Choose another name, or use --overwrite to replace it", .0.display())]
     Exists(PathBuf),
-    /// An input would be lost, `--overwrite` or not.
+    /// An input would be overwritten; refused even with `--overwrite`.
     #[error("{}: the output would overwrite an input file; choose another name", .0.display())]
     Input(PathBuf),
     /// Two outputs have one name.
@@ -104,7 +104,7 @@ impl Outputs {
         self.with(Output { path: path.into(), ..Output::default() })
     }
 
-    /// Announces a result that every run reproduces: JSON, a page, a plot. It may replace an
+    /// Declares a result that every run reproduces: JSON, a page, a plot. It may replace an
     /// earlier one.
     #[must_use]
     pub fn result(self, path: impl Into<PathBuf>) -> Self {
@@ -116,7 +116,7 @@ impl Outputs {
         self
     }
 
-    /// Sets the content of a file. A file without content is not written; an unannounced file is an
+    /// Sets the content of a file. A file without content is not written; an undeclared file is an
     /// ordinary one.
     pub fn put(&mut self, path: &Path, bytes: impl Into<Vec<u8>>) {
         let bytes = Some(bytes.into());
@@ -142,7 +142,7 @@ impl Outputs {
         let mut places = BTreeSet::new();
         for output in &self.files {
             let path = &output.path;
-            if self.allowed(output)? == State::Stream {
+            if self.allowed(output)? == TargetState::Stream {
                 continue;
             }
             if !places.insert(place(path)) {
@@ -154,16 +154,16 @@ impl Outputs {
     }
 
     /// The existing file at an output's path, if the output may replace it.
-    fn allowed(&self, Output { path, is_result, .. }: &Output) -> Result<State, WriteError> {
+    fn allowed(&self, Output { path, is_result, .. }: &Output) -> Result<TargetState, WriteError> {
         let there = state(path).map_err(failed(path))?;
-        if matches!(there, State::Stream | State::Missing) {
+        if matches!(there, TargetState::Stream | TargetState::Missing) {
             return Ok(there);
         }
         if self.inputs.contains(&place(path)) {
             return Err(WriteError::Input(path.clone()));
         }
         let may_go = self.may_replace || (*is_result && self::is_result(path));
-        if there == State::Full && !may_go {
+        if there == TargetState::Full && !may_go {
             return Err(WriteError::Exists(path.clone()));
         }
         Ok(there)
@@ -192,9 +192,9 @@ impl Outputs {
         for output in &self.files {
             let (path, Some(bytes)) = (&output.path, &output.bytes) else { continue };
             match self.allowed(output)? {
-                State::Stream => streams.push((path, bytes)),
+                TargetState::Stream => streams.push((path, bytes)),
                 there => {
-                    let is_new = there == State::Missing;
+                    let is_new = there == TargetState::Missing;
                     parts.push(written_part(path, bytes, is_new).map_err(failed(path))?);
                 }
             }
@@ -247,31 +247,31 @@ fn finish(parts: Vec<Part>) -> Result<(), WriteError> {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum State {
+enum TargetState {
     Missing,
     Empty,
     Full,
-    /// No ordinary file.
+    /// Not a regular file, such as a pipe.
     Stream,
 }
 
-fn state(path: &Path) -> io::Result<State> {
+fn state(path: &Path) -> io::Result<TargetState> {
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => Err(ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => Ok(State::Stream),
-        Ok(there) if there.len() == 0 => Ok(State::Empty),
-        Ok(_) => Ok(State::Full),
-        // A link that leads nowhere is no place for a file.
+        Ok(there) if !there.is_file() => Ok(TargetState::Stream),
+        Ok(there) if there.len() == 0 => Ok(TargetState::Empty),
+        Ok(_) => Ok(TargetState::Full),
+        // A dangling symbolic link is refused.
         Err(error) if fs::symlink_metadata(path).is_ok() => Err(error),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(State::Missing),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(TargetState::Missing),
         Err(error) => Err(error),
     }
 }
 
 /// An input, its companion files by name, and the models that these TOML files name.
 fn with_companions(input: &Path) -> Vec<PathBuf> {
-    let mut all = vec![input.to_owned(), about_path(input), mapping_path(input)];
-    let models: Vec<PathBuf> = all.iter().filter_map(|path| named_model(path)).collect();
+    let mut all = vec![input.to_owned(), metadata_path(input), mapping_path(input)];
+    let models: Vec<PathBuf> = all.iter().filter_map(|path| referenced_model(path)).collect();
     all.extend(models);
     all.iter().map(|path| place(path)).collect()
 }
@@ -313,7 +313,7 @@ fn is_as_old(path: &Path, beside: &Path) -> bool {
     later.is_some_and(|(path, beside)| path <= beside + WRITTEN_TOGETHER)
 }
 
-/// A folder and those above it that were missing; they go again when dropped, unless they are kept.
+/// A created folder with its created parents; they are removed when dropped, unless kept.
 struct Folder(Vec<PathBuf>);
 
 impl Folder {
@@ -333,7 +333,7 @@ impl Folder {
 impl Drop for Folder {
     fn drop(&mut self) {
         for folder in &self.0 {
-            // What others have put there meanwhile stays, and the folder with it.
+            // A folder into which others have written meanwhile stays.
             let _ = fs::remove_dir(folder);
         }
     }

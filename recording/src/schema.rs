@@ -80,7 +80,7 @@ impl Transform for AsToml {
         if object.get("default").is_some_and(Value::is_null) {
             object.remove("default");
         }
-        // Names of Rust's number formats are unknown to editors, which warn about them.
+        // Editors warn about Rust's number formats, which they do not know.
         object.remove("format");
     }
 }

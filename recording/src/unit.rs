@@ -110,7 +110,7 @@ const DECIMALS: f64 = 1e9;
 impl Unit {
     /// The unit with this spelling.
     #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
+    pub fn from_name(name: &str) -> Option<Self> {
         UNITS.iter().copied().find(|unit| unit.name == name)
     }
 
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn the_longest_unit_wins() {
         assert_eq!(Unit::split("feed_mm_s").1.unwrap().name, "mm_s");
-        assert_eq!(Unit::split("offset_mrad"), ("offset", Unit::named("mrad")));
+        assert_eq!(Unit::split("offset_mrad"), ("offset", Unit::from_name("mrad")));
         assert_eq!(Unit::split("mm"), ("mm", None));
         assert_eq!(Unit::split("from_joint").1, None);
     }

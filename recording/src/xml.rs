@@ -41,7 +41,7 @@ pub(crate) fn read(path: &Path) -> Result<Decoded, FileError> {
 /// An unknown encoding, or bytes that are not valid in it.
 pub(crate) fn decode(name: &str, bytes: &[u8]) -> Result<Decoded, Faults> {
     let refuse = |message: String, help: &str| {
-        let mut faults = Faults::of(name);
+        let mut faults = Faults::new(name);
         faults.push(Fault::new("", message).help(help));
         Err(faults)
     };
@@ -99,9 +99,9 @@ pub(crate) fn relaxed(text: &str) -> String {
         let (taken, is_kept) = extent(tag);
         let (markup, after) = tag.split_at(taken);
         match is_kept {
-            Kept::Whole => out.push_str(markup),
-            Kept::Nothing => blank(&mut out, markup),
-            Kept::WithoutPrefixes => unprefixed(&mut out, markup),
+            MarkupHandling::Whole => out.push_str(markup),
+            MarkupHandling::Nothing => blank(&mut out, markup),
+            MarkupHandling::WithoutPrefixes => unprefixed(&mut out, markup),
         }
         rest = after;
     }
@@ -109,29 +109,34 @@ pub(crate) fn relaxed(text: &str) -> String {
     out
 }
 
-enum Kept {
+enum MarkupHandling {
     Whole,
     Nothing,
     WithoutPrefixes,
 }
 
 /// How long the markup is that `text` begins with; to the end where it is not closed.
-fn extent(text: &str) -> (usize, Kept) {
+fn extent(text: &str) -> (usize, MarkupHandling) {
     let upto = |end: &str, from: usize| {
         text.get(from..).and_then(|rest| rest.find(end)).map(|at| from + at + end.len())
     };
     let whole = text.len();
     if text.starts_with("<!--") {
         // Unclosed parts are refused by the parser.
-        upto("-->", 4).map_or((whole, Kept::Whole), |length| (length, Kept::Nothing))
+        upto("-->", 4)
+            .map_or((whole, MarkupHandling::Whole), |length| (length, MarkupHandling::Nothing))
     } else if text.starts_with("<![CDATA[") {
-        (upto("]]>", 9).unwrap_or(whole), Kept::Whole)
+        (upto("]]>", 9).unwrap_or(whole), MarkupHandling::Whole)
     } else if text.starts_with("<?") {
-        upto("?>", 2).map_or((whole, Kept::Whole), |length| (length, Kept::Nothing))
+        upto("?>", 2)
+            .map_or((whole, MarkupHandling::Whole), |length| (length, MarkupHandling::Nothing))
     } else if text.starts_with("<!") {
-        closed(text).map_or((whole, Kept::Whole), |length| (length, Kept::Nothing))
+        closed(text)
+            .map_or((whole, MarkupHandling::Whole), |length| (length, MarkupHandling::Nothing))
     } else {
-        closed(text).map_or((whole, Kept::Whole), |length| (length, Kept::WithoutPrefixes))
+        closed(text).map_or((whole, MarkupHandling::Whole), |length| {
+            (length, MarkupHandling::WithoutPrefixes)
+        })
     }
 }
 

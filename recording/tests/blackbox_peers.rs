@@ -8,8 +8,8 @@ mod python;
 
 use std::path::{Path, PathBuf};
 
-use recording::blackbox::{
-    BlackBox, Clocks, CycleRecord, Few, Header, LogRecord, Repair, StatusRecord, repair,
+use recording::mcap_recording::{
+    Clocks, CycleRecord, Header, InlineVec, LogRecord, McapWriter, Repair, StatusRecord, repair,
 };
 use serde_json::{Value, json};
 
@@ -52,13 +52,13 @@ fn header(model_epoch: u64) -> Header {
 
 fn cycle(seq: u64, model_epoch: u64) -> CycleRecord {
     let received_ns = NOW.monotonic_ns + seq * 1_000_000;
-    let q = Few::of(&[seq as f64 * 1e-3; 6]);
+    let q = InlineVec::from_slice(&[seq as f64 * 1e-3; 6]);
     CycleRecord { seq, received_ns, q_command: q, model_epoch, ..CycleRecord::default() }
 }
 
 /// 3000 cycles over two models, with status and log.
-fn write(path: &Path) -> BlackBox {
-    let mut black_box = BlackBox::create(path, &header(1), NOW).expect("a file");
+fn write(path: &Path) -> McapWriter {
+    let mut black_box = McapWriter::create(path, &header(1), NOW).expect("a file");
     for seq in 0..3000 {
         let t_ns = NOW.monotonic_ns + seq * 1_000_000;
         if seq % 1000 == 0 {

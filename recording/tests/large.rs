@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use recording::series::{Channel, Need, read};
+use recording::series::{Channel, RequiredData, read};
 
 const ROWS: usize = 1_000_000;
 
@@ -28,7 +28,7 @@ fn a_million_rows_are_read_within_bounded_memory() {
             text.clear();
         }
     }
-    let read = read(&path, None, Need::Measurement);
+    let read = read(&path, None, RequiredData::Measurement);
     fs::remove_file(&path).unwrap();
     let read = read.unwrap();
     assert_eq!((read.len(), read.t_s[ROWS - 1]), (ROWS, 999.999));

@@ -50,7 +50,7 @@ fn a_dynamometer_gives_three_forces_with_the_tacho_beside() {
     assert_eq!(shape(&waves), (vec!["Fx_N", "Fy_N", "Fz_N"], vec![65_000]));
     let axes: Vec<_> = waves.records[0].channels.iter().map(|wave| wave.axis).collect();
     assert_eq!(axes, [Some(0), Some(1), Some(2)]);
-    assert_eq!(waves.records[0].beside.len(), 1);
+    assert_eq!(waves.records[0].auxiliary.len(), 1);
 }
 
 #[test]

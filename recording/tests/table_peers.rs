@@ -10,7 +10,7 @@ mod python;
 use std::fmt::Write as _;
 
 use recording::mapping::Mapping;
-use recording::series::{self, Channel, Need};
+use recording::series::{self, Channel, RequiredData};
 use recording::unit::Unit;
 use serde_json::{Value, json};
 
@@ -172,13 +172,13 @@ fn every_form_of_table_is_read_as_pandas_reads_it() {
         let mapping = Mapping::parse("m.toml", &mapping).expect("a mapping");
         let file = folder.join(format!("{at}.csv"));
         let text = recording::files::read_text(&file).expect("a text");
-        let read = series::read_text("x.csv", &text, Some(&mapping), None, Need::Path)
+        let read = series::read_text("x.csv", &text, Some(&mapping), None, RequiredData::Path)
             .unwrap_or_else(|faults| panic!("{form:?}\n{faults}"));
         let column = |channel| read.column(channel).expect("there");
         let ours = [&read.t_s, column(Channel::Command(0)), column(Channel::Position(0))];
         let theirs: Vec<Vec<f64>> = serde_json::from_value(expected).expect("columns");
         for ((ours, theirs), unit) in ours.into_iter().zip(theirs).zip(["s", "deg", "mm"]) {
-            let unit = Unit::named(unit).expect("a unit");
+            let unit = Unit::from_name(unit).expect("a unit");
             let theirs: Vec<f64> = theirs.into_iter().map(|value| unit.to_si(value)).collect();
             assert_eq!(ours, theirs, "{form:?}");
         }
@@ -212,8 +212,8 @@ fn every_orientation_is_the_rotation_that_scipy_makes_of_it() {
                 serde_json::from_value(job["numbers"].clone()).expect("numbers");
             let _ = writeln!(text, "{},{},{}", numbers[0], numbers[1], numbers[2]);
         }
-        let read =
-            series::read_text("x.csv", &text, Some(&mapping), None, Need::Path).expect("read");
+        let read = series::read_text("x.csv", &text, Some(&mapping), None, RequiredData::Path)
+            .expect("read");
         let part = |k: usize, row: usize| {
             read.column(Channel::Orientation(k)).and_then(|c| c.get(row)).copied().expect("a part")
         };

@@ -10,20 +10,20 @@ use physics::{AnyEffect, Body, Chain, Inputs, JointKind, Joints, Memories, Wrenc
 use proptest::prelude::*;
 use recording::model::presets::preset;
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel};
-use recording::urdf::{self, Ends, Import};
+use recording::urdf::{self, ChainEnds, Import};
 
 /// The robots of `tests/urdf`, with the chain that the reference takes.
-const ROBOTS: [(&str, Ends<'static>); 3] = [
-    ("six", Ends { base: Some("foot"), tip: Some("tool") }),
-    ("scara", Ends { base: None, tip: None }),
-    ("seven", Ends { base: Some("seat"), tip: None }),
+const ROBOTS: [(&str, ChainEnds<'static>); 3] = [
+    ("six", ChainEnds { base: Some("foot"), tip: Some("tool") }),
+    ("scara", ChainEnds { base: None, tip: None }),
+    ("seven", ChainEnds { base: Some("seat"), tip: None }),
 ];
 
 fn file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/urdf").join(name)
 }
 
-fn import(name: &str, ends: &Ends<'_>) -> Import {
+fn import(name: &str, ends: &ChainEnds<'_>) -> Import {
     urdf::read(&file(&format!("{name}.urdf")), ends).expect("imports")
 }
 
@@ -116,7 +116,7 @@ fn a_robot_that_went_out_and_in_again_is_the_same_robot() {
     for (name, ends) in ROBOTS {
         let first = import(name, &ends);
         let text = urdf::export(&first.model).text;
-        let again = urdf::parse("again.urdf", &text, &Ends::default()).expect("reads back");
+        let again = urdf::parse("again.urdf", &text, &ChainEnds::default()).expect("reads back");
         assert_eq!((&again.base, &again.tip), (&first.base, &first.tip), "{name}");
         assert_eq!(nameplate(&again.model), nameplate(&first.model), "{name}");
         for [q, ..] in reference(name) {
@@ -221,7 +221,7 @@ fn what_is_fixed_stands_in_the_frames_and_the_rest_is_named() {
         ];
         assert_eq!(left[..4], wanted);
         let arm =
-            urdf::parse("x", &export.text, &Ends::default()).expect("reads").model.physics.arm;
+            urdf::parse("x", &export.text, &ChainEnds::default()).expect("reads").model.physics.arm;
         for at in 0..50 {
             let q: Vec<f64> =
                 (0..6).map(|j| ((at * 7 + j) as f64 * 0.618_034).fract() * 4.0 - 2.0).collect();
@@ -262,7 +262,7 @@ fn an_offset_of_any_size_takes_frames_and_masses_along() {
     file.effects = vec![effect("joint_offset", Some(3), "offset_mrad", &[1000.0])];
     let model = RobotModel::of_file("x", file).expect("a model");
     let text = urdf::export(&model).text;
-    let out = urdf::parse("x", &text, &Ends::default()).expect("reads").model;
+    let out = urdf::parse("x", &text, &ChainEnds::default()).expect("reads").model;
     let q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6];
     let moved = [0.1, 0.2, 1.3, 0.4, 0.5, 0.6];
     let held = |model: &RobotModel, q: &[f64]| {
@@ -342,7 +342,7 @@ proptest! {
     fn a_random_arm_keeps_its_kinematics_in_and_out_and_in(made in prop::collection::vec(made(), 1..14)) {
         let text = text_of(&made);
         let tip = format!("l{}", made.len());
-        let ends = Ends { base: Some("l0"), tip: Some(&tip) };
+        let ends = ChainEnds { base: Some("l0"), tip: Some(&tip) };
         let q: Vec<f64> = made.iter().filter(|joint| joint.kind != "fixed").map(|joint| joint.q).collect();
         prop_assume!(!q.is_empty());
         let first = urdf::parse("made", &text, &ends).map_err(|faults| TestCaseError::fail(faults.plain()))?;
@@ -370,7 +370,7 @@ fn a_real_description_gives_its_arm_and_its_telescope_as_one_joint() {
         return;
     }
     // A lift of two stages that follow a third joint carries an arm of six.
-    let ends = |base, tip| Ends { base, tip };
+    let ends = |base, tip| ChainEnds { base, tip };
     let whole = urdf::read(&path, &ends(None, Some("prism"))).expect("imports");
     assert_eq!(whole.model.physics.arm.count(), 7);
     assert_eq!(whole.model.physics.arm.joints()[0].kind, physics::JointKind::Prismatic);

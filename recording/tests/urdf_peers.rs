@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use physics::{Chain, Frame, Joints};
-use recording::urdf::{self, Ends};
+use recording::urdf::{self, ChainEnds};
 
 use python::{answer, environment, scratch};
 
@@ -79,7 +79,7 @@ fn compare(file: &Path, poses: &[Pose], account: &mut Account) {
         std::iter::once(None).chain(links.iter().filter(named).map(|l| Some(l.as_str()))).collect();
     for base in bases {
         for tip in &links {
-            let import = match urdf::read(file, &Ends { base, tip: Some(tip) }) {
+            let import = match urdf::read(file, &ChainEnds { base, tip: Some(tip) }) {
                 Ok(import) => import,
                 Err(error) => {
                     let told = error.to_string();

@@ -14,7 +14,7 @@ use crate::scale::{Scale, Span};
 
 /// Limit on the errors drawn; of more, every n-th.
 const VECTORS_MAX: usize = 300;
-/// The longest of the errors as they were, drawn, as a share of a panel's width.
+/// Drawn length of the longest error before the correction, as a share of a panel's width.
 const LONGEST: f64 = 0.12;
 /// Joints that lie closer together in a drawing share one name.
 const APART_PX: f64 = 14.0;
@@ -28,7 +28,7 @@ const MILLI: f64 = 1e3;
 /// A point in the base frame, m.
 pub type Point = [f64; 3];
 
-/// A joint's place in a drawing.
+/// A joint and its position.
 #[derive(Debug, Clone)]
 struct Joint {
     name: String,
@@ -36,7 +36,7 @@ struct Joint {
     is_lit: bool,
 }
 
-/// An error at a place of the tool.
+/// An error at a position of the tool.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ToolError {
     /// Where the tool was, base frame, m.
@@ -56,10 +56,10 @@ pub struct ArmPicture {
     errors: Vec<ToolError>,
 }
 
-/// From which side the arm is seen.
+/// Direction of view.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum View {
-    /// Upright plane through the base at this angle about z, rad.
+    /// Vertical plane through the base at this angle about z, rad.
     Side {
         azimuth: f64,
     },
@@ -67,7 +67,7 @@ pub(crate) enum View {
 }
 
 impl View {
-    /// The side view that shows most: through the middle of these places.
+    /// The side view through the mean of these points.
     pub(crate) fn side(places: impl IntoIterator<Item = Point>) -> Self {
         let places = places.into_iter();
         let (x, y) = places.fold((0.0, 0.0), |(x, y), at| (x + at[0], y + at[1]));
@@ -96,29 +96,29 @@ impl View {
     }
 }
 
-/// Which of the two errors.
-type Side = fn(&ToolError) -> Point;
+/// Selects the error before or after.
+type ErrorSelector = fn(&ToolError) -> Point;
 
 /// What one panel shows.
 struct Panel<'a> {
     heading: String,
     view: View,
-    error: Side,
-    scale: Scaled<'a>,
+    error: ErrorSelector,
+    scale: VectorScale<'a>,
 }
 
 /// What all panels share.
 #[derive(Clone, Copy)]
-struct Scaled<'a> {
+struct VectorScale<'a> {
     shown: &'a [ToolError],
-    /// How many times longer errors are drawn.
+    /// Factor by which errors are exaggerated.
     factor: f64,
     /// The range of colours, mm.
     span: Span,
 }
 
 impl ArmPicture {
-    /// An arm without joints; `tool` is where its tool is in the pose that is drawn.
+    /// An arm without joints; `tool` is the tool's position in the pose drawn.
     #[must_use]
     pub fn new(title: impl Into<String>, tool: Point) -> Self {
         Self { title: title.into(), joints: Vec::new(), tool, errors: Vec::new() }
@@ -166,9 +166,9 @@ impl ArmPicture {
         let shown: Vec<ToolError> = self.errors.iter().step_by(stride).copied().collect();
         let sizes = shown.iter().flat_map(|e| [e.before, e.after]).map(|e| MILLI * length(e));
         let span = Span::of(sizes.chain([0.0]), false).unwrap_or(Span::unit(false));
-        let scale = Scaled { shown: &shown, factor: self.magnified(), span };
+        let scale = VectorScale { shown: &shown, factor: self.magnified(), span };
         let side = View::side(self.points());
-        let sides: [(&str, Side); 2] = [("Before", |e| e.before), ("After", |e| e.after)];
+        let sides: [(&str, ErrorSelector); 2] = [("Before", |e| e.before), ("After", |e| e.after)];
         let panels = sides.iter().flat_map(|(name, error)| {
             [side, View::Above].map(|view| Panel {
                 heading: format!("{name}, {}", view.name()),
@@ -179,7 +179,7 @@ impl ArmPicture {
         });
         let columns = if canvas.is_narrow() { 1 } else { 2 };
         let width = (whole_px - GAP_PX * (columns - 1) as f64) / columns as f64;
-        // Flat enough to fit on the first sheet of paper with everything before it.
+        // Low enough to fit on the first printed page together with what precedes it.
         let height = 0.42 * width + 62.0;
         self.draw_key(&mut canvas, scale);
         let mut bottom = KEY_PX;
@@ -238,7 +238,7 @@ impl ArmPicture {
     }
 
     /// The colour scale, and the exaggeration of the errors.
-    fn draw_key(&self, canvas: &mut Canvas, scale: Scaled<'_>) {
+    fn draw_key(&self, canvas: &mut Canvas, scale: VectorScale<'_>) {
         let words = format!("magnified {} times", significant(scale.factor, 1));
         let (left, top) = (0.0, 18.0);
         let width = (canvas.width_px() - text_width(&words) - 16.0).clamp(40.0, 300.0);
@@ -256,8 +256,8 @@ impl ArmPicture {
         canvas.text("label", (left + width + 16.0, top + 9.0), Anchor::Start, &words);
     }
 
-    fn describe(&self, scale: Scaled<'_>, stride: usize) -> String {
-        let mean = |error: Side| {
+    fn describe(&self, scale: VectorScale<'_>, stride: usize) -> String {
+        let mean = |error: ErrorSelector| {
             let sum: f64 = self.errors.iter().map(|one| length(error(one))).sum();
             quantity(MILLI * sum / self.errors.len().max(1) as f64, "mm")
         };
@@ -276,7 +276,7 @@ impl ArmPicture {
     }
 }
 
-/// Axes around an area in which a metre is as long to the right as upwards.
+/// Axes with equal scales around an area.
 fn square_frame(canvas: &mut Canvas, outer: Area, view: View, seen: &[(f64, f64)]) -> Frame {
     let span = |values: &mut dyn Iterator<Item = f64>| {
         Span::of(values, false).unwrap_or(Span::unit(false)).padded(0.06)
@@ -290,7 +290,7 @@ fn square_frame(canvas: &mut Canvas, outer: Area, view: View, seen: &[(f64, f64)
 }
 
 fn draw_errors(canvas: &mut Canvas, frame: &Frame, panel: &Panel<'_>) {
-    let Scaled { shown, factor, span } = panel.scale;
+    let VectorScale { shown, factor, span } = panel.scale;
     let mut drawn: Vec<(usize, &ToolError)> = shown
         .iter()
         .filter_map(|one| Some((shade(Some(MILLI * length((panel.error)(one))), span)?, one)))
@@ -310,8 +310,8 @@ fn draw_errors(canvas: &mut Canvas, frame: &Frame, panel: &Panel<'_>) {
     }
 }
 
-/// Where the name of a joint at `at` overlaps none that is drawn already: above or below it, to
-/// either side; above to the right if all four are taken.
+/// Area for the name of a joint at `at` that overlaps no other: above or below it, on either side;
+/// above to the right if all four are taken.
 fn free_place(at: (f64, f64), width: f64, right_end: f64, taken: &[Area]) -> Area {
     let place =
         |left: f64, bottom: f64| Area { left, top: bottom - NAME_PX, width, height: NAME_PX };

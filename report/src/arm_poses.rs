@@ -31,7 +31,7 @@ impl ArmPoses {
         Self { title: title.into(), poses: Vec::new() }
     }
 
-    /// Adds a pose: the places of its joints from the base on, and of its tool last.
+    /// Adds a pose: the positions of its joints from the base on, and of its tool last.
     #[must_use]
     pub fn pose(
         mut self,
@@ -83,7 +83,7 @@ impl ArmPoses {
         canvas.finish(bottom.max(20.0), &self.title, &self.describe(part))
     }
 
-    /// What all poses take, seen from the side and from above, m.
+    /// Extent of all poses in side view and top view, m.
     fn boxes(&self) -> [Extent; 2] {
         let mut boxes = [Extent::default(); 2];
         for pose in &self.poses {
@@ -102,7 +102,7 @@ impl ArmPoses {
 }
 
 impl ArmPose {
-    /// The side from which its tool is seen best.
+    /// The side view that shows the tool best.
     fn side(&self) -> View {
         View::side(self.joints.last().copied())
     }
@@ -115,7 +115,7 @@ struct Extent {
     high: (f64, f64),
 }
 
-/// Room for a joint's circle, m.
+/// Margin for a joint's circle, m.
 const MARGIN_M: f64 = 0.06;
 
 impl Extent {

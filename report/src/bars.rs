@@ -4,20 +4,20 @@ use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Svg, shortened, text_width, wrapped};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::{common_decimals, fixed, quantity, significant};
-use crate::role::{Look, Role};
+use crate::role::{Appearance, Role};
 use crate::scale::{Scale, Span, drawable, ticks};
 
 const LABEL_PX_MAX: f64 = 280.0;
 const VALUE_PX: f64 = 90.0;
 const BAR_PX: f64 = 15.0;
-/// What a name over its bars takes.
+/// Height of a name above its bars.
 const OVER_PX: f64 = 17.0;
 const ROW_GAP_PX: f64 = 13.0;
 /// Height of the ticks, and of the caption's first line.
 const BELOW_PX: f64 = 44.0;
 const LINE_PX: f64 = 15.0;
 
-/// One value, with an interval where it has one.
+/// One value, with an optional interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bar {
     value: f64,
@@ -45,15 +45,15 @@ impl From<f64> for Bar {
     }
 }
 
-/// Of which row a bar is, and in which place of it.
+/// Row of a bar, and its position in it.
 #[derive(Clone, Copy)]
-struct Whose<'a> {
+struct BarPosition<'a> {
     name: &'a str,
     place: usize,
-    look: Look,
+    look: Appearance,
 }
 
-/// A chart of level bars, one row for each name, one bar in it for each group.
+/// A chart of horizontal bars: one row for each name, one bar in it for each group.
 #[derive(Debug, Clone)]
 pub struct Bars {
     title: String,
@@ -84,7 +84,7 @@ impl Bars {
         self
     }
 
-    /// Adds a row of one bar for each group. What is not finite leaves its place empty.
+    /// Adds a row of one bar for each group. A value that is not finite leaves its place empty.
     #[must_use]
     pub fn row<T: Into<Bar>>(
         mut self,
@@ -128,9 +128,10 @@ impl Bars {
                 canvas.text("label", (left - 12.0, middle), Anchor::End, &label);
             }
             for (place, bar) in bars.iter().enumerate() {
-                let look = looks.get(place).copied().unwrap_or(Look { role: Role::Other, place });
+                let look =
+                    looks.get(place).copied().unwrap_or(Appearance { role: Role::Other, place });
                 let top = first + BAR_PX * place as f64;
-                self.draw_bar(&mut canvas, &scale, top, Whose { name, place, look }, *bar);
+                self.draw_bar(&mut canvas, &scale, top, BarPosition { name, place, look }, *bar);
             }
             at += taken(bars);
         }
@@ -140,10 +141,10 @@ impl Bars {
     }
 
     /// Appearance of the bars in a row: by their roles, otherwise by their order.
-    fn looks(&self) -> Vec<Look> {
+    fn looks(&self) -> Vec<Appearance> {
         let most = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
         let role = |place: usize| self.roles.get(place).copied().unwrap_or_default();
-        Look::each((0..most.max(self.groups.len())).map(role))
+        Appearance::each((0..most.max(self.groups.len())).map(role))
     }
 
     fn span(&self) -> Span {
@@ -170,7 +171,14 @@ impl Bars {
         BELOW_PX + LINE_PX * caption.len().saturating_sub(1) as f64
     }
 
-    fn draw_bar(&self, canvas: &mut Canvas, scale: &Scale, top: f64, whose: Whose<'_>, bar: Bar) {
+    fn draw_bar(
+        &self,
+        canvas: &mut Canvas,
+        scale: &Scale,
+        top: f64,
+        whose: BarPosition<'_>,
+        bar: Bar,
+    ) {
         if !drawable(bar.value, false) {
             return;
         }
@@ -219,6 +227,6 @@ impl Bars {
     }
 }
 
-fn entry(name: &str, look: Look) -> Entry {
+fn entry(name: &str, look: Appearance) -> Entry {
     Entry { look, swatch: Swatch::Block, name: name.to_owned() }
 }

@@ -1,4 +1,4 @@
-//! The only place that writes SVG: elements with finite coordinates and escaped text.
+//! SVG elements with finite coordinates and escaped text; no other module writes SVG.
 //!
 //! Colours come from the page's stylesheet by class, so that one drawing serves light, dark and print.
 
@@ -20,7 +20,8 @@ const DIGIT_PX: f64 = 7.7;
 /// Estimated width of a minus sign.
 const MINUS_PX: f64 = 10.1;
 
-/// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`]. It is laid out twice, for a wide screen and for a phone.
+/// A finished drawing, well-formed and with a description, for a [`crate::Page`]. It has two
+/// layouts, for a wide screen and for a phone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Svg {
     wide: String,
@@ -28,7 +29,7 @@ pub struct Svg {
 }
 
 impl Svg {
-    /// Laid out for each width, px.
+    /// Draws for both widths, px.
     pub(crate) fn laid_out(draw: impl Fn(f64) -> String) -> Self {
         Self { wide: draw(WIDE_PX), narrow: draw(NARROW_PX) }
     }
@@ -45,7 +46,7 @@ impl Svg {
         &self.narrow
     }
 
-    /// Both, of which the stylesheet shows one.
+    /// Both elements, of which the stylesheet shows one.
     pub(crate) fn html(&self) -> String {
         let Self { wide, narrow } = self;
         format!("<div class=\"on-wide\">{wide}</div><div class=\"on-narrow\">{narrow}</div>")
@@ -124,7 +125,7 @@ pub(crate) enum Anchor {
     End,
 }
 
-/// A drawing in the making.
+/// A drawing under construction.
 #[derive(Debug)]
 pub(crate) struct Canvas {
     width_px: f64,
@@ -185,7 +186,7 @@ impl Canvas {
         ));
     }
 
-    /// The place next to `x` at which a text of this width is inside the drawing.
+    /// The position nearest to `x` at which a text of this width is inside the drawing.
     fn inside(&self, x: f64, anchor: Anchor, text_px: f64) -> f64 {
         let before = text_px
             * match anchor {

@@ -88,7 +88,7 @@ fn y_ticks(span: Span, height: f64) -> Ticks {
     ticks(span, y_count(height))
 }
 
-/// The range up to whole ticks: no curve ends above the last of them.
+/// The range extended to whole ticks, so that no curve ends beyond the last tick.
 fn whole(span: Span, height: f64) -> Span {
     span.to_ticks(y_count(height))
 }
@@ -119,17 +119,17 @@ pub(crate) fn spaced(span: Span, width: f64) -> Ticks {
     }
 }
 
-/// The class of a mark on paper.
+/// CSS class of a mark on the background.
 pub(crate) const ON_PAPER: &str = "mark";
-/// The class of a mark across colours.
+/// CSS class of a mark on a colour map.
 pub(crate) const ON_COLOURS: &str = "mark over";
 
-/// Levels for the labels of upright marks.
+/// Levels for the labels of vertical marks.
 const LEVELS: usize = 6;
 /// Height of such a level.
 const LEVEL_PX: f64 = 15.0;
 
-/// Upright marks with their labels at the top, each on the highest level on which it overlaps no other.
+/// Vertical marks with their labels at the top, each on the highest level without overlap.
 pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
     let mut taken: Vec<Area> = Vec::new();
@@ -152,7 +152,7 @@ pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: 
     }
 }
 
-/// Level marks with their labels at the right end.
+/// Horizontal marks with their labels at the right end.
 pub(crate) fn mark_y(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
     for mark in marks.iter().filter(|mark| shown(mark, frame.y.span)) {

@@ -14,7 +14,7 @@ const COLUMNS_MAX: usize = 208;
 const ROWS_MAX: usize = 104;
 const HEIGHT_PX: f64 = 340.0;
 const KEY_PX: f64 = 84.0;
-/// Steps of colour.
+/// Number of colour levels.
 pub(crate) const LEVELS: usize = 32;
 /// The viridis colour map (van der Walt and Smith, CC0), every tenth of it.
 const VIRIDIS: [[u8; 3]; 11] = [
@@ -64,14 +64,14 @@ impl HeatMap {
         Self { title: title.into(), x, y, value, columns, rows, values, marks_x, marks_y, outlines }
     }
 
-    /// An upright line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
+    /// A vertical line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
     #[must_use]
     pub fn mark_x(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks_x.push(Mark { value, label: label.into() });
         self
     }
 
-    /// A level line at `value`, in the unit of y, e.g. a known frequency; omitted outside the
+    /// A horizontal line at `value`, in the unit of y, e.g. a known frequency; omitted outside the
     /// range.
     #[must_use]
     pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
@@ -79,7 +79,8 @@ impl HeatMap {
         self
     }
 
-    /// A frame around what lies between these values of x and y, e.g. an event in time and frequency; what lies outside the range is cut off.
+    /// A frame around these ranges of x and y, e.g. an event in time and frequency; clipped to the
+    /// map.
     #[must_use]
     pub fn outline(mut self, x: (f64, f64), y: (f64, f64), label: impl Into<String>) -> Self {
         self.outlines.push(Outline { x, y, label: label.into() });
@@ -234,13 +235,13 @@ impl HeatMap {
     }
 }
 
-/// The step of colour of a value; none where there is none.
+/// The colour level of a value; `None` without a value.
 pub(crate) fn shade(value: Option<f64>, span: Span) -> Option<usize> {
     let scale = Scale { span, from_px: 0.0, to_px: LEVELS as f64 };
     value.map(|value| (scale.held(value) as usize).min(LEVELS - 1))
 }
 
-/// The colour of a step.
+/// The colour of a level.
 pub(crate) fn colour(level: usize) -> String {
     let place = level as f64 / (LEVELS - 1) as f64 * (VIRIDIS.len() - 1) as f64;
     let below = (place as usize).min(VIRIDIS.len() - 2);

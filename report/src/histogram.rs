@@ -6,7 +6,7 @@ use crate::frame::{self, Frame, Mark};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::quantity;
 use crate::plot::breathing;
-use crate::role::{Look, Role};
+use crate::role::{Appearance, Role};
 use crate::scale::{Scale, Span, drawable};
 
 const HEIGHT_PX: f64 = 280.0;
@@ -69,7 +69,7 @@ impl Histogram {
         self
     }
 
-    /// An upright line at `value`, in the unit of x, e.g. a percentile or a bound.
+    /// A vertical line at `value`, in the unit of x, e.g. a percentile or a limit.
     #[must_use]
     pub fn mark(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks.push(Mark { value, label: label.into() });
@@ -98,7 +98,7 @@ impl Histogram {
 
     fn laid_out(&self, width: f64) -> String {
         let mut canvas = Canvas::new(width);
-        let looks = Look::each(self.samples.iter().map(|sample| sample.role));
+        let looks = Appearance::each(self.samples.iter().map(|sample| sample.role));
         let entries = looks.iter().zip(&self.samples);
         let entries: Vec<Entry> = entries.map(|(look, sample)| entry(*look, sample)).collect();
         let top = legend::draw(&mut canvas, &entries);
@@ -161,7 +161,7 @@ impl Histogram {
     }
 }
 
-fn entry(look: Look, sample: &Sample) -> Entry {
+fn entry(look: Appearance, sample: &Sample) -> Entry {
     Entry { look, swatch: Swatch::Line, name: sample.name.clone() }
 }
 

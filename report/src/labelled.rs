@@ -1,9 +1,10 @@
-//! Text beside a label, as wide as a terminal.
+//! Text next to a label, wrapped to the width of a terminal.
 
 /// Width of a terminal, characters.
 const COLUMNS: usize = 80;
 
-/// The lines of a text beside its label, at most 80 characters wide: the label takes `indent` of them, the
+/// The lines of a text next to its label, at most 80 characters wide: the label takes `indent` of
+/// them, the
 /// text is wrapped at spaces, and words longer than a line are broken.
 #[must_use]
 pub fn labelled(label: &str, indent: usize, text: &str) -> Vec<String> {

@@ -1,13 +1,13 @@
 //! Legend above a plot, in one or several rows.
 
 use crate::canvas::{Anchor, Area, Canvas, Px, shortened, text_width};
-use crate::role::Look;
+use crate::role::Appearance;
 
 const ROW_PX: f64 = 20.0;
 const SWATCH_PX: f64 = 18.0;
 const GAP_PX: f64 = 22.0;
 
-/// How an entry's sample is drawn.
+/// Symbol of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Swatch {
     Line,
@@ -15,10 +15,10 @@ pub(crate) enum Swatch {
     Block,
 }
 
-/// One entry: its appearance, its sample, its name.
+/// One entry: its appearance, its symbol, its name.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
-    pub(crate) look: Look,
+    pub(crate) look: Appearance,
     pub(crate) swatch: Swatch,
     pub(crate) name: String,
 }

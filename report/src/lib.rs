@@ -1,4 +1,4 @@
-//! Uniform HTML pages, SVG plots and tables of text.
+//! HTML pages, SVG plots and text tables in one style.
 //!
 //! The same input gives the same bytes; every text is escaped; drawings contain finite values only;
 //! a page is one file without network access; long series are decimated to a bounded size. No
@@ -23,6 +23,7 @@ mod arm_poses;
 mod axis;
 mod bars;
 mod canvas;
+mod decimation;
 mod escape;
 mod frame;
 mod heat;
@@ -33,14 +34,13 @@ mod multiples;
 mod number;
 mod page;
 mod plot;
+mod provenance;
 mod role;
 mod scale;
 mod series;
-mod strip;
 mod table;
 mod text_line;
 mod text_table;
-mod thin;
 
 /// The comment in the head of every page and every separate plot.
 pub const MADE_BY: &str = "<!-- made by trued -->";
@@ -54,12 +54,12 @@ pub use heat::HeatMap;
 pub use histogram::Histogram;
 pub use labelled::labelled;
 pub use multiples::Multiples;
-pub use number::{capitalised, count, duration, fixed, quantity, significant};
+pub use number::{capitalised, duration, fixed, pluralise, quantity, significant};
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
+pub use provenance::{InputFile, Provenance};
 pub use role::Role;
 pub use series::Series;
-pub use strip::{InputFile, Provenance};
 pub use table::{Cell, Column, Table};
 pub use text_line::TextLine;
 pub use text_table::TextTable;

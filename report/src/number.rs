@@ -33,7 +33,7 @@ pub fn significant(value: f64, digits: usize) -> String {
     format!("{}×{}", mantissa.replace('-', "−"), power_of_ten(exponent))
 }
 
-/// The value with so many decimals, thousands grouped from 10 000 on.
+/// The value with a number of decimals, thousands grouped from 10 000 on.
 ///
 /// ```
 /// assert_eq!(report::fixed(-0.0004, 2), "0.00");
@@ -58,7 +58,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     text + rest
 }
 
-/// Three significant digits and the unit, held together by a space that does not break.
+/// Three significant digits and the unit, separated by a no-break space.
 ///
 /// ```
 /// assert_eq!(report::quantity(0.8432, "mm"), "0.843\u{a0}mm");
@@ -74,7 +74,7 @@ pub fn quantity(value: f64, unit: &str) -> String {
     }
 }
 
-/// A time in s, told in the unit that suits its size (ns to min).
+/// A time in s, written in a suitable unit (ns to min).
 ///
 /// ```
 /// assert_eq!(report::duration(4.2e-6), "4.20\u{a0}µs");
@@ -128,11 +128,11 @@ pub(crate) fn common_decimals(values: &[f64], digits: usize) -> Option<usize> {
 
 /// A count with its noun: `1 fault`, `2 faults`.
 #[must_use]
-pub fn count(number: usize, what: &str) -> String {
+pub fn pluralise(number: usize, what: &str) -> String {
     format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }
 
-/// The text with a capital at its start, as a sentence has it.
+/// The text with its first letter in upper case.
 #[must_use]
 pub fn capitalised(text: &str) -> String {
     let mut letters = text.chars();

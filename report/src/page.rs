@@ -4,7 +4,7 @@ use crate::MADE_BY;
 use crate::canvas::Svg;
 use crate::escape::escape;
 use crate::number::significant;
-use crate::strip::{self, Provenance};
+use crate::provenance::{self, Provenance};
 use crate::table::Table;
 
 pub(crate) const STYLE: &str = include_str!("style.css");
@@ -13,17 +13,17 @@ const NUMBERS: usize = 4;
 /// Sections from which on a page has a list of contents.
 const CONTENTS_LEAST: usize = 3;
 
-/// How a statement is meant.
+/// Tone of a statement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Tone {
     /// A plain statement.
     #[default]
     Plain,
-    /// As it should be.
+    /// As required.
     Good,
     /// Needs attention.
     Caution,
-    /// A fault.
+    /// A fault or a failed requirement.
     Bad,
 }
 
@@ -161,7 +161,7 @@ impl Page {
         self
     }
 
-    /// What else the page is about, after the robot in the strip: a cell, a model.
+    /// A further subject of the page, after the robot in the strip: a cell, a model.
     #[must_use]
     pub fn about(mut self, name: impl Into<String>, value: impl Into<String>) -> Self {
         self.about.push((name.into(), value.into()));
@@ -175,7 +175,7 @@ impl Page {
         self
     }
 
-    /// The result: a word, and a complete sentence.
+    /// The verdict: a word, and a complete sentence.
     #[must_use]
     pub fn verdict(self, tone: Tone, word: &str, sentence: &str) -> Self {
         let (word, sentence) = (escape(word), escape(sentence));
@@ -198,7 +198,7 @@ impl Page {
         self.with(&format!("<dl class=\"numbers\">{numbers}</dl>\n"))
     }
 
-    /// The one thing to do next, with the command for it where there is one.
+    /// The next step, with its command if there is one.
     #[must_use]
     pub fn next(self, text: &str, command: Option<&str>) -> Self {
         let command = command.map_or(String::new(), |line| format!("<pre>{}</pre>", escape(line)));
@@ -283,7 +283,7 @@ impl Page {
         self.with(&format!("<dl class=\"facts\">{facts}</dl>\n"))
     }
 
-    /// Text as it is typed: a command, a file.
+    /// Preformatted text: a command, a file.
     #[must_use]
     pub fn code(self, text: &str) -> Self {
         self.with(&format!("<pre>{}</pre>\n", escape(text)))
@@ -321,11 +321,11 @@ impl Page {
     fn strip(&self) -> String {
         let robot = match self.robot.as_str() {
             "" => String::new(),
-            robot => strip::entry("Robot", &escape(robot)),
+            robot => provenance::entry("Robot", &escape(robot)),
         };
         let made = self.provenance.as_ref().map_or(String::new(), Provenance::strip);
         let about =
-            self.about.iter().map(|(name, value)| strip::entry(&escape(name), &escape(value)));
+            self.about.iter().map(|(name, value)| provenance::entry(&escape(name), &escape(value)));
         match robot + &about.collect::<String>() + &made {
             entries if entries.is_empty() => entries,
             entries => format!("<dl class=\"strip\">{entries}</dl>\n"),
@@ -339,7 +339,7 @@ impl Page {
         })
     }
 
-    /// Links to the sections, where there are enough to get lost among.
+    /// Links to the sections; none for a page of few sections.
     fn contents(&self) -> String {
         if self.sections.len() < CONTENTS_LEAST {
             return String::new();

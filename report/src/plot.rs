@@ -2,13 +2,13 @@
 
 use crate::axis::Axis;
 use crate::canvas::{Area, Canvas, Px, Svg};
+use crate::decimation::{self, Spot};
 use crate::frame::{self, Frame, Mark, Ranged};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::quantity;
-use crate::role::Look;
+use crate::role::Appearance;
 use crate::scale::Span;
 use crate::series::{Series, Shape, looks};
-use crate::thin::{self, Spot};
 
 /// Up to this number, dots are drawn larger.
 const FEW: usize = 12;
@@ -29,7 +29,7 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// An empty plot; the title is read aloud, not drawn (on a page the caption speaks).
+    /// An empty plot; the title is for screen readers and not drawn, since a figure has a caption.
     #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
         Self {
@@ -51,21 +51,22 @@ impl Plot {
         self
     }
 
-    /// An upright line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
+    /// A vertical line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
     #[must_use]
     pub fn mark_x(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks_x.push(Mark { value, label: label.into() });
         self
     }
 
-    /// A level line at `value`, in the unit of y, e.g. a bound; the range grows to show it.
+    /// A horizontal line at `value`, in the unit of y, e.g. a limit; the range is extended to show
+    /// it.
     #[must_use]
     pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
         self.marks_y.push(Mark { value, label: label.into() });
         self
     }
 
-    /// One unit is as long on both axes: for paths in the plane. Ignored where an axis is logarithmic.
+    /// Gives both axes the same scale, for paths in the plane. Ignored if an axis is logarithmic.
     #[must_use]
     pub fn equal_scale(mut self) -> Self {
         self.equal_scale = true;
@@ -120,7 +121,7 @@ impl Plot {
     }
 
     pub(crate) fn legend(&self) -> Vec<Entry> {
-        let entry = |(look, series): (Look, &Series)| Entry {
+        let entry = |(look, series): (Appearance, &Series)| Entry {
             look,
             swatch: if series.shape == Shape::Line { Swatch::Line } else { Swatch::Dot },
             name: series.name.clone(),
@@ -157,7 +158,7 @@ impl Plot {
             let unit = &self.y.unit;
             words +=
                 &format!(" {}: {} to {}", series.name, quantity(low, unit), quantity(high, unit));
-            if series.points.len() > thin::POINTS_MAX {
+            if series.points.len() > decimation::POINTS_MAX {
                 words += &format!(", {} points, thinned for drawing", series.points.len());
             }
             words.push('.');
@@ -166,7 +167,7 @@ impl Plot {
     }
 }
 
-/// A range of data with air around it, on the ground where it is a range of sizes.
+/// A range of data with a margin; it starts at zero if its values are positive and zero is near.
 pub(crate) fn breathing(span: Span) -> Span {
     let grounded = span.grounded_if_near();
     let padded = grounded.padded(0.05);
@@ -177,7 +178,7 @@ pub(crate) fn breathing(span: Span) -> Span {
     }
 }
 
-/// The ranges grown so that a unit is as long on both axes of `inner`.
+/// The ranges extended so that both axes of `inner` have the same scale.
 pub(crate) fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     let per_px = ((x.high - x.low) / inner.width).max((y.high - y.low) / inner.height);
     let grown = |span: Span, px: f64| {
@@ -187,7 +188,7 @@ pub(crate) fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     (grown(x, inner.width), grown(y, inner.height))
 }
 
-fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Look) {
+fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Appearance) {
     let spots: Vec<Spot> =
         series.points.iter().map(|(x, y)| frame.x.at(*x).zip(frame.y.at(*y))).collect();
     match series.shape {
@@ -197,10 +198,10 @@ fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Look) 
                 (false, true) => " whole",
                 (false, false) => "",
             };
-            canvas.path(&format!("{}{dash}", look.line()), &line_data(&thin::line(&spots)));
+            canvas.path(&format!("{}{dash}", look.line()), &line_data(&decimation::line(&spots)));
         }
         Shape::Dots => {
-            let spots = thin::dots(&spots);
+            let spots = decimation::dots(&spots);
             let few = if spots.iter().flatten().count() <= FEW { " few" } else { "" };
             canvas.path(&format!("{}{few}", look.dots()), &dots_data(&spots, look));
         }
@@ -225,7 +226,7 @@ fn line_data(spots: &[Spot]) -> String {
     data
 }
 
-fn dots_data(spots: &[Spot], look: Look) -> String {
+fn dots_data(spots: &[Spot], look: Appearance) -> String {
     spots.iter().flatten().map(|spot| look.marker(*spot)).collect()
 }
 

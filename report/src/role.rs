@@ -26,15 +26,15 @@ const OTHERS: usize = 8;
 /// Number of different dashes and markers.
 const SHAPES: usize = 4;
 
-/// How one thing is drawn: by its role, and among those without one by its place.
+/// Appearance of one element: by its role, and among those without a role by its order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Look {
+pub(crate) struct Appearance {
     pub(crate) role: Role,
     pub(crate) place: usize,
 }
 
-impl Look {
-    /// The appearance of several, in their order.
+impl Appearance {
+    /// The appearances for a list of roles, in its order.
     pub(crate) fn each(roles: impl IntoIterator<Item = Role>) -> Vec<Self> {
         let mut others = 0;
         let look = |role| {
@@ -62,7 +62,7 @@ impl Look {
             Role::Before => 1,
             Role::Truth => 2,
             Role::Calibrated => 3,
-            // Eight colours, then the same again in the next shape.
+            // The eight colours repeat with the next shape.
             Role::Other => (self.place + self.place / OTHERS) % SHAPES,
         }
     }
@@ -77,7 +77,8 @@ impl Look {
         format!("dots {} m{}", self.colour(), self.shape())
     }
 
-    /// The path of a marker around a point: a dot, an upright, a level or a slanting stroke. Short, as there are thousands of them.
+    /// The path of a marker around a point: a dot, or a vertical, horizontal or oblique stroke.
+    /// Short, because a plot has thousands.
     pub(crate) fn marker(self, (x, y): (f64, f64)) -> String {
         match self.shape() {
             0 => format!("M{} {}h0", Px(x), Px(y)),
@@ -96,8 +97,8 @@ mod tests {
 
     #[test]
     fn a_role_looks_the_same_wherever_it_stands() {
-        let first = Look::each([Role::After, Role::Other, Role::Other]);
-        let last = Look::each([Role::Other, Role::Before, Role::Other, Role::After]);
+        let first = Appearance::each([Role::After, Role::Other, Role::Other]);
+        let last = Appearance::each([Role::Other, Role::Before, Role::Other, Role::After]);
         assert_eq!(
             (first[0].line(), first[0].dots(), first[0].marker((1.0, 2.0))),
             (last[3].line(), last[3].dots(), last[3].marker((1.0, 2.0)))
@@ -107,7 +108,7 @@ mod tests {
 
     #[test]
     fn roles_differ_in_colour_in_dash_and_in_marker() {
-        let looks = Look::each(NAMED);
+        let looks = Appearance::each(NAMED);
         for (i, one) in looks.iter().enumerate() {
             for other in &looks[..i] {
                 assert_ne!(one.colour(), other.colour());
@@ -119,8 +120,8 @@ mod tests {
 
     #[test]
     fn a_series_without_a_role_never_has_the_colour_of_one() {
-        let named: Vec<String> = Look::each(NAMED).iter().map(|look| look.colour()).collect();
-        let others = Look::each([Role::Other; 20]);
+        let named: Vec<String> = Appearance::each(NAMED).iter().map(|look| look.colour()).collect();
+        let others = Appearance::each([Role::Other; 20]);
         assert!(others.iter().all(|look| !named.contains(&look.colour())));
         assert_ne!(others[0].line(), others[8].line(), "the same colour again has another dash");
     }

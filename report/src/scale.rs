@@ -24,7 +24,7 @@ pub(crate) fn drawable(value: f64, log: bool) -> bool {
 }
 
 impl Span {
-    /// The range of the values that can be drawn; `None` where there are none.
+    /// The range of the values that can be drawn; `None` if there are none.
     pub(crate) fn of(values: impl IntoIterator<Item = f64>, log: bool) -> Option<Self> {
         let mut range: Option<(f64, f64)> = None;
         for value in values.into_iter().filter(|value| drawable(*value, log)) {
@@ -34,7 +34,7 @@ impl Span {
         range.map(|(low, high)| Self { low, high, log }.widened())
     }
 
-    /// What an axis without data shows.
+    /// The range of an axis without data.
     pub(crate) fn unit(log: bool) -> Self {
         if log { Self { low: 1.0, high: 10.0, log } } else { Self { low: 0.0, high: 1.0, log } }
     }
@@ -43,7 +43,7 @@ impl Span {
         Self { low: self.low.min(other.low), high: self.high.max(other.high), log: self.log }
     }
 
-    /// The range with some air, as a share of its width.
+    /// The range with a margin, as a share of its width.
     pub(crate) fn padded(self, share: f64) -> Self {
         if self.log {
             let factor = (self.high / self.low).min(LARGEST).powf(share);
@@ -54,13 +54,14 @@ impl Span {
         Self { low: self.low - air, high: self.high + air, log: false }
     }
 
-    /// A range of sizes starts at zero where zero is near: heights then compare honestly.
+    /// A range of positive values starts at zero if zero is near, so that heights can be compared.
     pub(crate) fn grounded_if_near(self) -> Self {
         let near = !self.log && self.low > 0.0 && self.low < 0.35 * self.high;
         if near { Self { low: 0.0, ..self } } else { self }
     }
 
-    /// The range grown to the ticks around it, of about `wanted`; a logarithmic one of several decades to whole decades upwards.
+    /// The range extended to the ticks around it, about `wanted` in number; a logarithmic range of
+    /// several decades is extended upwards to a whole decade.
     pub(crate) fn to_ticks(self, wanted: usize) -> Self {
         let grown = if self.log {
             let decades = self.high.log10() - self.low.log10();
@@ -99,7 +100,7 @@ impl Span {
     }
 }
 
-/// A range laid over pixels.
+/// Mapping of a range of values to pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Scale {
     pub(crate) span: Span,
@@ -117,7 +118,7 @@ impl Scale {
         px.is_finite().then_some(px)
     }
 
-    /// The position of a value that must be drawn: at the nearer end, if it is outside.
+    /// The position of a value, clamped to the range.
     pub(crate) fn held(&self, value: f64) -> f64 {
         let held = value.clamp(self.span.low, self.span.high);
         self.at(held).unwrap_or(self.from_px)

@@ -1,6 +1,6 @@
 //! Named points with a drawing style.
 
-use crate::role::{Look, Role};
+use crate::role::{Appearance, Role};
 
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +42,7 @@ impl Series {
         self
     }
 
-    /// Dashed: a model, a target, a bound.
+    /// Dashed: a model, a target, a limit.
     #[must_use]
     pub fn dashed(mut self) -> Self {
         self.dashed = true;
@@ -55,6 +55,6 @@ impl Series {
 }
 
 /// The appearance of each series of a plot.
-pub(crate) fn looks(series: &[Series]) -> Vec<Look> {
-    Look::each(series.iter().map(|series| series.role))
+pub(crate) fn looks(series: &[Series]) -> Vec<Appearance> {
+    Appearance::each(series.iter().map(|series| series.role))
 }

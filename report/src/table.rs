@@ -7,7 +7,7 @@ use crate::escape::escape;
 use crate::number::{common_decimals, fixed, significant};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 
-/// Rows up to which a table is not torn apart by a page break.
+/// Up to this number of rows, a table is not split by a page break.
 const SHORT: usize = 15;
 
 /// A column's head, and the format of its numbers.

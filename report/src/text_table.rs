@@ -30,7 +30,7 @@ impl TextTable {
         }
     }
 
-    /// What the widest row takes.
+    /// Width of the widest row.
     fn total(&self) -> usize {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         (0..columns).map(|i| self.width(i)).sum::<usize>() + 2 * columns.saturating_sub(1)

@@ -9,7 +9,7 @@ pub fn monotonic_ns() -> u64 {
     (now.tv_sec as u64).wrapping_mul(1_000_000_000).wrapping_add(now.tv_nsec as u64)
 }
 
-/// A number that names one run of a sender: no two runs on one machine share it.
+/// A number that identifies one run of a sender, unique on this machine.
 #[must_use]
 pub fn new_session() -> u64 {
     let pid = rustix::process::getpid().as_raw_nonzero().get() as u64;

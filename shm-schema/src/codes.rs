@@ -1,13 +1,13 @@
 //! Enumerations transmitted as `u32`: values of another process are checked before conversion to an enum.
 //!
-//! Promise: a code never changes its number; new codes are added at the end. An unknown number is
+//! Invariants: a code never changes its number; new codes are appended. An unknown number is
 //! an error that names the list, never undefined behaviour.
 
-/// A number that is in no list of this version.
+/// A code that this version does not know.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{list}: unknown code {code}, expected 0 to {last}; use the same version on both sides")]
 pub struct UnknownCode {
-    /// Which list.
+    /// Name of the enumeration.
     pub list: &'static str,
     /// The number received.
     pub code: u32,
@@ -28,13 +28,13 @@ macro_rules! codes {
             /// All codes in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
 
-            /// The number that travels.
+            /// The transmitted number.
             #[must_use]
             pub const fn code(self) -> u32 {
                 self as u32
             }
 
-            /// The word used in recordings, reports and JSON.
+            /// The name used in recordings, reports and JSON.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self { $(Self::$variant => $text,)* }

@@ -7,7 +7,7 @@ use crate::codes::{UnknownCode, codes};
 use crate::layout::{Payload, payload, plain_struct};
 use crate::text::Text;
 
-/// Most bytes of a path in a request.
+/// Maximum length of a path in a request, bytes.
 pub const PATH_BYTES_MAX: usize = 256;
 
 plain_struct! {
@@ -15,7 +15,7 @@ plain_struct! {
     pub struct Request = "trued.Request/4" {
         /// From 1, plus 1 with each request of this sender.
         pub seq: u64,
-        /// Names this run of the sender.
+        /// Identifies this run of the sender.
         pub session: u64,
         /// When it was sent, `CLOCK_MONOTONIC`.
         pub t_ns: u64,
@@ -27,7 +27,7 @@ plain_struct! {
         pub sigma_m: f64,
         /// Temperature around the robot, °C, for [`Operation::Measured`]; NaN where unknown.
         pub ambient_c: f64,
-        /// Where the tool centre point was measured, base frame, m, for [`Operation::Measured`].
+        /// Measured position of the tool centre point, base frame, m, for [`Operation::Measured`].
         pub point_m: [f64; 3],
         /// The joint positions that were published there, rad or m, for [`Operation::Measured`].
         pub q: [f64; JOINTS_MAX],
@@ -42,11 +42,11 @@ plain_struct! {
         pub teeth: u32,
         /// An [`InCut`], for [`Operation::ProcessState`].
         pub in_cut: u32,
-        /// How long the process state holds, ms; 0: until the next one.
+        /// Validity of the process state, ms; 0: until the next one.
         pub holds_ms: u32,
-        /// How many joints `q` has, for [`Operation::Measured`].
+        /// Number of joints in `q`, for [`Operation::Measured`].
         pub joints: u32,
-        /// 1 where [`Operation::Reload`] may load a model of another robot, or one whose limits the arm is outside of: obeyed in shadow mode only.
+        /// 1 where [`Operation::Reload`] may load a model of another robot, or one whose limits the arm exceeds: allowed in shadow mode only.
         pub other_robot: u32,
         /// Direction of approach of each joint, −1 or 1; 0 where unknown, for [`Operation::Measured`].
         pub direction: [i8; JOINTS_MAX],
@@ -81,13 +81,13 @@ plain_struct! {
         pub seq: u64,
         /// The request's `session`.
         pub session: u64,
-        /// When it was made, `CLOCK_MONOTONIC`.
+        /// Time of the answer, `CLOCK_MONOTONIC`.
         pub t_ns: u64,
         /// Layout version.
         pub layout: u32,
         /// An [`Answer`].
         pub answer: u32,
-        /// What was done, or where and why not and what was expected.
+        /// What was done, or why the request failed and what was expected.
         pub message: Text<256>,
     }
 }

@@ -1,4 +1,4 @@
-//! How the feed is adapted to the force: part of [`crate::Status`].
+//! Adaptation of the feed to the force: part of [`crate::Status`].
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -6,27 +6,27 @@ use crate::codes::codes;
 use crate::layout::plain_struct;
 
 plain_struct! {
-    /// What bounds the feed override, and where it goes without a daemon; 1 is the programmed feed. The client library goes by the same rule when the daemon is gone.
+    /// Bounds of the feed override, and its value without a daemon; 1 is the programmed feed. The client library applies the same rule when the daemon has terminated.
     pub struct FeedBounds = "trued.FeedBounds/1" {
-        /// The least override; 0 where the cell adapts no feed.
+        /// The lowest override; 0 if the cell does not adapt its feed.
         pub floor: f64,
-        /// Where it goes without a daemon.
+        /// The override without a daemon.
         pub lost: f64,
-        /// How fast it may fall, per s.
+        /// Largest rate of fall, per s.
         pub down_per_s: f64,
-        /// How fast it may rise, per s.
+        /// Largest rate of rise, per s.
         pub up_per_s: f64,
-        /// How long it holds without a daemon before that, s.
+        /// Time for which it is held without a daemon before that, s.
         pub hold_s: f64,
     }
 }
 
 codes! {
-    /// What the feed override does.
+    /// State of the feed override.
     pub enum FeedState {
         /// The cell has no limit for its feed, or it is switched off.
         Off = 0 "off",
-        /// No force is known: the override is at the one that the cell has set for that, or on its way there.
+        /// No force is known: the override is at the value that the cell sets for this case, or on its way there.
         Lost = 1 "lost",
         /// The override is computed and reported; the programmed feed is used.
         Observing = 2 "observing",
@@ -40,23 +40,23 @@ codes! {
 }
 
 codes! {
-    /// Why the feed override is so.
+    /// Why the feed override is in this state.
     pub enum FeedReason {
-        /// Nothing to say.
+        /// No particular reason.
         None = 0 "none",
-        /// No wrench has come.
+        /// No wrench was received.
         NoWrench = 1 "no_wrench",
         /// The wrench is older than the cell allows.
         Stale = 2 "stale",
         /// The force stream or one of its channels has a fault.
         SensorFault = 3 "sensor_fault",
-        /// The wrench holds a number that is none, or is larger than any robot's.
+        /// The wrench contains a value that is not finite or implausibly large.
         NotFinite = 4 "not_finite",
-        /// The model does not tell how far the tool gives way.
+        /// The model has no compliance at the tool.
         NoDeflection = 5 "no_deflection",
         /// The robot is at rest: the force does not depend on the feed.
         AtRest = 6 "at_rest",
-        /// The floor of the override does not keep the limit.
+        /// Even the lowest override exceeds the limit.
         AtFloor = 7 "at_floor",
     }
 }

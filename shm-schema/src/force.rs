@@ -4,17 +4,17 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 
-/// Most channels of a block: a whole wrench.
+/// Largest number of channels of a block: a whole wrench.
 pub const FORCE_CHANNELS_MAX: usize = 6;
-/// Most samples per channel in one block.
+/// Largest number of samples per channel in one block.
 pub const FORCE_SAMPLES_MAX: usize = 512;
 
 plain_struct! {
-    /// Samples of one stretch of time, evenly spaced.
+    /// A block of evenly spaced samples.
     pub struct ForceBlock = "trued.ForceBlock/1" {
-        /// From 1, plus 1 with each block made, sent or not: a gap counts lost blocks.
+        /// Starts at 1 and increases by 1 with each block, sent or not: gaps count lost blocks.
         pub seq: u64,
         /// Names this run of the sender: another number means that `seq` starts again.
         pub session: u64,
@@ -39,8 +39,8 @@ plain_struct! {
     }
 }
 payload!(ForceBlock = "trued.ForceBlock/1", layout 1, check |b| {
-    within::<ForceBlock>("channels", u64::from(b.channels), 3..=6, "3 to 6 channels")?;
-    within::<ForceBlock>("samples", u64::from(b.samples), 1..=512, "1 to 512 samples")
+    check_range::<ForceBlock>("channels", u64::from(b.channels), 3..=6, "3 to 6 channels")?;
+    check_range::<ForceBlock>("samples", u64::from(b.samples), 1..=512, "1 to 512 samples")
 });
 
 impl ForceBlock {
@@ -49,7 +49,7 @@ impl ForceBlock {
     /// The source had single precision.
     pub const INPUT_F32: u32 = 1 << 1;
 
-    /// The samples of one channel; empty where the block has no such channel or claims too much.
+    /// The samples of one channel; empty if the block has no such channel or its counts exceed its size.
     #[must_use]
     pub fn channel(&self, channel: usize) -> &[f64] {
         let samples = self.samples as usize;

@@ -1,10 +1,10 @@
-//! Setpoints that are known ahead of time (`/horizon`), from the robot's side to the daemon.
+//! Upcoming setpoints (`/horizon`), from the robot's side to the daemon.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
 use crate::codes::codes;
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 
 plain_struct! {
     /// The setpoints that will follow a command, one command period apart; the newest message replaces the earlier ones.
@@ -19,20 +19,20 @@ plain_struct! {
         pub sent_ns: u64,
         /// Layout version.
         pub layout: u32,
-        /// How many points are set, 0 to 128; 0: no setpoint is known ahead.
+        /// Number of points, 0 to 128; 0: no setpoint is known ahead.
         pub count: u32,
         /// Commanded joint angles or lengths, rad or m.
         pub points: [[f64; JOINTS_MAX]; Horizon::POINTS_MAX],
     }
 }
 payload!(Horizon = "trued.Horizon/1", layout 1, check |h| {
-    within::<Horizon>("count", u64::from(h.count), 0..=Horizon::POINTS_MAX as u64, "0 to 128 points")?;
+    check_range::<Horizon>("count", u64::from(h.count), 0..=Horizon::POINTS_MAX as u64, "0 to 128 points")?;
     let not_finite = h.points().iter().flatten().filter(|q| !q.is_finite()).count();
-    within::<Horizon>("points: numbers that are not finite", not_finite as u64, 0..=0, "0")
+    check_range::<Horizon>("points: numbers that are not finite", not_finite as u64, 0..=0, "0")
 });
 
 impl Horizon {
-    /// Most points of one message.
+    /// Largest number of points in one message.
     pub const POINTS_MAX: usize = 128;
 
     /// The points that are set, at most [`POINTS_MAX`](Self::POINTS_MAX) whatever the message claims.
@@ -41,7 +41,7 @@ impl Horizon {
         &self.points[..(self.count as usize).min(Self::POINTS_MAX)]
     }
 
-    /// Copies the message without the points that are not set; those of `into` stay as they are.
+    /// Copies the message except unused points; those of `into` stay unchanged.
     pub fn copy_into(&self, into: &mut Self) {
         let Self { seq, session, command_seq, sent_ns, layout, count, points: _ } = *self;
         let points = self.points();
@@ -52,7 +52,7 @@ impl Horizon {
 }
 
 codes! {
-    /// What the compensation of delay, lags and modes is computed from.
+    /// State of the lead compensation of delay, lags and modes.
     pub enum LeadState {
         /// The cell has no `[dynamic]`, or it is switched off.
         Off = 0 "off",

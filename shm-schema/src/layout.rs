@@ -1,8 +1,8 @@
 //! Requirements for a payload struct: fixed layout, no padding, a hash that identifies the layout.
 //!
-//! Promise: two programs whose hashes agree read the same number at the same byte. The hash is
-//! made at compile time from names, offsets and types of all fields, so it cannot be forgotten.
-//! Never: data other than plain numbers.
+//! Invariant: two programs whose hashes agree read the same number at the same byte. The hash is
+//! computed at compile time from names, offsets and types of all fields, so it cannot be forgotten.
+//! Payloads contain plain numbers only.
 
 use core::fmt;
 
@@ -17,20 +17,20 @@ pub trait Payload:
     /// FNV-1a over the names, offsets and types of all fields.
     const LAYOUT_HASH: u64;
 
-    /// The message whose bytes these are, as another process left them: any bytes make one. [`check`](Self::check) says
-    /// whether it can be read. None where there are not as many bytes as it has.
+    /// The message with these bytes, as written by another process; any bytes of the right number are accepted. [`check`](Self::check) decides
+    /// whether it is valid. `None` if the number of bytes is wrong.
     fn from_bytes(bytes: &[u8]) -> Option<Self>;
 
-    /// Checks what makes the message readable: its layout version and its counts.
+    /// Checks whether the message is readable: its layout version and its counts.
     ///
-    /// What another process wrote is a claim. Physical ranges are not checked here.
+    /// Messages of other processes are not trusted. Physical ranges are not checked here.
     ///
     /// # Errors
-    /// [`Malformed`] names the first field that cannot be.
+    /// [`Malformed`] names the first invalid field.
     fn check(&self) -> Result<(), Malformed>;
 }
 
-/// A message whose counts or codes cannot be.
+/// A message with an invalid layout version, count or code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{payload}: field `{field}` is {value}, expected {expected}; \
@@ -39,21 +39,21 @@ pub trait Payload:
 pub struct Malformed {
     /// Wire name of the payload.
     pub payload: &'static str,
-    /// The field at fault.
+    /// The invalid field.
     pub field: &'static str,
-    /// What it held.
+    /// Its value.
     pub value: u64,
-    /// What it may hold.
+    /// The permitted values.
     pub expected: &'static str,
 }
 
-/// A type that may stand in a payload.
+/// A type of a payload's field.
 pub(crate) trait Field: Copy {
     /// All bytes zero.
     const ZERO: Self;
     /// Identity of the type for the layout hash.
     const TYPE_HASH: u64;
-    /// Reads the type from the first bytes and moves on behind them; none where there are too few.
+    /// Reads a value from the first bytes and advances behind them; `None` if there are too few.
     fn take(bytes: &mut &[u8]) -> Option<Self>;
 }
 
@@ -65,7 +65,7 @@ pub(crate) const fn hash_text(text: &str) -> u64 {
     mix_bytes(FNV_OFFSET, text.as_bytes())
 }
 
-/// Goes on with a hash over a number (little endian).
+/// Continues a hash with a number (little endian).
 pub(crate) const fn mix(hash: u64, number: u64) -> u64 {
     mix_bytes(hash, &number.to_le_bytes())
 }
@@ -128,7 +128,7 @@ macro_rules! plain_struct {
                 )*
                 hash
             };
-            // Without padding, one field after the other is what stands in memory.
+            // Without padding, the fields are adjacent in memory.
             fn take(bytes: &mut &[u8]) -> Option<Self> {
                 Some(Self { $($field: <$type as $crate::layout::Field>::take(bytes)?,)* })
             }
@@ -142,7 +142,7 @@ macro_rules! plain_struct {
 }
 pub(crate) use plain_struct;
 
-/// Makes a [`plain_struct`] with a field `layout` a [`Payload`]; the closure checks all but the layout.
+/// Implements [`Payload`] for a [`plain_struct`] with a field `layout`; the closure checks everything except the layout version.
 macro_rules! payload {
     ($name:ident = $wire:literal, layout $layout:literal, check $check:expr) => {
         impl $crate::layout::Payload for $name {
@@ -156,7 +156,7 @@ macro_rules! payload {
             }
 
             fn check(&self) -> Result<(), $crate::layout::Malformed> {
-                $crate::layout::within::<Self>(
+                $crate::layout::check_range::<Self>(
                     "layout",
                     u64::from(self.layout),
                     $layout..=$layout,
@@ -177,7 +177,7 @@ macro_rules! payload {
 pub(crate) use payload;
 
 /// Checks one count of a payload against its range.
-pub(crate) fn within<P: Payload>(
+pub(crate) fn check_range<P: Payload>(
     field: &'static str,
     value: u64,
     range: core::ops::RangeInclusive<u64>,

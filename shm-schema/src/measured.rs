@@ -58,7 +58,7 @@ codes! {
 codes! {
     /// Reason for the state of the trim.
     pub enum TrimReason {
-        /// Nothing to say.
+        /// No particular reason.
         None = 0 "none",
         /// No measurement arrives.
         NoMeasurement = 1 "no_measurement",

@@ -7,16 +7,16 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 
 plain_struct! {
     /// One commanded joint target, from the robot's side to the daemon (`/command`).
     pub struct Command = "trued.Command/2" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
-        /// Names this run of the sender: another number means that `seq` starts again.
+        /// Identifies this run of the sender: `seq` restarts when it changes.
         pub session: u64,
-        /// When the target holds: `CLOCK_MONOTONIC` live, the recording's time in a replay.
+        /// Time for which the target is valid: `CLOCK_MONOTONIC` live, the recording's time in a replay.
         pub t_ns: u64,
         /// When it was sent, `CLOCK_MONOTONIC`.
         pub sent_ns: u64,
@@ -41,7 +41,7 @@ plain_struct! {
     }
 }
 payload!(Command = "trued.Command/2", layout 2, check |c| {
-    within::<Command>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+    check_range::<Command>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
 impl Command {
@@ -64,7 +64,7 @@ impl Command {
         self.flags & flag == flag
     }
 
-    /// The commanded joints, at most [`JOINTS_MAX`] whatever the message claims.
+    /// The commanded joints, at most [`JOINTS_MAX`] whatever count the message states.
     #[must_use]
     pub fn joints(&self) -> &[f64] {
         &self.q[..(self.joints as usize).min(JOINTS_MAX)]
@@ -74,12 +74,12 @@ impl Command {
 plain_struct! {
     /// The correction that the daemon proposes for one command (`/corrected`).
     ///
-    /// It is no target: what is sent to the robot is the command of that very cycle plus a correction that the sender limits itself, from what it
-    /// has sent last. The client library does so.
+    /// It is not the target itself: the robot receives the command of the present cycle plus a correction that the client limits relative to the one
+    /// it sent last. The client library does this.
     pub struct Corrected = "trued.Corrected/3" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
-        /// The `seq` of the command that it answers; 0 where there is none yet.
+        /// The `seq` of the answered command; 0 before the first.
         pub command_seq: u64,
         /// The `session` of that command.
         pub command_session: u64,
@@ -87,7 +87,7 @@ plain_struct! {
         pub t_ns: u64,
         /// When the daemon received that command, `CLOCK_MONOTONIC`.
         pub received_ns: u64,
-        /// When this answer was made, `CLOCK_MONOTONIC`.
+        /// Time of this answer, `CLOCK_MONOTONIC`.
         pub made_ns: u64,
         /// Epoch of the model that computed it: plus 1 with each change of the model.
         pub model_epoch: u64,
@@ -115,16 +115,16 @@ plain_struct! {
         pub residual_m: f64,
         /// Undamped residual of the solution, orientation, rad.
         pub residual_rad: f64,
-        /// Share of the programmed feed that keeps the force under its limit, above 0 to 1; 1 where the cell adapts no feed.
+        /// Feed override that keeps the force under its limit, above 0 to 1; 1 if the cell does not adapt its feed.
         pub feed_override: f64,
     }
 }
 payload!(Corrected = "trued.Corrected/3", layout 3, check |c| {
-    within::<Corrected>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+    check_range::<Corrected>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
 impl Corrected {
-    /// How it was made.
+    /// How the correction was computed.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -132,7 +132,7 @@ impl Corrected {
         self.status.try_into()
     }
 
-    /// Why it was made so.
+    /// Why it has this status.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -140,7 +140,7 @@ impl Corrected {
         self.reason.try_into()
     }
 
-    /// The commanded joints with the correction added; joints that the model does not have stay as they are.
+    /// The commanded joints with the correction added; joints beyond the model's are unchanged.
     #[must_use]
     pub fn added_to(&self, q_cmd: &[f64]) -> [f64; JOINTS_MAX] {
         let mut q = [0.0; JOINTS_MAX];
@@ -150,7 +150,7 @@ impl Corrected {
         q
     }
 
-    /// The correction of the model's joints, at most [`JOINTS_MAX`] whatever the message claims.
+    /// The correction of the model's joints, at most [`JOINTS_MAX`] whatever count the message states.
     #[must_use]
     pub fn correction(&self) -> &[f64] {
         &self.correction[..(self.joints as usize).min(JOINTS_MAX)]
@@ -180,7 +180,7 @@ codes! {
 codes! {
     /// Why the status of a correction is not simply `corrected`.
     pub enum Reason {
-        /// Nothing to say.
+        /// No particular reason.
         None = 0 "none",
         /// The command contains a value that is not finite.
         NotFinite = 1 "not_finite",
@@ -204,11 +204,11 @@ codes! {
         ModelChanged = 10 "model_changed",
         /// The daemon starts.
         Starting = 11 "starting",
-        /// No command has come yet.
+        /// No command has been received yet.
         NoCommand = 12 "no_command",
         /// The time stamps of the commands jumped.
         TimeJump = 13 "time_jump",
-        /// The message cannot be read: layout, counts, flags.
+        /// The message is unreadable: layout, counts, flags.
         Malformed = 14 "malformed",
         /// The command moved a joint faster than its stated speed allows; it is accepted, and the path history is reset.
         CommandJump = 15 "command_jump",

@@ -1,8 +1,8 @@
 //! Typed ports for sending and receiving.
 //!
-//! Promise: sending never blocks and never fails; it returns whether the message was
-//! sent. Receiving never blocks. Neither makes a system call or allocates, except for the one block that
-//! the transport allocates per sent message. Ports of the daemon stay in the thread that made them.
+//! Invariants: sending never blocks and never fails; it returns whether the message was
+//! delivered. Receiving never blocks. Neither makes a system call or allocates, except for the one block that
+//! the transport allocates per sent message. Ports of the daemon stay in the thread that created them.
 
 use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::client::Client as IoxClient;
@@ -18,15 +18,15 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 use crate::services::{READERS_MAX, Services, Topic};
 use crate::{Request, Response};
 
-/// A port could not be made.
+/// A port could not be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PortError {
-    /// Another process, or one that died a moment ago, has the only place.
+    /// The only place is occupied by another process, or by one that has just terminated.
     #[error(
         "service `/{service}`: the {port} is in use by another process, or the daemon has not cleaned up yet; retry"
     )]
     Occupied {
-        /// Which service.
+        /// Name of the service.
         service: &'static str,
         /// Publisher, subscriber, client or server.
         port: &'static str,
@@ -36,27 +36,27 @@ pub enum PortError {
         "service `/{service}`: cannot create the {port} ({cause}); check whether shared memory is full"
     )]
     Refused {
-        /// Which service.
+        /// Name of the service.
         service: &'static str,
         /// Publisher, subscriber, client or server.
         port: &'static str,
-        /// What the transport said.
+        /// Error of the transport.
         cause: String,
     },
 }
 
-/// What became of a message.
+/// Result of sending a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SendOutcome {
-    /// Handed over.
+    /// Delivered to the reader's buffer.
     Delivered,
-    /// Nobody listens.
+    /// No reader is connected.
     NoReader,
     /// The reader is too slow, or the transport failed: the message is lost, and counted.
     Lost,
 }
 
-/// Sends one payload.
+/// Sends messages of one type.
 #[derive(Debug)]
 pub struct Publisher<T: Topic, S: Service = ipc::Service> {
     port: IoxPublisher<S, T, ()>,
@@ -96,14 +96,14 @@ impl<T: Topic, S: Service> Publisher<T, S> {
         self.lost
     }
 
-    /// Whether somebody has joined to read. A reader that was killed counts until it is cleaned up.
+    /// Whether a reader is connected. A killed reader counts until its place is released.
     #[must_use]
     pub fn has_reader(&self) -> bool {
         T::factory(&self.service).dynamic_config().number_of_subscribers() > 0
     }
 }
 
-/// Takes one payload.
+/// Receives messages of one type.
 #[derive(Debug)]
 pub struct Subscriber<T: Topic, S: Service = ipc::Service> {
     port: IoxSubscriber<S, T, ()>,
@@ -136,12 +136,12 @@ impl<T: Topic, S: Service> Subscriber<T, S> {
         self.receive().map(|sample| *sample.payload())
     }
 
-    /// The newest message; older ones are dropped. Bounded by the service's buffer: what comes meanwhile is there at the next look.
+    /// The newest message; older ones are dropped. Reads at most the service's buffer: messages that arrive meanwhile are returned by the next call.
     pub fn take_newest(&mut self) -> Option<T> {
         self.read_newest(|message| *message)
     }
 
-    /// The same, read in shared memory: for a message that is large and seldom full.
+    /// The same, read in place: for a large message that is rarely full.
     pub fn read_newest<R>(&mut self, read: impl FnOnce(&T) -> R) -> Option<R> {
         let mut newest = None;
         for _ in 0..T::KEEPING.buffer {
@@ -159,14 +159,14 @@ impl<T: Topic, S: Service> Subscriber<T, S> {
         received.ok().flatten()
     }
 
-    /// How often the transport failed in handing over.
+    /// Number of failed receptions.
     #[must_use]
     pub fn failures(&self) -> u64 {
         self.failures
     }
 }
 
-/// The daemon's end of `/control`.
+/// The daemon's server of `/control`.
 #[derive(Debug)]
 pub struct ControlServer<S: Service = ipc::Service> {
     port: IoxServer<S, Request, (), Response, ()>,
@@ -186,21 +186,24 @@ impl<S: Service> ControlServer<S> {
 
     /// Answers one waiting request, if there is one. Allocates: not for the cycle.
     pub fn serve(&mut self, answer: impl FnOnce(&Request) -> Response) -> bool {
-        self.serve_known(|request, _| answer(request))
+        self.serve_with_pid(|request, _| answer(request))
     }
 
-    /// The same, with the process that asks; none where it has gone already.
-    pub fn serve_known(&mut self, answer: impl FnOnce(&Request, Option<u32>) -> Response) -> bool {
+    /// The same, with the id of the requesting process; `None` if it has terminated.
+    pub fn serve_with_pid(
+        &mut self,
+        answer: impl FnOnce(&Request, Option<u32>) -> Response,
+    ) -> bool {
         let Ok(Some(request)) = self.port.receive() else { return false };
         let response = answer(request.payload(), self.process_of(request.origin()));
-        // A client that has gone meanwhile does not want its answer.
+        // The client may have terminated meanwhile.
         let _ = request.send_copy(response);
         true
     }
 }
 
 impl<S: Service> ControlServer<S> {
-    /// The process that has that client, by the transport's own account.
+    /// The process of a client, as recorded by the transport.
     fn process_of(&self, client: UniqueClientId) -> Option<u32> {
         let mut node = None;
         self.services.control.dynamic_config().list_clients(|details| {
@@ -215,15 +218,15 @@ impl<S: Service> ControlServer<S> {
     }
 }
 
-/// A client's end of `/control`.
+/// A client of `/control`.
 #[derive(Debug)]
 pub struct ControlClient<S: Service = ipc::Service> {
     port: IoxClient<S, Request, (), Response, ()>,
 }
 
-/// An answer on its way.
+/// A request whose answer is pending.
 #[derive(Debug)]
-pub struct Pending<S: Service = ipc::Service> {
+pub struct PendingResponse<S: Service = ipc::Service> {
     pending: iceoryx2::pending_response::PendingResponse<S, Request, (), Response, ()>,
 }
 
@@ -246,15 +249,15 @@ impl<S: Service> ControlClient<S> {
         Ok(Self { port })
     }
 
-    /// Sends a request; the answer is to be asked for. `None` where the daemon cannot take it now.
-    pub fn ask(&mut self, request: &Request) -> Option<Pending<S>> {
+    /// Sends a request; the answer is polled by [`PendingResponse::answer`]. `None` if the daemon cannot receive it now.
+    pub fn send_request(&mut self, request: &Request) -> Option<PendingResponse<S>> {
         let pending = self.port.send_copy(*request).ok()?;
-        (pending.number_of_server_connections() > 0).then_some(Pending { pending })
+        (pending.number_of_server_connections() > 0).then_some(PendingResponse { pending })
     }
 }
 
-impl<S: Service> Pending<S> {
-    /// The answer, once it is there.
+impl<S: Service> PendingResponse<S> {
+    /// The answer, once it has arrived.
     #[must_use]
     pub fn answer(&self) -> Option<Response> {
         self.pending.receive().ok().flatten().map(|response| *response.payload())

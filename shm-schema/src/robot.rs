@@ -3,10 +3,10 @@
 use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 
 plain_struct! {
-    /// The newest measurement; latest wins.
+    /// The newest measurement; it replaces earlier ones.
     pub struct RobotState = "trued.RobotState/1" {
         /// From 1, plus 1 with each message of this sender.
         pub seq: u64,
@@ -18,7 +18,7 @@ plain_struct! {
         pub sent_ns: u64,
         /// Layout version.
         pub layout: u32,
-        /// How many joints, 1 to 16.
+        /// Number of joints, 1 to 16.
         pub joints: u32,
         /// The constants of [`RobotState`].
         pub flags: u32,
@@ -33,7 +33,7 @@ plain_struct! {
     }
 }
 payload!(RobotState = "trued.RobotState/1", layout 1, check |s| {
-    within::<RobotState>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+    check_range::<RobotState>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
 impl RobotState {

@@ -8,7 +8,7 @@ use crate::force::FORCE_CHANNELS_MAX;
 /// Names of the force channels, in their order.
 pub const CHANNEL_NAMES: [&str; FORCE_CHANNELS_MAX] = ["x", "y", "z", "mx", "my", "mz"];
 
-/// The name of a force channel, whatever the message claims.
+/// The name of a force channel; `?` for an invalid number.
 #[must_use]
 pub fn channel_name(channel: u32) -> &'static str {
     CHANNEL_NAMES.get(channel as usize).copied().unwrap_or("?")
@@ -17,7 +17,7 @@ pub fn channel_name(channel: u32) -> &'static str {
 codes! {
     /// Fault of the force signal.
     pub enum SensorFault {
-        /// Nothing.
+        /// No fault.
         None = 0 "none",
         /// A channel is at the end of its range.
         Saturated = 1 "saturated",
@@ -45,7 +45,7 @@ codes! {
 }
 
 impl SensorFault {
-    /// Its place in a set: bit `n` is the fault of code `n`.
+    /// Its bit in a set: bit `n` is the fault of code `n`.
     #[must_use]
     pub const fn bit(self) -> u32 {
         1 << self.code()
@@ -59,8 +59,8 @@ impl SensorFault {
             .filter(move |fault| *fault != Self::None && set & fault.bit() != 0)
     }
 
-    /// What is wrong, and what to do.
-    const fn words(self) -> (&'static str, &'static str) {
+    /// Description and remedy.
+    const fn description(self) -> (&'static str, &'static str) {
         match self {
             Self::None => ("is OK", "nothing to do"),
             Self::Saturated => ("is saturated", "choose a larger range or cut with less force"),
@@ -93,9 +93,9 @@ impl SensorFault {
 /// A fault of one force channel, or of the stream as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ForceFault {
-    /// 0 to 5; `None`: the stream.
+    /// Channel, 0 to 5; `None`: the stream.
     pub channel: Option<u32>,
-    /// What is wrong.
+    /// The fault.
     pub fault: SensorFault,
 }
 
@@ -110,10 +110,10 @@ impl ForceFault {
     }
 }
 
-/// What is wrong and what to do: "force channel z is stuck: check the sensor".
+/// Description and remedy: "force channel z is stuck: check the sensor".
 impl fmt::Display for ForceFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (wrong, remedy) = self.fault.words();
+        let (wrong, remedy) = self.fault.description();
         match self.channel {
             Some(channel) => write!(f, "force channel {} {wrong}: {remedy}", channel_name(channel)),
             None => write!(f, "force stream {wrong}: {remedy}"),

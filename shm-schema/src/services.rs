@@ -1,6 +1,6 @@
 //! The services of an epoch: names, numbers of participants, buffer sizes.
 //!
-//! Promise: the daemon creates all of them; other processes only open them. Each carries the layout hash of
+//! Invariant: the daemon creates all of them; other processes only open them. Each carries the layout hash of
 //! its payload as an attribute, as the transport compares only type names and sizes.
 
 use core::fmt::Debug;
@@ -36,49 +36,52 @@ pub const CONTRACT_HASH: u64 = {
     mix(hash, Response::LAYOUT_HASH)
 };
 
-/// The version of the transport; two of them do not mix on one domain.
+/// Version of the transport; all processes of a domain must use the same one.
 pub(crate) const TRANSPORT_VERSION: &str = "0.10.0";
 
-/// Most processes in one epoch: daemon, cell, force source, monitors, and the dead not yet cleaned.
+/// Largest number of processes in one epoch: daemon, cell, force source, monitors, and terminated ones not yet released.
 const NODES_MAX: usize = 32;
 /// Monitors: readers of `/vibration`, `/spectrum` and `/status`, and clients of `/control`.
 const MONITORS_MAX: usize = 16;
-/// Places for them and for the cell, which is never kept out by those who only look.
+/// Places for them and for the cell, whose place no monitor can take.
 pub(crate) const READERS_MAX: usize = MONITORS_MAX + 1;
 
-/// How a service keeps and hands over its messages.
+/// Queue of a service: number of readers, buffer, history, overflow.
 #[derive(Debug, Clone, Copy)]
-pub struct Keeping {
+pub struct QueueSettings {
     pub(crate) subscribers: usize,
     pub(crate) buffer: usize,
     pub(crate) history: usize,
     pub(crate) overflow: bool,
 }
 
-impl Keeping {
-    /// How many of the places no monitor may take.
-    pub(crate) const fn kept_for_the_cell(&self) -> usize {
+impl QueueSettings {
+    /// Number of places reserved for the cell.
+    pub(crate) const fn reserved_for_cell(&self) -> usize {
         if self.subscribers == READERS_MAX { 1 } else { 0 }
     }
 }
 
 /// Measured points that wait for the next cycle: those of an instrument at 1 kHz within 64 ms.
-const MEASURED_KEPT: usize = 64;
+const MEASURED_BUFFER: usize = 64;
 
-const NEWEST: Keeping = Keeping { subscribers: 1, buffer: 1, history: 0, overflow: true };
+const NEWEST: QueueSettings =
+    QueueSettings { subscribers: 1, buffer: 1, history: 0, overflow: true };
 
-/// A payload with a service of its own. Sealed: the services are a closed list.
-pub trait Topic: Payload + located::Located {
+/// A payload with its own service. Sealed: the list of services is closed.
+pub trait Topic: Payload + factory::ServiceFactory {
     /// Name of its service.
     const SERVICE: &'static str;
-    /// How the service keeps messages.
-    const KEEPING: Keeping;
+    /// Queue of the service.
+    const KEEPING: QueueSettings;
 }
 
-pub(crate) mod located {
+pub(crate) mod factory {
     use super::{IceoryxSend, PubSub, Service, Services, ZeroCopySend};
-    /// Where a payload's factory stands among the services.
-    pub trait Located: IceoryxSend + ZeroCopySend + core::fmt::Debug + Sized + 'static {
+    /// The port factory of a payload among the services.
+    pub trait ServiceFactory:
+        IceoryxSend + ZeroCopySend + core::fmt::Debug + Sized + 'static
+    {
         #[doc(hidden)]
         fn factory<S: Service>(services: &Services<S>) -> &PubSub<S, Self>;
     }
@@ -88,9 +91,9 @@ macro_rules! topics {
     ($($payload:ident = $field:ident $name:literal $keeping:expr;)*) => { $(
         impl Topic for $payload {
             const SERVICE: &'static str = $name;
-            const KEEPING: Keeping = $keeping;
+            const KEEPING: QueueSettings = $keeping;
         }
-        impl located::Located for $payload {
+        impl factory::ServiceFactory for $payload {
             fn factory<S: Service>(services: &Services<S>) -> &PubSub<S, Self> {
                 &services.$field
             }
@@ -100,26 +103,26 @@ macro_rules! topics {
 topics! {
     Command = command "command" NEWEST;
     Corrected = corrected "corrected" NEWEST;
-    ForceBlock = force "force" Keeping { subscribers: 1, buffer: 64, history: 0, overflow: false };
+    ForceBlock = force "force" QueueSettings { subscribers: 1, buffer: 64, history: 0, overflow: false };
     RobotState = state "state" NEWEST;
     Horizon = horizon "horizon" NEWEST;
     MeasuredPoint = measured "measured"
-        Keeping { subscribers: 1, buffer: MEASURED_KEPT, history: 0, overflow: true };
+        QueueSettings { subscribers: 1, buffer: MEASURED_BUFFER, history: 0, overflow: true };
     Verdict = vibration "vibration"
-        Keeping { subscribers: READERS_MAX, buffer: 16, history: 8, overflow: true };
+        QueueSettings { subscribers: READERS_MAX, buffer: 16, history: 8, overflow: true };
     Spectrum = spectrum "spectrum"
-        Keeping { subscribers: READERS_MAX, buffer: 4, history: 0, overflow: true };
+        QueueSettings { subscribers: READERS_MAX, buffer: 4, history: 0, overflow: true };
     Status = status "status"
-        Keeping { subscribers: READERS_MAX, buffer: 1, history: 1, overflow: true };
+        QueueSettings { subscribers: READERS_MAX, buffer: 1, history: 1, overflow: true };
 }
 
 /// A service could not be created or opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("service `/{service}`: {cause}")]
 pub struct ServiceError {
-    /// Which.
+    /// Name of the service.
     pub service: &'static str,
-    /// What the transport said.
+    /// The transport's error.
     pub cause: String,
 }
 
@@ -141,15 +144,15 @@ pub struct Services<S: Service> {
     pub(crate) control: Control<S>,
 }
 
-/// Who makes a service: the daemon creates, all others open.
+/// Whether services are created (by the daemon) or opened (by all others).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum OpenMode {
     Create,
     Open,
 }
 
 impl<S: Service> Services<S> {
-    pub(crate) fn make(node: &Node<S>, way: Way) -> Result<Self, ServiceError> {
+    pub(crate) fn open_all(node: &Node<S>, way: OpenMode) -> Result<Self, ServiceError> {
         Ok(Self {
             command: pub_sub(node, way)?,
             corrected: pub_sub(node, way)?,
@@ -165,12 +168,15 @@ impl<S: Service> Services<S> {
     }
 }
 
-fn pub_sub<S: Service, T: Topic>(node: &Node<S>, way: Way) -> Result<PubSub<S, T>, ServiceError> {
+fn pub_sub<S: Service, T: Topic>(
+    node: &Node<S>,
+    way: OpenMode,
+) -> Result<PubSub<S, T>, ServiceError> {
     let fault =
         |cause: &dyn Debug| ServiceError { service: T::SERVICE, cause: format!("{cause:?}") };
     let name = T::SERVICE.try_into().map_err(|e| fault(&e))?;
     let builder = node.service_builder(&name).publish_subscribe::<T>();
-    if way == Way::Open {
+    if way == OpenMode::Open {
         let attributes = required(T::LAYOUT_HASH).map_err(|e| fault(&e))?;
         return builder.open_with_attributes(&attributes).map_err(|e| fault(&e));
     }
@@ -186,13 +192,13 @@ fn pub_sub<S: Service, T: Topic>(node: &Node<S>, way: Way) -> Result<PubSub<S, T
         .map_err(|e| fault(&e))
 }
 
-fn control<S: Service>(node: &Node<S>, way: Way) -> Result<Control<S>, ServiceError> {
+fn control<S: Service>(node: &Node<S>, way: OpenMode) -> Result<Control<S>, ServiceError> {
     let fault =
         |cause: &dyn Debug| ServiceError { service: "control", cause: format!("{cause:?}") };
     let name = "control".try_into().map_err(|e| fault(&e))?;
     let builder = node.service_builder(&name).request_response::<Request, Response>();
     let hash = mix(Request::LAYOUT_HASH, Response::LAYOUT_HASH);
-    if way == Way::Open {
+    if way == OpenMode::Open {
         let attributes = required(hash).map_err(|e| fault(&e))?;
         return builder.open_with_attributes(&attributes).map_err(|e| fault(&e));
     }
@@ -208,19 +214,19 @@ fn control<S: Service>(node: &Node<S>, way: Way) -> Result<Control<S>, ServiceEr
         .map_err(|e| fault(&e))
 }
 
-type AttributeFault = Box<dyn Debug>;
+type AttributeError = Box<dyn Debug>;
 
-fn boxed<E: Debug + 'static>(e: E) -> AttributeFault {
+fn boxed<E: Debug + 'static>(e: E) -> AttributeError {
     Box::new(e)
 }
 
-fn defined(hash: u64) -> Result<AttributeSpecifier, AttributeFault> {
+fn defined(hash: u64) -> Result<AttributeSpecifier, AttributeError> {
     let key = "layout".try_into().map_err(boxed)?;
     let value = format!("{hash:016x}").as_str().try_into().map_err(boxed)?;
     AttributeSpecifier::new().define(&key, &value).map_err(boxed)
 }
 
-fn required(hash: u64) -> Result<AttributeVerifier, AttributeFault> {
+fn required(hash: u64) -> Result<AttributeVerifier, AttributeError> {
     let key = "layout".try_into().map_err(boxed)?;
     let value = format!("{hash:016x}").as_str().try_into().map_err(boxed)?;
     AttributeVerifier::new().require(&key, &value).map_err(boxed)

@@ -4,7 +4,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 
 /// Most bins of a spectrum.
 pub const SPECTRUM_BINS_MAX: usize = 256;
@@ -33,7 +33,7 @@ plain_struct! {
     }
 }
 payload!(Spectrum = "trued.Spectrum/1", layout 1, check |s| {
-    within::<Spectrum>("bins", u64::from(s.bins), 1..=SPECTRUM_BINS_MAX as u64, "1 to 256 bins")
+    check_range::<Spectrum>("bins", u64::from(s.bins), 1..=SPECTRUM_BINS_MAX as u64, "1 to 256 bins")
 });
 
 impl Spectrum {

@@ -7,7 +7,7 @@ use crate::codes::{UnknownCode, codes};
 use crate::feed::{FeedBounds, FeedReason, FeedState};
 use crate::force::FORCE_CHANNELS_MAX;
 use crate::horizon::LeadState;
-use crate::layout::{payload, plain_struct, within};
+use crate::layout::{check_range, payload, plain_struct};
 use crate::measured::{TrimReason, TrimState};
 use crate::sensor::ForceFault;
 use crate::text::Text;
@@ -27,7 +27,7 @@ pub const fn latency_below_ns(bucket: usize) -> Option<u64> {
 pub const ROBOT_BYTES_MAX: usize = 64;
 
 plain_struct! {
-    /// What bounds the published joint targets; the client ramps by the same rule when the daemon is gone.
+    /// Limits of the published joint targets; the client ramps by the same rule when the daemon is gone.
     pub struct JointBounds = "trued.JointBounds/1" {
         /// Lower joint limits, rad or m.
         pub min: [f64; JOINTS_MAX],
@@ -125,7 +125,7 @@ plain_struct! {
         pub uncompensated_effects: u32,
         /// A [`crate::InCut`], as reported.
         pub in_cut: u32,
-        /// What is wrong with the force stream: bit `n` is the [`crate::SensorFault`] of code `n`.
+        /// Faults of the force stream: bit `n` is the [`crate::SensorFault`] of code `n`.
         pub stream_faults: u32,
         /// The same of each force channel.
         pub channel_faults: [u32; FORCE_CHANNELS_MAX],
@@ -196,7 +196,7 @@ plain_struct! {
     }
 }
 payload!(Status = "trued.Status/6", layout 6, check |s| {
-    within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+    check_range::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
 impl Status {
@@ -240,7 +240,7 @@ impl Status {
         self.trim_reason.try_into()
     }
 
-    /// What the feed override does.
+    /// State of the feed override.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -256,7 +256,7 @@ impl Status {
         self.feed_reason.try_into()
     }
 
-    /// What the compensation of delay, lags and modes is computed from.
+    /// Source of the compensation of delay, lags and modes.
     ///
     /// # Errors
     /// [`UnknownCode`] where the daemon is of a later version.
@@ -264,7 +264,7 @@ impl Status {
         self.lead_state.try_into()
     }
 
-    /// What is wrong with the force stream and its channels.
+    /// Faults of the force stream and its channels.
     pub fn force_faults(&self) -> impl Iterator<Item = ForceFault> {
         ForceFault::all(self.stream_faults, self.channel_faults)
     }

@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::layout::{Field, hash_text, mix};
 
-/// At most `N` bytes of UTF-8, ended by the first zero byte or by the array's end.
+/// At most `N` bytes of UTF-8, terminated by the first zero byte or the end of the array.
 #[derive(Clone, Copy, PartialEq, Eq, ZeroCopySend)]
 #[repr(C)]
 pub struct Text<const N: usize> {
@@ -26,13 +26,13 @@ impl<const N: usize> Text<N> {
         Self { bytes }
     }
 
-    /// The text, or `None` where it does not fit whole or holds a zero byte.
+    /// The text; `None` if it does not fit completely or contains a zero byte.
     #[must_use]
     pub fn whole(text: &str) -> Option<Self> {
         (text.len() <= N && !text.contains('\0')).then(|| Self::new(text))
     }
 
-    /// What can be read as UTF-8 from the start.
+    /// The text, up to the first invalid byte.
     #[must_use]
     pub fn as_str(&self) -> &str {
         let end = self.bytes.iter().position(|b| *b == 0).unwrap_or(N);

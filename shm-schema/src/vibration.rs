@@ -6,7 +6,7 @@ use crate::codes::{UnknownCode, codes};
 use crate::layout::{payload, plain_struct};
 
 plain_struct! {
-    /// One verdict on one line of the force spectrum. What is unknown is NaN.
+    /// A verdict on one line of the force spectrum. Unknown values are NaN.
     pub struct Verdict = "trued.Verdict/2" {
         /// From 1, plus 1 with each verdict of this daemon's epoch.
         pub seq: u64,
@@ -20,7 +20,7 @@ plain_struct! {
         pub frequency_hz: f64,
         /// Amplitude (peak) on `axis`, N or N·m.
         pub amplitude: f64,
-        /// Spindle speed that the advice names, 1/min (NaN where it names none).
+        /// Spindle speed recommended by the advice, 1/min (NaN if none).
         pub advice_rpm: f64,
         /// Rate of growth of the amplitude, 1/s.
         pub growth_per_s: f64,
@@ -50,11 +50,11 @@ plain_struct! {
         pub suspect_alias: u32,
         /// An [`Advice`].
         pub advice: u32,
-        /// What is wrong with its channel and with the stream: bit `n` is the [`crate::SensorFault`] of code `n`.
+        /// Faults of its channel and of the stream: bit `n` is the [`crate::SensorFault`] of code `n`.
         pub sensor_faults: u32,
-        /// The number of the pocket that the advice names: waves of the mode between two teeth (0 where it names none).
+        /// Number of the recommended stability lobe: waves of the mode between two teeth (0 if none).
         pub advice_lobe: u32,
-        /// The joint with a gear shaft at this frequency, from 1 (0 where none does, or the feed is not known).
+        /// The joint with a gear shaft at this frequency, from 1 (0 if none, or if the feed is unknown).
         pub gear_joint: u32,
         /// Its shaft, from 1, motor side first.
         pub gear_shaft: u32,
@@ -63,7 +63,7 @@ plain_struct! {
     }
 }
 payload!(Verdict = "trued.Verdict/2", layout 2, check |v| {
-    crate::layout::within::<Verdict>("axis", u64::from(v.axis), 0..=5, "an axis of 0 to 5")
+    crate::layout::check_range::<Verdict>("axis", u64::from(v.axis), 0..=5, "an axis of 0 to 5")
 });
 
 impl Verdict {

@@ -63,7 +63,7 @@ fn a_command_goes_in_and_its_answer_comes_out() {
     let mut answers = daemon.ports().publisher::<Corrected>().unwrap();
     daemon.announce().unwrap();
 
-    let mut seat = Seat::new(&cell, Role::Cell);
+    let mut seat = RoleClaim::new(&cell, Role::Cell);
     let joined = seat.join().unwrap();
     let mut send = joined.publisher::<Command>().unwrap();
     let mut take = joined.subscriber::<Corrected>().unwrap();
@@ -85,7 +85,7 @@ fn the_newest_command_wins() {
     let daemon = DaemonSide::create(&runtime.cell()).unwrap();
     let mut commands = daemon.ports().subscriber::<Command>().unwrap();
     daemon.announce().unwrap();
-    let joined = Seat::new(&runtime.cell(), Role::Cell).join().unwrap();
+    let joined = RoleClaim::new(&runtime.cell(), Role::Cell).join().unwrap();
     let mut send = joined.publisher::<Command>().unwrap();
     for seq in 1..=100 {
         send.send(&Command { seq, joints: 1, ..Command::default() });
@@ -100,7 +100,7 @@ fn a_force_reader_that_sleeps_costs_blocks_that_the_sender_counts() {
     let daemon = DaemonSide::create(&runtime.cell()).unwrap();
     let mut blocks = daemon.ports().subscriber::<ForceBlock>().unwrap();
     daemon.announce().unwrap();
-    let joined = Seat::new(&runtime.cell(), Role::Force).join().unwrap();
+    let joined = RoleClaim::new(&runtime.cell(), Role::Force).join().unwrap();
     let mut send = joined.publisher::<ForceBlock>().unwrap();
     for seq in 1..=100 {
         send.send(&ForceBlock { seq, channels: 3, samples: 10, ..ForceBlock::default() });
@@ -120,7 +120,7 @@ fn a_late_monitor_sees_the_last_status() {
     let mut status = daemon.ports().publisher::<Status>().unwrap();
     status.send(&Status { seq: 7, joints: 6, ..Status::default() });
     daemon.announce().unwrap();
-    let joined = Seat::new(&runtime.cell(), Role::Monitor).join().unwrap();
+    let joined = RoleClaim::new(&runtime.cell(), Role::Monitor).join().unwrap();
     let mut monitor = joined.subscriber::<Status>().unwrap();
     // History is handed over when the sender sees the new reader, with its next message at the latest.
     let seen = wait_for(Duration::from_secs(1), || {
@@ -138,11 +138,11 @@ fn a_request_gets_its_answer() {
     let daemon = DaemonSide::create(&runtime.cell()).unwrap();
     let mut server = daemon.ports().control().unwrap();
     daemon.announce().unwrap();
-    let joined = Seat::new(&runtime.cell(), Role::Monitor).join().unwrap();
+    let joined = RoleClaim::new(&runtime.cell(), Role::Monitor).join().unwrap();
     let mut client = joined.control().unwrap();
     for seq in 1..=5 {
         let request = Request { seq, ..Request::default() };
-        let pending = client.ask(&request).unwrap();
+        let pending = client.send_request(&request).unwrap();
         assert!(pending.answer().is_none());
         assert!(server.serve(|r| Response::to(r, Answer::Done, "pong")));
         let answer = wait_for(Duration::from_secs(1), || pending.answer()).unwrap();
@@ -165,10 +165,10 @@ fn a_second_cell_client_is_refused_and_told_who_is_in() {
     let runtime = Runtime::new("role");
     let daemon = DaemonSide::create(&runtime.cell()).unwrap();
     daemon.announce().unwrap();
-    let mut first = Seat::new(&runtime.cell(), Role::Cell);
+    let mut first = RoleClaim::new(&runtime.cell(), Role::Cell);
     let _joined = first.join().unwrap();
-    let refused = Seat::new(&runtime.cell(), Role::Cell).join().unwrap_err();
-    assert!(refused.is_passing());
+    let refused = RoleClaim::new(&runtime.cell(), Role::Cell).join().unwrap_err();
+    assert!(refused.is_transient());
     assert!(refused.to_string().contains(&std::process::id().to_string()), "{refused}");
 }
 
@@ -184,9 +184,9 @@ fn another_contract_is_refused_with_both_versions_named() {
         text.replace(&format!("contract {CONTRACT_VERSION}\n"), "contract 77\n"),
     )
     .unwrap();
-    let refused = Seat::new(&runtime.cell(), Role::Cell).join().unwrap_err();
+    let refused = RoleClaim::new(&runtime.cell(), Role::Cell).join().unwrap_err();
     let said = refused.to_string();
-    assert!(!refused.is_passing());
+    assert!(!refused.is_transient());
     let ours = format!("contract {CONTRACT_VERSION},");
     assert!(said.contains("contract 77,") && said.contains(&ours), "{said}");
 }
@@ -195,7 +195,7 @@ fn another_contract_is_refused_with_both_versions_named() {
 fn without_a_daemon_nobody_joins() {
     let runtime = Runtime::new("none");
     assert!(matches!(
-        Seat::new(&runtime.cell(), Role::Cell).join(),
+        RoleClaim::new(&runtime.cell(), Role::Cell).join(),
         Err(JoinError::NoDaemon { .. })
     ));
     assert!(!runtime.cell().dir().exists());
@@ -208,7 +208,7 @@ fn whoever_has_the_old_epoch_mapped_outlives_its_removal() {
     let mut commands = daemon.ports().subscriber::<Command>().unwrap();
     let mut answers = daemon.ports().publisher::<Corrected>().unwrap();
     daemon.announce().unwrap();
-    let mut seat = Seat::new(&runtime.cell(), Role::Cell);
+    let mut seat = RoleClaim::new(&runtime.cell(), Role::Cell);
     let joined = seat.join().unwrap();
     let mut send = joined.publisher::<Command>().unwrap();
     let mut take = joined.subscriber::<Corrected>().unwrap();
@@ -226,7 +226,7 @@ fn whoever_has_the_old_epoch_mapped_outlives_its_removal() {
         answers.send(&Corrected { seq, ..Corrected::default() });
         assert_eq!(take.take_newest().unwrap().seq, seq);
     }
-    assert_ne!(seat.look().unwrap().epoch, joined.current().epoch);
+    assert_ne!(seat.current_epoch().unwrap().epoch, joined.current().epoch);
     let again = seat.join().unwrap();
     assert_eq!(again.current().epoch, daemon.ports().epoch());
     drop((commands, answers, send, take, joined, again));
@@ -260,13 +260,13 @@ fn a_directory_that_the_transport_made_anew_is_closed_again() {
     std::fs::set_permissions(cell.dir(), mode(0o750)).unwrap();
     let mut daemon = DaemonSide::create(&cell).unwrap();
     daemon.announce().unwrap();
-    assert!(!daemon.supervise().torn);
+    assert!(!daemon.supervise().files_damaged);
     std::fs::set_permissions(cell.dir(), mode(0o755)).unwrap();
-    assert!(daemon.supervise().torn);
+    assert!(daemon.supervise().files_damaged);
     daemon.renew().unwrap();
     daemon.announce().unwrap();
-    assert!(!daemon.supervise().torn);
-    Seat::new(&cell, Role::Cell).join().unwrap();
+    assert!(!daemon.supervise().files_damaged);
+    RoleClaim::new(&cell, Role::Cell).join().unwrap();
 }
 
 #[test]
@@ -278,11 +278,11 @@ fn files_that_are_removed_while_an_epoch_is_announced_are_made_once_more() {
     daemon.renew().unwrap();
     std::fs::remove_dir_all(cell.dir()).unwrap();
     daemon.announce().unwrap_err();
-    assert!(daemon.supervise().torn, "nobody finds this daemon, and it does not see it");
+    assert!(daemon.supervise().files_damaged, "nobody finds this daemon, and it does not see it");
     daemon.renew().unwrap();
     daemon.announce().unwrap();
-    assert!(!daemon.supervise().torn);
-    Seat::new(&cell, Role::Cell).join().unwrap();
+    assert!(!daemon.supervise().files_damaged);
+    RoleClaim::new(&cell, Role::Cell).join().unwrap();
 }
 
 #[test]
@@ -294,9 +294,9 @@ fn a_directory_on_a_disk_or_of_others_is_refused() {
         .unwrap();
     assert!(matches!(DaemonSide::create(&cell), Err(DomainError::WrongOwner { .. })));
     assert!(matches!(Cell::new("Über"), Err(DomainError::BadName { .. })));
-    assert!(matches!(Cell::at(Path::new("tmp"), "a"), Err(DomainError::BadPlace { .. })));
+    assert!(matches!(Cell::at(Path::new("tmp"), "a"), Err(DomainError::BadDirectory { .. })));
     let deep = Path::new(
         "/dev/shm/a-directory-of-seventy-bytes-in-which-the-transport-s-names-do-not-fit",
     );
-    assert!(matches!(Cell::at(deep, "a"), Err(DomainError::BadPlace { .. })));
+    assert!(matches!(Cell::at(deep, "a"), Err(DomainError::BadDirectory { .. })));
 }

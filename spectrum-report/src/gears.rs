@@ -39,10 +39,10 @@ mod trains;
 
 pub use analysis::{Analysis, analyse};
 pub use lines::{Line, Lines};
-pub use matching::{Fit, MatchedLine};
-pub use path::{Part, TravelledPath, Turns, recorded, straight};
+pub use matching::{MatchedLine, MatchingGear};
+pub use path::{PathPart, RevolutionsPerMm, TravelledPath, recorded, straight};
 pub use result::Report;
-pub use trains::Train;
+pub use trains::GearTrain;
 
 /// How gear trains are analysed.
 #[derive(Clone, Debug)]

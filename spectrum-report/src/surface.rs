@@ -33,7 +33,7 @@ pub(crate) use analysis::lines_of;
 pub use analysis::{Analysis, ExplainedLine, ProfileAnalysis, Segments, Spectra, analyse};
 pub use input::{Format, Profile, read};
 pub use result::Report;
-use spectrum::surface::{Machining, Parting};
+use spectrum::surface::{MachiningConditions, SeparationSettings};
 
 /// How profiles are analysed.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ pub struct Settings {
     /// Lengths of the segments for which parameters are also given, mm; above 0. Default 2.5 and 0.25.
     pub segments_mm: Vec<f64>,
     /// The cut, which gives lines their frequency in time and their possible causes. Default: unknown.
-    pub machining: Machining,
+    pub machining: MachiningConditions,
 }
 
 impl Default for Settings {
@@ -57,14 +57,14 @@ impl Default for Settings {
             short_cut_off_um: None,
             form_degree: 1,
             segments_mm: vec![2.5, 0.25],
-            machining: Machining::default(),
+            machining: MachiningConditions::default(),
         }
     }
 }
 
 impl Settings {
-    fn parting(&self) -> Parting {
-        Parting {
+    fn parting(&self) -> SeparationSettings {
+        SeparationSettings {
             form_degree: usize::from(self.form_degree),
             short_cut_off_mm: self.short_cut_off_um.map(|um| 1e-3 * um),
             cut_off_mm: self.cut_off_mm,

@@ -36,17 +36,17 @@ mod text;
 
 pub use analysis::{Analysis, Function, Test, analyse};
 pub use input::{Channels, HitRecord, Hits, MeasuredFunction, Source, read};
-pub use model_file::Renewed;
+pub use model_file::UpdatedModel;
 pub use result::Report;
 use spectrum::frf::Estimator;
-use spectrum::modal::LEAST_COHERENCE;
+use spectrum::modal::COHERENCE_MIN;
 
 /// How an impact test is analysed.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     /// Which noise averages out. Default: that on the response.
     pub estimator: Estimator,
-    /// Least coherence of a verified mode; no unit, 0 to 1. Default 0.75 ([`LEAST_COHERENCE`]).
+    /// Least coherence of a verified mode; no unit, 0 to 1. Default 0.75 ([`COHERENCE_MIN`]).
     pub coherence_least: f64,
     /// Modes are searched between these frequencies, Hz; the lower first. Default: none, which is
     /// the range excited by the hammer.
@@ -86,7 +86,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             estimator: Estimator::H1,
-            coherence_least: LEAST_COHERENCE,
+            coherence_least: COHERENCE_MIN,
             band_hz: None,
             block_s: None,
             windows: true,

@@ -41,7 +41,7 @@ pub use analysis::{Analysis, analyse};
 pub use input::{Channel, Inputs, Source, read};
 pub use monitor::Episode;
 pub(crate) use path::lines_over_path;
-pub use path::{ChannelPathSpectrum, PathLine, PathSpectra, WheelMatch, Wheels};
+pub use path::{ChannelPathSpectrum, GearMatch, PathGearFrequencies, PathLine, PathSpectra};
 pub use result::Report;
 pub use spectra::{ChannelSpectrum, ClassifiedLine};
 

@@ -4,7 +4,9 @@
 //! `cargo run --release -p spectrum --example stability_speed`
 #![expect(clippy::print_stdout, reason = "what was measured is said")]
 
-use spectrum::stability::{CutAxes, Cutter, FlexibleMode, Stability, StabilityError, chart};
+use spectrum::stability::{
+    CutAxes, Cutter, FlexibleMode, Stability, StabilityError, limits_by_speed,
+};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::time::Instant;
 
@@ -31,7 +33,7 @@ fn main() -> Result<(), StabilityError> {
         };
         let stability = Stability::new(&modes, cutter, axes)?;
         let start = Instant::now();
-        let points = chart(&stability, [4000.0, 20_000.0], POINTS, 0.05)?;
+        let points = limits_by_speed(&stability, [4000.0, 20_000.0], POINTS, 0.05)?;
         println!("{name}: {} speeds in {:.2} s", points.len(), start.elapsed().as_secs_f64());
     }
     Ok(())

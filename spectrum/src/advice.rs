@@ -1,11 +1,12 @@
-//! Recommended action for a line, from its class and the process.
+//! Recommended action for a spectral line, from its class and the state of the process.
 //!
-//! Pure arithmetic on speeds and modes: one frequency gives a first guess, not a computed stability lobe.
-//! - Forced: the speed must keep the runout and every multiple of the tooth passing off every mode.
-//! - Regenerative chatter: stable depths peak where the tooth passing is the mode's frequency over a whole number. With
-//!   the tooth passing far above the mode the waves of two teeth hardly differ (28° and a quarter of the most that
-//!   regeneration can do at 72 against 933 Hz), and far below it the pockets are narrower than a spindle holds its speed.
-//! - Mode coupling does not depend on speed (thesis 4.6).
+//! Arithmetic on speeds and modes only: a single frequency gives an estimate, not a computed stability lobe.
+//!
+//! - Forced vibration: at the recommended speed neither the runout nor any multiple of the tooth passing coincides with a mode.
+//! - Regenerative chatter: the stable depth is largest where the tooth passing frequency is the mode's frequency divided by an integer. With
+//!   the tooth passing far above the mode the waves cut by consecutive teeth are almost in phase (28° and a quarter of the largest regenerative
+//!   effect for a mode of 72 Hz at 933 Hz); far below it the pockets are narrower than the speed tolerance of a spindle.
+//! - Mode coupling: independent of the speed (thesis 4.6).
 //!
 //! Source: Altintas, Manufacturing Automation, chapter 3, for the lobes.
 
@@ -14,18 +15,19 @@ use crate::verdict::{Advice, Class};
 
 /// Tooth passing frequencies beyond this multiple of the mode have no useful stability lobes.
 const FAR_ABOVE: f64 = 3.0;
-/// A tooth harmonic is off a mode when it is this part of the mode's frequency away.
-const OFF_MODE: f64 = 0.1;
-/// Lobes of a higher number are too narrow for a spindle to stay within.
-const LOBES: u32 = 10;
-/// Speeds that differ by less than this part are one.
-const SAME_SPEED: f64 = 0.02;
-/// A speed further away is another process, percent.
+/// Least distance of a tooth harmonic from a mode, relative to the mode's frequency.
+const MODE_CLEARANCE: f64 = 0.1;
+/// Highest usable lobe number: lobes of a higher number are narrower than the speed tolerance of a
+/// spindle.
+const LOBE_MAX: u32 = 10;
+/// Speeds with a smaller relative difference are equal.
+const SPEED_TOLERANCE: f64 = 0.02;
+/// Largest recommended change of the speed, percent.
 const SPEED_RANGE_PERCENT: i32 = 40;
 
-/// What the advice rests on.
+/// Inputs of the recommendation.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Case<'a> {
+pub(crate) struct AdviceInput<'a> {
     pub(crate) class: Class,
     pub(crate) frequency_hz: f64,
     pub(crate) suspect_alias: bool,
@@ -33,25 +35,25 @@ pub(crate) struct Case<'a> {
     pub(crate) modes: &'a [Mode],
     pub(crate) spindle_rpm: f64,
     pub(crate) teeth: u32,
-    pub(crate) wheel: Option<(u8, u8)>,
+    pub(crate) gear: Option<(u8, u8)>,
 }
 
-impl Case<'_> {
+impl AdviceInput<'_> {
     /// Tooth passing frequency, Hz; 0 if speed or teeth are unknown.
     fn tooth_hz(&self) -> f64 {
         self.spindle_rpm / 60.0 * f64::from(self.teeth)
     }
 }
 
-/// The advice for a case.
-pub(crate) fn advise(case: &Case<'_>) -> Advice {
+/// The recommended action.
+pub(crate) fn advise(case: &AdviceInput<'_>) -> Advice {
     match case.class {
         _ if case.suspect_alias => Advice::SampleFaster,
         Class::Forced if case.near_mode_hz.is_some() => move_off_mode(case),
-        Class::Chatter => pocket(case),
+        Class::Chatter => stability_pocket(case),
         Class::ModeCoupling => Advice::ChangeCut,
         Class::Gear => {
-            let (joint, shaft) = case.wheel.unwrap_or((0, 0));
+            let (joint, shaft) = case.gear.unwrap_or((0, 0));
             Advice::CheckGear { joint, shaft }
         }
         Class::Electrical => Advice::CheckWiring,
@@ -59,8 +61,8 @@ pub(crate) fn advise(case: &Case<'_>) -> Advice {
     }
 }
 
-/// The nearest pocket, as far as there is one.
-fn pocket(case: &Case<'_>) -> Advice {
+/// The nearest stability pocket; a smaller depth where there is none.
+fn stability_pocket(case: &AdviceInput<'_>) -> Advice {
     let tooth_hz = case.tooth_hz();
     if tooth_hz <= 0.0 {
         return Advice::ReduceDepth;
@@ -71,37 +73,37 @@ fn pocket(case: &Case<'_>) -> Advice {
     }
     let lobe = (mode_hz / tooth_hz).round().max(1.0);
     let spindle_rpm = 60.0 * mode_hz / (lobe * f64::from(case.teeth));
-    let is_there = (spindle_rpm / case.spindle_rpm - 1.0).abs() < SAME_SPEED;
-    if lobe > f64::from(LOBES) || is_there {
-        // Already in the lobe, as far as one frequency shows, or there is none: only the depth
-        // remains.
+    let is_there = (spindle_rpm / case.spindle_rpm - 1.0).abs() < SPEED_TOLERANCE;
+    if lobe > f64::from(LOBE_MAX) || is_there {
+        // The speed is already in the pocket, as far as one frequency shows, or there is no pocket:
+        // only a smaller depth helps.
         return Advice::ReduceDepth;
     }
     Advice::StabilityPocket { spindle_rpm, lobe: lobe as u32 }
 }
 
 /// The nearest speed at which no spindle harmonic coincides with a mode.
-fn move_off_mode(case: &Case<'_>) -> Advice {
+fn move_off_mode(case: &AdviceInput<'_>) -> Advice {
     if case.spindle_rpm <= 0.0 {
         return Advice::None;
     }
     let percent = (1..=SPEED_RANGE_PERCENT).flat_map(|p| [-p, p]);
     percent
         .map(|p| (1.0 + 0.01 * f64::from(p)) * case.spindle_rpm)
-        .find(|rpm| case.modes.iter().all(|mode| is_off(case, *rpm, mode.frequency_hz)))
+        .find(|rpm| case.modes.iter().all(|mode| is_clear_of_mode(case, *rpm, mode.frequency_hz)))
         .map_or(Advice::ChangeCut, |spindle_rpm| Advice::MoveOffMode { spindle_rpm })
 }
 
 /// Whether at this speed neither the runout, nor any multiple of the tooth passing, nor the
 /// observed multiple coincides with the mode.
-fn is_off(case: &Case<'_>, rpm: f64, mode_hz: f64) -> bool {
+fn is_clear_of_mode(case: &AdviceInput<'_>, rpm: f64, mode_hz: f64) -> bool {
     let turn_hz = rpm / 60.0;
     let tooth_hz = turn_hz * f64::from(case.teeth.max(1));
     let seen = (case.frequency_hz * 60.0 / case.spindle_rpm).round().max(1.0);
     let nearest = (mode_hz / tooth_hz).round().max(1.0);
     [turn_hz, seen * turn_hz, nearest * tooth_hz]
         .iter()
-        .all(|line_hz| (line_hz - mode_hz).abs() > OFF_MODE * mode_hz)
+        .all(|line_hz| (line_hz - mode_hz).abs() > MODE_CLEARANCE * mode_hz)
 }
 
 #[cfg(test)]
@@ -109,8 +111,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn case(class: Class, frequency_hz: f64, rpm: f64, modes: &[Mode]) -> Case<'_> {
-        Case {
+    fn case(class: Class, frequency_hz: f64, rpm: f64, modes: &[Mode]) -> AdviceInput<'_> {
+        AdviceInput {
             class,
             frequency_hz,
             suspect_alias: false,
@@ -118,7 +120,7 @@ mod tests {
             modes,
             spindle_rpm: rpm,
             teeth: 2,
-            wheel: None,
+            gear: None,
         }
     }
 
@@ -171,7 +173,7 @@ mod tests {
             let mode_hz = modes[at % modes.len()].frequency_hz;
             let rpm = 60.0 * mode_hz / f64::from(order * teeth);
             let near_mode_hz = Some(mode_hz);
-            let forced = Case { teeth, near_mode_hz, ..case(Class::Forced, mode_hz, rpm, &modes) };
+            let forced = AdviceInput { teeth, near_mode_hz, ..case(Class::Forced, mode_hz, rpm, &modes) };
             match advise(&forced) {
                 Advice::MoveOffMode { spindle_rpm } => {
                     prop_assert!((spindle_rpm / rpm - 1.0).abs() < 0.405);
@@ -195,19 +197,19 @@ mod tests {
             teeth in 1_u32..8,
         ) {
             let modes = [Mode::at_hz(mode_hz)];
-            let chatter = Case { teeth, ..case(Class::Chatter, 1.02 * mode_hz, rpm, &modes) };
+            let chatter = AdviceInput { teeth, ..case(Class::Chatter, 1.02 * mode_hz, rpm, &modes) };
             let waves = |rpm: f64| mode_hz / (rpm / 60.0 * f64::from(teeth));
             match advise(&chatter) {
                 Advice::StabilityPocket { spindle_rpm, lobe } => {
                     prop_assert!((waves(spindle_rpm) - f64::from(lobe)).abs() < 1e-9);
                     prop_assert!((waves(rpm) - f64::from(lobe)).abs() <= 0.5 || lobe == 1);
-                    prop_assert!((1..=LOBES).contains(&lobe));
+                    prop_assert!((1..=LOBE_MAX).contains(&lobe));
                 }
                 Advice::ChangeCut => prop_assert!(waves(rpm) < 1.0 / FAR_ABOVE),
                 advice => {
                     prop_assert_eq!(advice, Advice::ReduceDepth);
                     let there = (waves(rpm) / waves(rpm).round().max(1.0) - 1.0).abs() < 0.021;
-                    prop_assert!(there || waves(rpm) > f64::from(LOBES) + 0.49);
+                    prop_assert!(there || waves(rpm) > f64::from(LOBE_MAX) + 0.49);
                 }
             }
         }
@@ -216,7 +218,8 @@ mod tests {
     #[test]
     fn a_suspect_alias_asks_for_a_faster_sensor() {
         let modes = [Mode::at_hz(67.0)];
-        let alias = Case { suspect_alias: true, ..case(Class::Forced, 66.7, 28_000.0, &modes) };
+        let alias =
+            AdviceInput { suspect_alias: true, ..case(Class::Forced, 66.7, 28_000.0, &modes) };
         assert_eq!(advise(&alias), Advice::SampleFaster);
     }
 }

@@ -1,20 +1,20 @@
 //! Harmonics of the spindle speed, and their aliases.
 //!
-//! A tone above half the sampling rate is seen at its distance from the nearest multiple of the rate:
-//! 933.3 Hz (28 000 rpm, two teeth) sampled at 1 kHz reads 66.7 Hz. Which harmonics can be strong is an
-//! assumption: the first 20 of the spindle, and the first 10 of the teeth.
+//! A tone above half the sampling rate appears at its distance from the nearest multiple of the
+//! rate: 933.3 Hz (28 000 rpm, two teeth) sampled at 1 kHz reads 66.7 Hz. Assumption: the first 20
+//! harmonics of the spindle speed and the first 10 of the tooth passing can be strong.
 
 use crate::verdict::NearestLine;
 
-/// Spindle multiples that count.
+/// Number of spindle harmonics considered.
 const SPINDLE_ORDERS: u32 = 20;
-/// Tooth-passing multiples that count.
+/// Number of tooth-passing harmonics considered.
 const TOOTH_ORDERS: u32 = 10;
 
-/// Aliases closer than this are one, Hz.
+/// Aliases closer than this are not distinguished, Hz.
 const SAME_HZ: f64 = 0.25;
 
-/// The spindle's speed now, and its range over the last moments.
+/// The present spindle speed, and its range over the last 150 to 300 ms.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Spindle {
     pub(crate) hz: f64,
@@ -30,7 +30,7 @@ pub fn folded_hz(frequency_hz: f64, rate_hz: f64) -> f64 {
 }
 
 impl Spindle {
-    /// The nearest multiple of the speed that sampling leaves in place.
+    /// The nearest harmonic of the speed below half the sampling rate.
     pub(crate) fn nearest_harmonic(&self, frequency_hz: f64, rate_hz: f64) -> Option<NearestLine> {
         if self.hz <= 0.0 {
             return None;
@@ -40,7 +40,7 @@ impl Spindle {
         Some(line(frequency_hz, order * self.hz, order as u32))
     }
 
-    /// The nearest alias of a multiple that is above half the rate.
+    /// The nearest alias of a harmonic above half the sampling rate.
     pub(crate) fn nearest_alias(&self, frequency_hz: f64, rate_hz: f64) -> Option<NearestLine> {
         if self.hz <= 0.0 {
             return None;
@@ -50,15 +50,15 @@ impl Spindle {
         (first..=last)
             .filter(|order| *order <= SPINDLE_ORDERS || order % self.teeth.max(1) == 0)
             .map(|order| line(frequency_hz, folded_hz(f64::from(order) * self.hz, rate_hz), order))
-            // Where several fold onto one place, the lowest is the strongest.
+            // Where several harmonics fold to the same frequency, the lowest is the strongest.
             .reduce(|best, line| {
                 let nearer = line.distance_hz.abs() < best.distance_hz.abs() - SAME_HZ;
                 if nearer { line } else { best }
             })
     }
 
-    /// Whether a frequency is a multiple of the speed as it was over the last moments.
-    pub(crate) fn drives(&self, frequency_hz: f64, uncertainty_hz: f64) -> bool {
+    /// Whether a frequency is a harmonic of a speed within the recent range.
+    pub(crate) fn has_harmonic_at(&self, frequency_hz: f64, uncertainty_hz: f64) -> bool {
         if self.hz <= 0.0 {
             return false;
         }
@@ -75,16 +75,16 @@ fn line(frequency_hz: f64, at_hz: f64, order: u32) -> NearestLine {
     NearestLine { frequency_hz: at_hz, distance_hz: frequency_hz - at_hz, order }
 }
 
-/// The range of speeds over the last moments, in two turns of 150 ms.
+/// The range of speeds over the last two intervals of 150 ms.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct RecentSpeed {
+pub(crate) struct SpeedRange {
     range: [(f64, f64); 2],
     turn_ends_s: f64,
 }
 
-impl RecentSpeed {
+impl SpeedRange {
     /// Stores the speed valid at `now_s`, and returns the range of recent speeds.
-    pub(crate) fn take(&mut self, hz: f64, teeth: u32, now_s: f64) -> Spindle {
+    pub(crate) fn update(&mut self, hz: f64, teeth: u32, now_s: f64) -> Spindle {
         if now_s >= self.turn_ends_s {
             self.range = [(hz, hz), self.range[0]];
             self.turn_ends_s = now_s + 0.15;
@@ -123,13 +123,17 @@ mod tests {
 
     #[test]
     fn a_changing_speed_drives_what_lies_between() {
-        let mut recent = RecentSpeed::default();
-        recent.take(400.0, 2, 0.0);
-        let s = recent.take(440.0, 2, 0.1);
-        assert!(s.drives(420.0, 0.5) && s.drives(840.0, 0.5) && !s.drives(600.0, 0.5));
-        let later = recent.take(440.0, 2, 0.5);
-        assert!(later.drives(420.0, 0.5), "windows still hold the old speed");
-        assert!(!recent.take(440.0, 2, 0.9).drives(420.0, 0.5));
+        let mut recent = SpeedRange::default();
+        recent.update(400.0, 2, 0.0);
+        let s = recent.update(440.0, 2, 0.1);
+        assert!(
+            s.has_harmonic_at(420.0, 0.5)
+                && s.has_harmonic_at(840.0, 0.5)
+                && !s.has_harmonic_at(600.0, 0.5)
+        );
+        let later = recent.update(440.0, 2, 0.5);
+        assert!(later.has_harmonic_at(420.0, 0.5), "windows still hold the old speed");
+        assert!(!recent.update(440.0, 2, 0.9).has_harmonic_at(420.0, 0.5));
     }
 
     proptest! {
@@ -144,7 +148,7 @@ mod tests {
         #[test]
         fn every_multiple_is_driven(rpm in 600.0..40_000.0_f64, k in 1..30_u32) {
             let s = spindle(rpm, 2);
-            prop_assert!(s.drives(f64::from(k) * s.hz, 0.1));
+            prop_assert!(s.has_harmonic_at(f64::from(k) * s.hz, 0.1));
         }
     }
 }

@@ -1,32 +1,36 @@
-//! The asynchronous part of the signal: difference to one revolution before.
+//! The part of the signal that is asynchronous to the spindle: the difference to one revolution
+//! before.
 //!
-//! `a(t) = x(t) − x(t − T)`, T: one revolution. Runout, tooth passing and all their multiples repeat after T and vanish; a tone at `f` is left
-//! with the gain `|2 sin(π f T)|`, by which its amplitude is divided again. With a slow spindle the harmonics are so close that short windows
-//! do not separate chatter from them; here it is isolated. Source: comb filtering of the periodic force, as for the energy ratio of
-//! Caliskan, Kilic and Altintas 2018. Valid for a speed known within 0.5 % and steady over a revolution; if the force
-//! itself changes over a revolution (entry), a residual remains at the harmonics, which are not searched. Execution does not allocate.
+//! `a(t) = x(t) − x(t − T)`, T: one revolution. Runout, tooth passing and all their harmonics have
+//! the period T and cancel; a tone at `f` remains with the gain `|2 sin(π f T)|`, for which its
+//! amplitude is corrected. With a slow spindle the harmonics are so close that short windows do not
+//! separate chatter from them; the difference isolates it. Source: comb filtering of the periodic
+//! force, as for the energy ratio of Caliskan, Kilic and Altintas 2018. Valid for a speed known
+//! within 0.5 % and steady over a revolution; if the force itself changes over a revolution
+//! (entry), a residual remains at the harmonics, where no lines are searched. Execution does not
+//! allocate.
 
 use crate::branch::{Branch, SPLIT_HZ};
-use crate::config::WatchConfig;
+use crate::config::MonitorConfig;
+use crate::cut_detection::CutState;
 use crate::decimate::FrontEnd;
 use crate::history::History;
 use crate::rules::Rules;
-use crate::sliding::Sighting;
-use crate::surroundings::Surroundings;
+use crate::sliding::Detection;
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 
-/// A speed that differs by more than this part is another speed: the samples before do not belong to it.
+/// A larger relative difference is a change of speed: earlier samples are discarded.
 const SPEED_CHANGE: f64 = 0.005;
-/// Samples in addition to a revolution that the interpolation needs.
-const MARGIN: usize = 4;
+/// Samples beyond one revolution required by the interpolation.
+const INTERPOLATION_SAMPLES: usize = 4;
 
-/// The signal less that of one revolution before, with windows like those of the signal itself.
-pub(crate) struct Asynchronous {
+/// The signal minus that of one revolution before, with the same windows as the signal itself.
+pub(crate) struct AsynchronousSignal {
     rate_hz: f64,
     least_gain: f64,
     speeds_hz: [f64; 2],
-    /// Samples per revolution; 0 while there is no speed to go by.
+    /// Samples per revolution; 0 without a usable speed.
     revolution: f64,
     raw: Vec<History>,
     differences: Vec<History>,
@@ -34,18 +38,17 @@ pub(crate) struct Asynchronous {
     pub(crate) full: Option<Branch>,
 }
 
-impl Asynchronous {
-    /// Plans the branches of [`crate::Watch`] again; `taps` is the longest run that the front end
-    /// needs.
+impl AsynchronousSignal {
+    /// Plans a second set of the monitor's branches, for the difference signal.
     pub(crate) fn new(
         planner: &mut RealFftPlanner<f64>,
-        config: &WatchConfig,
+        config: &MonitorConfig,
         front: &FrontEnd,
         low_top_hz: f64,
         is_split: bool,
     ) -> Self {
         let Rules { comb_spindle_hz, least_comb_gain, .. } = config.rules;
-        let longest = (config.rate_hz / comb_spindle_hz[0]) as usize + MARGIN;
+        let longest = (config.rate_hz / comb_spindle_hz[0]) as usize + INTERPOLATION_SAMPLES;
         let histories =
             |length: usize| (0..config.channels).map(|_| History::new(length)).collect();
         Self {
@@ -74,14 +77,14 @@ impl Asynchronous {
         if change > SPEED_CHANGE * revolution.min(self.revolution) {
             // The remaining noise depends on the speed.
             self.clear_windows();
-            (0..self.raw.len()).for_each(|channel| self.forget(channel));
+            (0..self.raw.len()).for_each(|channel| self.clear_floor(channel));
         }
         self.revolution = revolution;
     }
 
-    /// Whether lines at a frequency are searched here: the speed is known, the noise floor is
-    /// learned, and the frequency is not a multiple.
-    pub(crate) fn sees(&self, frequency_hz: f64) -> bool {
+    /// Whether lines at a frequency are searched in the difference signal: the speed is known, the
+    /// noise floor is learned, and the frequency is not near a harmonic.
+    pub(crate) fn covers(&self, frequency_hz: f64) -> bool {
         let branch = if frequency_hz < SPLIT_HZ { Some(&self.low) } else { self.full.as_ref() };
         self.revolution > 0.0
             && branch.or(Some(&self.low)).is_some_and(Branch::is_ready)
@@ -93,9 +96,9 @@ impl Asynchronous {
         gain(frequency_hz, self.revolution, self.rate_hz)
     }
 
-    /// Takes one sample of a channel.
+    /// Adds one sample of a channel.
     #[inline]
-    pub(crate) fn take(&mut self, channel: usize, sample: f64) {
+    pub(crate) fn push_sample(&mut self, channel: usize, sample: f64) {
         self.raw[channel].push(sample);
         if let Some(before) = self.one_revolution_ago(channel) {
             let difference = sample - before;
@@ -106,7 +109,8 @@ impl Asynchronous {
         }
     }
 
-    /// The sample of one revolution before the newest, by a cubic through the four around it.
+    /// The sample of one revolution before the newest, by cubic interpolation of the four around
+    /// it.
     #[inline]
     fn one_revolution_ago(&self, channel: usize) -> Option<f64> {
         if self.revolution <= 0.0 {
@@ -124,7 +128,7 @@ impl Asynchronous {
         )
     }
 
-    /// Makes one sample of the low branch.
+    /// Computes one sample of the low branch.
     pub(crate) fn decimate(&mut self, front: &FrontEnd) {
         for (difference, low) in self.differences.iter().zip(&mut self.low.histories) {
             if let Some(samples) = difference.newest(front.taps()) {
@@ -133,15 +137,15 @@ impl Asynchronous {
         }
     }
 
-    /// A hop at the full rate is due; passes on sightings away from the multiples.
-    pub(crate) fn look_at_full_rate(
+    /// Processes a hop at the full rate; passes on detections away from the harmonics.
+    pub(crate) fn process_full_rate_hop(
         &mut self,
-        surroundings: Surroundings,
+        surroundings: CutState,
         lines_hz: &[f64],
-        sighted: impl FnMut(Sighting),
+        sighted: impl FnMut(Detection),
     ) {
         let Some(full) = &mut self.full else { return };
-        look(
+        process_hop(
             full,
             surroundings,
             lines_hz,
@@ -150,15 +154,15 @@ impl Asynchronous {
         );
     }
 
-    /// A hop of the low branch is due; passes on sightings away from the multiples.
-    pub(crate) fn look_low(
+    /// Processes a hop of the low branch; passes on detections away from the harmonics.
+    pub(crate) fn process_low_hop(
         &mut self,
-        surroundings: Surroundings,
+        surroundings: CutState,
         lines_hz: &[f64],
-        sighted: impl FnMut(Sighting),
+        sighted: impl FnMut(Detection),
     ) {
         let comb = [self.revolution, self.rate_hz, self.least_gain];
-        look(&mut self.low, surroundings, lines_hz, comb, sighted);
+        process_hop(&mut self.low, surroundings, lines_hz, comb, sighted);
     }
 
     /// Clears samples and peaks; learned floors are kept.
@@ -168,10 +172,10 @@ impl Asynchronous {
     }
 
     /// Clears the learned floor of a channel.
-    pub(crate) fn forget(&mut self, channel: usize) {
-        self.low.forget(channel);
+    pub(crate) fn clear_floor(&mut self, channel: usize) {
+        self.low.clear_floor(channel);
         if let Some(full) = &mut self.full {
-            full.forget(channel);
+            full.clear_floor(channel);
         }
     }
 
@@ -184,19 +188,19 @@ impl Asynchronous {
     }
 }
 
-fn look(
+fn process_hop(
     branch: &mut Branch,
-    surroundings: Surroundings,
+    surroundings: CutState,
     lines_hz: &[f64],
     [revolution, rate_hz, least_gain]: [f64; 3],
-    mut sighted: impl FnMut(Sighting),
+    mut sighted: impl FnMut(Detection),
 ) {
-    branch.switch(surroundings);
-    branch.look(lines_hz, |mut sighting| {
+    branch.set_cut_state(surroundings);
+    branch.process_hop(lines_hz, |mut sighting| {
         let gain = gain(sighting.frequency_hz, revolution, rate_hz);
         if revolution > 0.0 && gain >= least_gain {
             sighting.power /= gain * gain;
-            sighting.apart = true;
+            sighting.is_asynchronous = true;
             sighted(sighting);
         }
     });
@@ -214,15 +218,15 @@ mod tests {
 
     #[test]
     fn multiples_of_the_speed_vanish_and_a_tone_between_them_keeps_its_gain() {
-        let config = WatchConfig { channels: 1, ..WatchConfig::default() };
+        let config = MonitorConfig { channels: 1, ..MonitorConfig::default() };
         let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
         let mut apart =
-            Asynchronous::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
+            AsynchronousSignal::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
         apart.set_spindle(33.63);
-        let largest = |apart: &mut Asynchronous, hz: f64| {
+        let largest = |apart: &mut AsynchronousSignal, hz: f64| {
             apart.reset();
             let tone = |i: u32| (TAU * hz * f64::from(i) / 10_000.0).sin();
-            (0..2000).for_each(|i| apart.take(0, tone(i)));
+            (0..2000).for_each(|i| apart.push_sample(0, tone(i)));
             let run = apart.differences[0].newest(80).expect("a difference");
             run.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
         };
@@ -231,18 +235,18 @@ mod tests {
         }
         let halfway = largest(&mut apart, 2.5 * 33.63);
         assert!((halfway - 2.0).abs() < 0.01 && (apart.gain(2.5 * 33.63) - 2.0).abs() < 1e-9);
-        assert!(!apart.sees(2.5 * 33.63), "no noise was learned yet");
+        assert!(!apart.covers(2.5 * 33.63), "no noise was learned yet");
     }
 
     #[test]
     fn without_a_speed_and_with_a_fast_one_there_is_no_difference() {
-        let config = WatchConfig { channels: 1, ..WatchConfig::default() };
+        let config = MonitorConfig { channels: 1, ..MonitorConfig::default() };
         let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
         let mut apart =
-            Asynchronous::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
+            AsynchronousSignal::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
         for spindle_hz in [0.0, 5.0, 400.0] {
             apart.set_spindle(spindle_hz);
-            (0..2000).for_each(|i| apart.take(0, f64::from(i)));
+            (0..2000).for_each(|i| apart.push_sample(0, f64::from(i)));
             assert!(apart.differences[0].newest(1).is_none());
         }
     }

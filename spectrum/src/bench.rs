@@ -1,10 +1,10 @@
-//! One hop of the full-rate window, for the benchmark of its cost.
+//! One hop of the full-rate window, for the benchmark of its computing time.
 
 use crate::history::History;
 use crate::sliding::{SlidingWindow, WindowPlan};
 use realfft::RealFftPlanner;
 
-/// A full-rate window over several channels with given noise, ready to hop.
+/// A full-rate window over several channels of pseudo-random noise.
 pub struct HopBench {
     window: SlidingWindow,
     histories: Vec<History>,
@@ -12,7 +12,7 @@ pub struct HopBench {
 }
 
 impl HopBench {
-    /// A window of `samples` at `rate_hz` over `channels`, filled and past learning.
+    /// A window of `samples` at `rate_hz` over `channels`, filled and with a learned noise floor.
     #[must_use]
     pub fn new(samples: usize, rate_hz: f64, channels: usize) -> Self {
         let plan = WindowPlan {
@@ -42,7 +42,7 @@ impl HopBench {
         bench
     }
 
-    /// One hop over all channels; returns the total number of sightings.
+    /// One hop over all channels; returns the total number of detections.
     pub fn hop(&mut self) -> usize {
         self.window.hop(&self.histories, &[], |_| self.seen += 1);
         self.seen

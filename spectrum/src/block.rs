@@ -1,16 +1,16 @@
 //! Input: blocks of force samples, and the state of the process.
 //!
-//! Borrowed values that are not trusted: [`crate::Watch::push`] checks them.
+//! Unvalidated borrowed values: [`crate::VibrationMonitor::push`] checks them.
 
 /// The most channels a block may carry: three forces and three moments.
 pub const CHANNELS_MAX: usize = 6;
 
-/// Consecutive samples at one rate, without a gap.
+/// Consecutive samples at a constant rate, without a gap.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block<'a> {
     /// Session of the sender: a new one restarts all counts.
     pub session: u64,
-    /// Counts blocks by one; a jump means that blocks were lost.
+    /// Sequence number, incremented by one per block; a jump means that blocks were lost.
     pub seq: u64,
     /// Samples per channel before this block in this session, including lost ones; `None` if the
     /// sender does not count.
@@ -30,15 +30,15 @@ pub struct Block<'a> {
 pub struct ProcessState {
     /// Spindle speed, rev/min. 0 at rest or unknown.
     pub spindle_rpm: f64,
-    /// Teeth of the cutter. 0 if unknown.
+    /// Number of teeth of the cutter. 0 if unknown.
     pub teeth: u32,
     /// Feed along the path, mm/s. 0 at rest or unknown.
     pub feed_mm_s: f64,
-    /// Whether the tool cuts; `None`: the watch judges by the force level.
+    /// Whether the tool is in the cut; `None`: decided by the force level.
     pub in_cut: Option<bool>,
 }
 
-/// The channel a line was seen on.
+/// The channel on which a line was detected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Axis {
     /// Force along x.
@@ -72,7 +72,7 @@ impl Axis {
         self as usize
     }
 
-    /// Name as the contract writes it: `x`, `y`, `z`, `mx`, `my`, `mz`.
+    /// Name in messages and files: `x`, `y`, `z`, `mx`, `my`, `mz`.
     #[must_use]
     pub fn name(self) -> &'static str {
         ["x", "y", "z", "mx", "my", "mz"][self as usize]

@@ -1,40 +1,40 @@
-//! The samples of one rate and the windows that slide over them.
+//! A processing branch: the samples of one rate and the sliding windows over them.
 //!
 //! The monitor has two branches: a low one (about 1.25 kHz) with short, middle and long windows,
 //! and one at the sensor's own rate for higher frequencies. Planned once; execution does not
 //! allocate.
 
-use crate::config::WatchConfig;
+use crate::config::MonitorConfig;
+use crate::cut_detection::CutState;
 use crate::history::History;
-use crate::sliding::{Sighting, SlidingWindow, WindowPlan};
-use crate::surroundings::Surroundings;
+use crate::sliding::{Detection, SlidingWindow, WindowPlan};
 use crate::track::Tracks;
 use realfft::RealFftPlanner;
 
-/// Top of the low branch where the full rate is watched too, Hz.
+/// Upper frequency limit of the low branch if there is a full-rate branch, Hz.
 pub(crate) const SPLIT_HZ: f64 = 160.0;
 /// Hop of the low branch, s.
 const LOW_HOP_S: f64 = 0.004;
 /// Length of the full-rate window, s, before it is rounded to a power of two.
 const FULL_WINDOW_S: f64 = 0.08;
 
-/// Samples of one rate, and the windows over them, shortest first.
+/// The samples of one rate, and the windows over them, shortest first.
 pub(crate) struct Branch {
     hop: usize,
     rate_hz: f64,
     hops: usize,
-    measuring: usize,
-    pub(crate) waiting: usize,
+    measuring_window: usize,
+    pub(crate) samples_to_hop: usize,
     pub(crate) histories: Vec<History>,
     windows: Vec<SlidingWindow>,
 }
 
 impl Branch {
-    /// The branch behind the front end: windows of about 28, 72, 128 and 512 ms. Their thresholds were
-    /// set by the figures of `examples/watch_figures`: soonest warning at no false alarm.
+    /// The branch behind the front end: windows of about 28, 72, 128 and 512 ms. Their thresholds
+    /// were tuned with `examples/watch_figures`: earliest warning without a false alarm.
     pub(crate) fn low(
         planner: &mut RealFftPlanner<f64>,
-        config: &WatchConfig,
+        config: &MonitorConfig,
         factor: usize,
         top_hz: f64,
     ) -> Self {
@@ -64,7 +64,7 @@ impl Branch {
     }
 
     /// The branch at the sensor's own rate: windows of about 40 and 80 ms.
-    pub(crate) fn full(planner: &mut RealFftPlanner<f64>, config: &WatchConfig) -> Self {
+    pub(crate) fn full(planner: &mut RealFftPlanner<f64>, config: &MonitorConfig) -> Self {
         let exponent = (FULL_WINDOW_S * config.rate_hz).log2().round() as u32;
         let samples = 1_usize << exponent.clamp(5, 20);
         let plan = |samples: usize| WindowPlan {
@@ -82,7 +82,7 @@ impl Branch {
 
     fn new(
         planner: &mut RealFftPlanner<f64>,
-        config: &WatchConfig,
+        config: &MonitorConfig,
         rate_hz: f64,
         plans: &[WindowPlan],
         measuring: usize,
@@ -104,29 +104,29 @@ impl Branch {
             hop,
             rate_hz,
             hops: 0,
-            measuring,
-            waiting: hop,
+            measuring_window: measuring,
+            samples_to_hop: hop,
             histories: (0..config.channels).map(|_| History::new(longest)).collect(),
             windows: plans.iter().map(|plan| window(plan, planner)).collect(),
         }
     }
 
-    /// Whether the floors of the windows up to the measuring one are learned; the slow one takes
-    /// longer.
+    /// Whether the noise floors of the windows up to the measuring one are learned; longer windows
+    /// take longer.
     pub(crate) fn is_ready(&self) -> bool {
-        self.windows.iter().take(self.measuring + 1).all(SlidingWindow::is_ready)
+        self.windows.iter().take(self.measuring_window + 1).all(SlidingWindow::is_ready)
     }
 
-    /// Changes the surroundings of all floors.
-    pub(crate) fn switch(&mut self, surroundings: Surroundings) {
+    /// Selects the noise floors for air or cut.
+    pub(crate) fn set_cut_state(&mut self, surroundings: CutState) {
         for window in &mut self.windows {
-            window.switch(surroundings);
+            window.set_cut_state(surroundings);
         }
     }
 
-    /// Forgets samples and peaks; floors stay.
+    /// Clears samples and peaks; learned floors are kept.
     pub(crate) fn reset(&mut self) {
-        self.waiting = self.hop;
+        self.samples_to_hop = self.hop;
         self.hops = 0;
         for history in &mut self.histories {
             history.clear();
@@ -137,15 +137,15 @@ impl Branch {
     }
 
     /// Clears the learned floor of a channel.
-    pub(crate) fn forget(&mut self, channel: usize) {
+    pub(crate) fn clear_floor(&mut self, channel: usize) {
         for window in &mut self.windows {
-            window.forget(channel);
+            window.clear_floor(channel);
         }
     }
 
-    /// A hop is due: evaluates every window for every channel and passes on sightings.
-    pub(crate) fn look(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
-        self.waiting = self.hop;
+    /// Evaluates every window whose hop is due, for every channel, and passes on detections.
+    pub(crate) fn process_hop(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Detection)) {
+        self.samples_to_hop = self.hop;
         self.hops = self.hops.wrapping_add(1);
         let due = |window: &&mut SlidingWindow| {
             (self.hops * self.hop).is_multiple_of(window.hop_samples())
@@ -155,8 +155,8 @@ impl Branch {
         }
     }
 
-    /// Measures the lines at frequencies that it `covers`, in the window for this purpose; `gain`
-    /// is the front end's gain at a tone. Channels that stood still are ignored.
+    /// Measures the lines at frequencies that it `covers`, in the measuring window; `gain` is the
+    /// front end's gain at a frequency. Stuck and dead channels are ignored.
     pub(crate) fn measure(
         &self,
         tracks: &mut Tracks,
@@ -165,7 +165,7 @@ impl Branch {
         gain: impl Fn(f64) -> f64,
         is_still: impl Fn(usize) -> bool,
     ) {
-        let Some(window) = self.windows.get(self.measuring) else { return };
+        let Some(window) = self.windows.get(self.measuring_window) else { return };
         if !(self.hops * self.hop).is_multiple_of(window.hop_samples()) {
             return;
         }
@@ -183,7 +183,7 @@ impl Branch {
             track.measure(|channel| measured[channel], self.histories.len(), now_s, step_s);
             let value = |channel| window.value(channel, track.frequency_hz);
             if let (Some(x), Some(y)) = (value(0), value(1)) {
-                track.ellipse.take(x, y, window.hop_windows());
+                track.ellipse.add(x, y, window.hop_windows());
             }
         }
     }

@@ -1,8 +1,9 @@
-//! Classification of a line, and its alternatives.
+//! Classification of a line, with the alternatives that the evidence does not exclude.
 //!
-//! A pure function of the evidence. Order matters: harmonics of the spindle are forced before
-//! anything else; lines present in air are not chatter. If the evidence does not distinguish two classes,
-//! the second is listed as a rival. Source: research note on vibration monitoring, section 2.6.
+//! A pure function of the evidence. The order of the rules matters: spindle harmonics are
+//! classified as forced first; lines present in air are not chatter. If the evidence does not
+//! distinguish two classes, the second is listed as an alternative. Source: research note on
+//! vibration monitoring, section 2.6.
 
 use crate::verdict::{Class, ClassSet, State};
 
@@ -12,32 +13,32 @@ pub(crate) struct Evidence {
     /// Whether the spindle's speed is known.
     pub(crate) speed_known: bool,
     /// Whether the line coincides with a spindle multiple.
-    pub(crate) driven: bool,
+    pub(crate) at_spindle_harmonic: bool,
     /// Whether it coincides with an alias of a spindle multiple.
     pub(crate) aliased: bool,
     /// Whether it coincides with a multiple of the mains frequency.
     pub(crate) on_mains: bool,
-    /// Other multiples of the mains are there and were called electrical.
-    pub(crate) hums: bool,
+    /// Whether another line was classified as electrical.
+    pub(crate) mains_present: bool,
     /// Whether a known mode is near.
     pub(crate) near_mode: bool,
-    /// Whether two known modes are near, and close to each other.
-    pub(crate) two_modes: bool,
-    /// Whether the force vector moves on an ellipse in one sense; `None` if unknown.
-    pub(crate) turns: Option<bool>,
+    /// Whether two known modes are near the line and close to each other.
+    pub(crate) has_close_modes: bool,
+    /// Whether the force vector rotates on an ellipse in one sense; `None` if unknown.
+    pub(crate) rotates: Option<bool>,
     /// Whether the line is present in air; `None` if air and cut are not distinguished.
     pub(crate) in_air: Option<bool>,
-    /// The line was there before anything was learned.
+    /// Whether the line was present before the noise floor was learned.
     pub(crate) from_start: bool,
     /// Whether the line follows the feed; `None` if the feed did not change, or is unknown.
     pub(crate) follows_feed: Option<bool>,
-    /// Whether the feed is known, and the line could be a gear's.
+    /// Whether the feed is known and the frequency is possible for a gear.
     pub(crate) gear_possible: bool,
-    /// A wheel of the gear train turns at this frequency.
-    pub(crate) on_wheel: bool,
+    /// Whether a shaft rotation or tooth mesh of a gear train has this frequency.
+    pub(crate) at_gear_frequency: bool,
 }
 
-/// The most likely class, and its rivals.
+/// The most likely class, and its alternatives.
 pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
     let mut rivals = ClassSet::default();
     let mut rival = |class: Class, possible: bool| {
@@ -46,60 +47,60 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
         }
     };
     let self_excited = e.in_air != Some(true);
-    let class = if e.driven || e.aliased {
+    let class = if e.at_spindle_harmonic || e.aliased {
         rival(Class::Electrical, e.on_mains);
-        // A true multiple is never chatter; an alias of one may be.
-        rival(Class::Chatter, !e.driven && e.near_mode && self_excited);
+        // A harmonic itself is never chatter; a line at the alias of a harmonic may be.
+        rival(Class::Chatter, !e.at_spindle_harmonic && e.near_mode && self_excited);
         Class::Forced
     } else if e.follows_feed == Some(true) {
         Class::Gear
     } else if e.on_mains
-        && (e.in_air == Some(true) || e.hums || (e.in_air.is_none() && e.from_start))
+        && (e.in_air == Some(true) || e.mains_present || (e.in_air.is_none() && e.from_start))
     {
         rival(Class::Structural, e.near_mode);
         rival(Class::Chatter, e.in_air == Some(false));
         Class::Electrical
     } else if e.in_air == Some(true) {
-        rival(Class::Gear, gear_rival(e));
+        rival(Class::Gear, gear_is_alternative(e));
         Class::Structural
-    } else if e.on_wheel && e.follows_feed.is_none() {
+    } else if e.at_gear_frequency && e.follows_feed.is_none() {
         rival(Class::Chatter, e.near_mode || e.in_air == Some(false));
         rival(Class::Structural, e.in_air.is_none());
         Class::Gear
     } else if e.near_mode || e.in_air == Some(false) || (e.speed_known && !e.from_start) {
-        // A line that arises during monitoring and is not excited by a spindle of known speed is
-        // self-excited; the rivals show how much of that is known.
+        // A line that arises during monitoring and is not a harmonic of a known spindle speed is
+        // self-excited; the alternatives list what is not excluded.
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
         rival(Class::Structural, e.in_air.is_none());
-        rival(Class::Gear, !e.near_mode && gear_rival(e));
-        if e.two_modes && e.turns == Some(true) {
+        rival(Class::Gear, !e.near_mode && gear_is_alternative(e));
+        if e.has_close_modes && e.rotates == Some(true) {
             rival(Class::Chatter, true);
             Class::ModeCoupling
         } else {
-            rival(Class::ModeCoupling, e.two_modes && e.turns.is_none());
+            rival(Class::ModeCoupling, e.has_close_modes && e.rotates.is_none());
             Class::Chatter
         }
     } else {
-        // Without a known mode, cut or spindle, self-excitation cannot be concluded.
+        // Without a known mode, cut state or spindle speed, self-excitation cannot be concluded.
         rival(Class::Chatter, self_excited && !e.from_start);
         rival(Class::Structural, e.in_air.is_none() && !e.from_start);
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
-        rival(Class::Gear, gear_rival(e));
+        rival(Class::Gear, gear_is_alternative(e));
         Class::Unknown
     };
     rivals.remove(class);
     (class, rivals)
 }
 
-fn gear_rival(e: &Evidence) -> bool {
-    e.follows_feed.is_none() && (e.on_wheel || e.gear_possible)
+fn gear_is_alternative(e: &Evidence) -> bool {
+    e.follows_feed.is_none() && (e.at_gear_frequency || e.gear_possible)
 }
 
 /// The highest state that a line of this class may reach: lines known to be harmless remain
-/// warnings, because an alarm in every healthy cut would be useless.
-pub(crate) fn ceiling(class: Class, rivals: ClassSet, e: &Evidence) -> State {
+/// warnings, so that a normal cut raises no alarm.
+pub(crate) fn max_state(class: Class, rivals: ClassSet, e: &Evidence) -> State {
     let harmless = match class {
         Class::Forced => !e.near_mode,
         Class::Electrical | Class::Structural => !rivals.contains(Class::Chatter),
@@ -114,18 +115,18 @@ mod tests {
 
     const CUT: Evidence = Evidence {
         speed_known: true,
-        driven: false,
+        at_spindle_harmonic: false,
         aliased: false,
         on_mains: false,
-        hums: false,
+        mains_present: false,
         near_mode: false,
-        two_modes: false,
-        turns: None,
+        has_close_modes: false,
+        rotates: None,
         in_air: Some(false),
         from_start: false,
         follows_feed: None,
         gear_possible: false,
-        on_wheel: false,
+        at_gear_frequency: false,
     };
 
     fn rivals(e: &Evidence) -> Vec<Class> {
@@ -135,10 +136,14 @@ mod tests {
     #[test]
     fn each_class_has_its_evidence() {
         let class = |e: Evidence| classify(&e).0;
-        assert_eq!(class(Evidence { driven: true, near_mode: true, ..CUT }), Class::Forced);
+        assert_eq!(
+            class(Evidence { at_spindle_harmonic: true, near_mode: true, ..CUT }),
+            Class::Forced
+        );
         assert_eq!(class(Evidence { near_mode: true, ..CUT }), Class::Chatter);
         assert_eq!(class(CUT), Class::Chatter);
-        let coupled = Evidence { near_mode: true, two_modes: true, turns: Some(true), ..CUT };
+        let coupled =
+            Evidence { near_mode: true, has_close_modes: true, rotates: Some(true), ..CUT };
         assert_eq!(class(coupled), Class::ModeCoupling);
         assert_eq!(class(Evidence { follows_feed: Some(true), ..CUT }), Class::Gear);
         assert_eq!(class(Evidence { in_air: Some(true), ..CUT }), Class::Structural);
@@ -165,9 +170,9 @@ mod tests {
         assert_eq!((classify(&alias).0, rivals(&alias)), (Class::Forced, vec![Class::Chatter]));
         let ignorant = Evidence { near_mode: true, in_air: None, speed_known: false, ..CUT };
         assert_eq!(rivals(&ignorant), [Class::Forced, Class::Structural]);
-        let close = Evidence { near_mode: true, two_modes: true, ..CUT };
+        let close = Evidence { near_mode: true, has_close_modes: true, ..CUT };
         assert_eq!(rivals(&close), [Class::ModeCoupling]);
-        let wheel = Evidence { in_air: Some(true), on_wheel: true, ..CUT };
+        let wheel = Evidence { in_air: Some(true), at_gear_frequency: true, ..CUT };
         assert_eq!(rivals(&wheel), [Class::Gear]);
     }
 
@@ -175,10 +180,13 @@ mod tests {
     fn harmless_lines_stay_warnings_and_a_driven_mode_does_not() {
         let top = |e: Evidence| {
             let (class, rivals) = classify(&e);
-            ceiling(class, rivals, &e)
+            max_state(class, rivals, &e)
         };
-        assert_eq!(top(Evidence { driven: true, ..CUT }), State::Warn);
-        assert_eq!(top(Evidence { driven: true, near_mode: true, ..CUT }), State::Confirmed);
+        assert_eq!(top(Evidence { at_spindle_harmonic: true, ..CUT }), State::Warn);
+        assert_eq!(
+            top(Evidence { at_spindle_harmonic: true, near_mode: true, ..CUT }),
+            State::Confirmed
+        );
         assert_eq!(top(Evidence { in_air: Some(true), on_mains: true, ..CUT }), State::Warn);
         assert_eq!(top(CUT), State::Confirmed);
     }

@@ -9,29 +9,30 @@ pub struct Mode {
     pub frequency_hz: f64,
     /// Damping ratio, 0 to 1; 0 if unknown.
     pub damping: f64,
-    /// Direction of the motion in the axes of the force channels; zero if unknown. For information:
-    /// lines are matched by frequency only.
+    /// Direction of the motion in the axes of the force channels; zero if unknown. Informative
+    /// only: lines are matched by frequency.
     pub direction: [f64; 3],
 }
 
 impl Mode {
-    /// A mode with only its frequency known.
+    /// A mode of which only the frequency is known.
     #[must_use]
     pub fn at_hz(frequency_hz: f64) -> Self {
         Self { frequency_hz, damping: 0.0, direction: [0.0; 3] }
     }
 
-    /// Whether a machine can have it.
-    pub(crate) fn is_possible(&self) -> bool {
+    /// Whether frequency, damping and direction are in their valid ranges.
+    pub(crate) fn is_valid(&self) -> bool {
         let directed = self.direction.iter().all(|d| d.is_finite());
         let rings = self.frequency_hz > 0.0 && self.frequency_hz.is_finite();
         rings && directed && (0.0..1.0).contains(&self.damping)
     }
 }
 
-/// A periodic event of a gear train per distance of tool path: a turn of a shaft, or a tooth mesh.
+/// Spatial frequency of a gear train along the tool path: of the rotation of a shaft, or of a tooth
+/// mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wheel {
+pub struct GearFrequency {
     /// Joint, from 1.
     pub joint: u8,
     /// Shaft, from 1, motor side first.
@@ -39,12 +40,12 @@ pub struct Wheel {
     /// Cycles per revolution of the shaft: 1 for its rotation, otherwise the number of meshing
     /// teeth.
     pub teeth: u32,
-    /// Cycles (revolutions, or teeth) per mm of tool path, along the present cut.
+    /// Cycles (revolutions, or teeth) per mm of tool path, for the present path.
     pub cycles_per_mm: f64,
 }
 
-impl Wheel {
-    /// The fields in their order.
+impl GearFrequency {
+    /// From the fields in their order.
     #[must_use]
     pub const fn new(joint: u8, shaft: u8, teeth: u32, cycles_per_mm: f64) -> Self {
         Self { joint, shaft, teeth, cycles_per_mm }
@@ -52,7 +53,7 @@ impl Wheel {
 }
 
 /// `joint 1, shaft 2`; `joint 1, 10 teeth of shaft 1`.
-impl std::fmt::Display for Wheel {
+impl std::fmt::Display for GearFrequency {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { joint, shaft, teeth, .. } = self;
         match teeth {
@@ -62,9 +63,9 @@ impl std::fmt::Display for Wheel {
     }
 }
 
-impl Wheel {
-    /// Whether it turns at all.
-    pub(crate) fn is_possible(&self) -> bool {
+impl GearFrequency {
+    /// Whether the number of cycles is finite and above 0.
+    pub(crate) fn is_valid(&self) -> bool {
         self.cycles_per_mm > 0.0 && self.cycles_per_mm.is_finite()
     }
 }
@@ -72,53 +73,53 @@ impl Wheel {
 /// Limit on the number of modes.
 pub const MODES_MAX: usize = 32;
 /// Limit on the number of gear shafts and meshes.
-pub const WHEELS_MAX: usize = 64;
+pub const GEAR_FREQUENCIES_MAX: usize = 64;
 
-/// The watch's settings.
+/// Settings of the vibration monitor.
 #[derive(Clone, Debug, PartialEq)]
-pub struct WatchConfig {
+pub struct MonitorConfig {
     /// Sampling rate of every channel, Hz, 240 (a controller's own force; ABB: every 4.032 ms) to
     /// 200 000.
     pub rate_hz: f64,
     /// Channels, 1 to 6, in the order x, y, z, mx, my, mz: a sensor with fewer axes omits the last
     /// ones.
     pub channels: usize,
-    /// Lines are searched in this band, Hz; its top is limited to 0.45 of the rate.
+    /// Band in which lines are searched, Hz; its upper end is limited to 0.45 of the rate.
     pub band_hz: [f64; 2],
     /// Known natural frequencies.
     pub modes: Vec<Mode>,
-    /// Gear shafts that a line may belong to.
-    pub wheels: Vec<Wheel>,
-    /// No force line below this amplitude is ever reported, N.
+    /// Known frequencies of the gear trains.
+    pub gear_frequencies: Vec<GearFrequency>,
+    /// Smallest amplitude of a reported force line, N.
     pub least_amplitude_n: f64,
-    /// No moment line below this amplitude is ever reported, Nm.
+    /// Smallest amplitude of a reported moment line, Nm.
     pub least_amplitude_nm: f64,
     /// The sensor's full scale, N, for forces; infinite if unknown.
     pub full_scale_n: f64,
     /// The sensor's full scale, Nm, for moments; infinite if unknown.
     pub full_scale_nm: f64,
-    /// Mains frequency, Hz; `None`: 50 and 60 are both possible.
+    /// Mains frequency, Hz; `None`: 50 or 60 Hz.
     pub mains_hz: Option<f64>,
-    /// Scales the power over the floor that counts as a line, 0.25 to 10: 1 is the value of the
+    /// Factor on the detection threshold (power over floor), 0.25 to 10: 1 is the value of the
     /// published figures; lower values find weaker lines and raise more false alarms.
     pub threshold: f64,
-    /// Duration in which the noise floor is learned before anything is reported, s, 0.5 to 60,
-    /// including the first window. Default 0.9: a second of air suffices, with 0.1 s of margin for
-    /// the delay of the filters and for a cut that begins early. At least seven windows of the low
+    /// Duration of learning the noise floor before anything is reported, s, 0.5 to 60, including
+    /// the first window. Default 0.9: one second of air is enough, with a margin of 0.1 s for the
+    /// delay of the filters and for a cut that begins early. At least seven windows of the low
     /// branch (0.9 s) are used in any case.
     pub learn_s: f64,
-    /// Limits by which lines are judged.
+    /// Thresholds of the evaluation of lines.
     pub rules: Rules,
 }
 
-impl Default for WatchConfig {
+impl Default for MonitorConfig {
     fn default() -> Self {
         Self {
             rate_hz: 10_000.0,
             channels: 3,
             band_hz: [10.0, 1000.0],
             modes: Vec::new(),
-            wheels: Vec::new(),
+            gear_frequencies: Vec::new(),
             least_amplitude_n: 0.1,
             least_amplitude_nm: 0.01,
             full_scale_n: f64::INFINITY,
@@ -131,7 +132,7 @@ impl Default for WatchConfig {
     }
 }
 
-/// A setting that cannot be.
+/// An invalid setting.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ConfigError {
     /// A number is not finite or out of its range.
@@ -139,9 +140,9 @@ pub enum ConfigError {
         "vibration monitor: {key} is {value}, expected {expected}; correct it in the configuration"
     )]
     OutOfRange {
-        /// Which setting.
+        /// Name of the setting.
         key: &'static str,
-        /// What it was.
+        /// Its value.
         value: f64,
         /// The allowed range, as text.
         expected: &'static str,
@@ -159,7 +160,7 @@ pub enum ConfigError {
         /// Sampling rate, Hz.
         rate_hz: f64,
     },
-    /// A mode that no machine can have.
+    /// A mode with an invalid frequency, damping or direction.
     #[error(
         "vibration monitor: mode {index} has frequency {frequency_hz} Hz and damping {damping}, expected a frequency above 0 \
          and damping from 0 to below 1; correct [[mode]] in the model"
@@ -172,19 +173,19 @@ pub enum ConfigError {
         /// Damping ratio.
         damping: f64,
     },
-    /// A gear shaft or mesh with an invalid number of turns.
+    /// A gear frequency that is not finite or not above 0.
     #[error(
         "vibration monitor: wheel {index} turns {cycles_per_mm} times per mm, expected a finite number above 0"
     )]
-    Wheel {
+    GearFrequency {
         /// Place in the list, from 0.
         index: usize,
-        /// Turns per mm.
+        /// Cycles per mm.
         cycles_per_mm: f64,
     },
 }
 
-impl WatchConfig {
+impl MonitorConfig {
     /// Checks every setting.
     ///
     /// # Errors
@@ -211,18 +212,19 @@ impl WatchConfig {
     }
 
     fn check_lists(&self) -> Result<(), ConfigError> {
-        let impossible = self.modes.iter().enumerate().find(|(_, mode)| !mode.is_possible());
+        let impossible = self.modes.iter().enumerate().find(|(_, mode)| !mode.is_valid());
         if let Some((index, &Mode { frequency_hz, damping, .. })) = impossible {
             return Err(ConfigError::Mode { index, frequency_hz, damping });
         }
-        let impossible = self.wheels.iter().enumerate().find(|(_, wheel)| !wheel.is_possible());
+        let impossible =
+            self.gear_frequencies.iter().enumerate().find(|(_, wheel)| !wheel.is_valid());
         if let Some((index, wheel)) = impossible {
-            return Err(ConfigError::Wheel { index, cycles_per_mm: wheel.cycles_per_mm });
+            return Err(ConfigError::GearFrequency { index, cycles_per_mm: wheel.cycles_per_mm });
         }
         Ok(())
     }
 
-    /// Upper edge of the watched band, Hz, once Nyquist is respected.
+    /// Upper edge of the monitored band, Hz, limited to 0.45 of the sampling rate.
     #[must_use]
     pub fn band_top_hz(&self) -> f64 {
         self.band_hz[1].min(0.45 * self.rate_hz)
@@ -248,31 +250,36 @@ mod tests {
 
     #[test]
     fn the_default_is_usable() {
-        assert_eq!(WatchConfig::default().check(), Ok(()));
+        assert_eq!(MonitorConfig::default().check(), Ok(()));
     }
 
     #[test]
     fn every_impossible_setting_is_refused_with_the_reason() {
-        let good = WatchConfig::default;
+        let good = MonitorConfig::default;
         let bad = [
-            WatchConfig { rate_hz: f64::NAN, ..good() },
-            WatchConfig { rate_hz: 10.0, ..good() },
-            WatchConfig { channels: 0, ..good() },
-            WatchConfig { channels: 7, ..good() },
-            WatchConfig { band_hz: [100.0, 50.0], ..good() },
-            WatchConfig { band_hz: [f64::NAN, 50.0], ..good() },
-            WatchConfig { band_hz: [600.0, 900.0], rate_hz: 1000.0, ..good() },
-            WatchConfig { modes: vec![Mode::at_hz(-1.0)], ..good() },
-            WatchConfig { modes: vec![Mode { damping: 1.0, ..Mode::at_hz(70.0) }], ..good() },
-            WatchConfig { least_amplitude_n: -1.0, ..good() },
-            WatchConfig { full_scale_n: 0.0, ..good() },
-            WatchConfig { threshold: 0.0, ..good() },
-            WatchConfig { learn_s: 0.0, ..good() },
-            WatchConfig { rules: Rules { least_share: f64::NAN, ..Rules::default() }, ..good() },
-            WatchConfig { rules: Rules { heard_part: 0.0, ..Rules::default() }, ..good() },
-            WatchConfig { mains_hz: Some(f64::NAN), ..good() },
-            WatchConfig {
-                wheels: vec![Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0 }],
+            MonitorConfig { rate_hz: f64::NAN, ..good() },
+            MonitorConfig { rate_hz: 10.0, ..good() },
+            MonitorConfig { channels: 0, ..good() },
+            MonitorConfig { channels: 7, ..good() },
+            MonitorConfig { band_hz: [100.0, 50.0], ..good() },
+            MonitorConfig { band_hz: [f64::NAN, 50.0], ..good() },
+            MonitorConfig { band_hz: [600.0, 900.0], rate_hz: 1000.0, ..good() },
+            MonitorConfig { modes: vec![Mode::at_hz(-1.0)], ..good() },
+            MonitorConfig { modes: vec![Mode { damping: 1.0, ..Mode::at_hz(70.0) }], ..good() },
+            MonitorConfig { least_amplitude_n: -1.0, ..good() },
+            MonitorConfig { full_scale_n: 0.0, ..good() },
+            MonitorConfig { threshold: 0.0, ..good() },
+            MonitorConfig { learn_s: 0.0, ..good() },
+            MonitorConfig { rules: Rules { least_share: f64::NAN, ..Rules::default() }, ..good() },
+            MonitorConfig { rules: Rules { heard_part: 0.0, ..Rules::default() }, ..good() },
+            MonitorConfig { mains_hz: Some(f64::NAN), ..good() },
+            MonitorConfig {
+                gear_frequencies: vec![GearFrequency {
+                    joint: 1,
+                    shaft: 1,
+                    teeth: 1,
+                    cycles_per_mm: 0.0,
+                }],
                 ..good()
             },
         ];
@@ -284,7 +291,7 @@ mod tests {
 
     #[test]
     fn the_band_ends_below_nyquist() {
-        let config = WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() };
+        let config = MonitorConfig { rate_hz: 1000.0, ..MonitorConfig::default() };
         assert!((config.band_top_hz() - 450.0).abs() < 1e-12);
     }
 }

@@ -1,18 +1,20 @@
-//! From the sensor's rate down to about 1.25 kHz: one-revolution average and anti-alias filter.
+//! Decimation from the sensor's rate to about 1.25 kHz: average over one revolution, and anti-alias
+//! filter.
 //!
 //! Both are convolved into one FIR filter, evaluated at the output samples only. The average covers
 //! exactly one spindle revolution (including a fraction of a sample, by linear interpolation), so
-//! that runout, tooth passing and all their multiples vanish. The filter passes the low band and
-//! attenuates what would alias into it. A new speed costs one pass over the coefficients and no
-//! allocation.
+//! that runout, tooth passing and all their harmonics vanish. The filter passes the low band and
+//! attenuates everything that would alias into it. A change of the speed takes one pass over the
+//! coefficients and no allocation.
 //!
-//! Source: Kaiser 1974 for the window; attenuation 70 dB. Holds for speeds steady over a revolution.
+//! Source: Kaiser 1974 for the window; attenuation 70 dB. Valid for speeds constant over a
+//! revolution.
 
 use std::f64::consts::PI;
 
 const STOP_DB: f64 = 70.0;
 
-/// The planned front end of the low branch.
+/// The decimating filter ahead of the low branch.
 #[derive(Debug)]
 pub(crate) struct FrontEnd {
     factor: usize,
@@ -26,9 +28,10 @@ pub(crate) struct FrontEnd {
 }
 
 impl FrontEnd {
-    /// Plans for a sensor rate and the low branch's top; the factor brings the rate to about 1.25 kHz.
+    /// Plans the filter for a sensor rate and the upper limit of the low branch; the factor brings
+    /// the rate to about 1.25 kHz.
     pub(crate) fn new(rate_hz: f64, pass_hz: f64) -> Self {
-        let factor = factor(rate_hz);
+        let factor = decimation_factor(rate_hz);
         let low_pass = if factor == 1 {
             vec![1.0]
         } else {
@@ -61,12 +64,12 @@ impl FrontEnd {
         self.factor
     }
 
-    /// Longest run of samples that the filter may need.
+    /// Largest possible length of the filter, in samples.
     pub(crate) fn longest(&self) -> usize {
         self.taps.len()
     }
 
-    /// Samples that the filter needs now.
+    /// Present length of the filter, in samples.
     pub(crate) fn taps(&self) -> usize {
         self.used
     }
@@ -81,22 +84,22 @@ impl FrontEnd {
         }
         self.revolution = revolution;
         if revolution > 0.0 {
-            self.convolve(revolution);
+            self.convolve_average(revolution);
         } else {
-            self.plain();
+            self.use_low_pass_only();
         }
         true
     }
 
-    fn plain(&mut self) {
+    fn use_low_pass_only(&mut self) {
         self.used = self.low_pass.len();
         self.taps[..self.used].copy_from_slice(&self.low_pass);
     }
 
     /// Average of the interpolated signal over `revolution` samples, convolved with the filter. The
-    /// average's weights are ½, 1, …, 1, ½+f−f²/2, f²/2 over the revolution: a run of ones and four
-    /// corrections, so that cumulative sums compute the convolution in one pass.
-    fn convolve(&mut self, revolution: f64) {
+    /// average's weights are ½, 1, …, 1, ½+f−f²/2, f²/2 over the revolution: ones with four
+    /// corrections, so that the convolution takes one pass with cumulative sums.
+    fn convolve_average(&mut self, revolution: f64) {
         let whole = revolution.floor() as usize;
         let f = revolution - revolution.floor();
         self.used = (self.low_pass.len() + whole + 1).min(self.taps.len());
@@ -116,11 +119,11 @@ impl FrontEnd {
         }
     }
 
-    /// One output from the newest [`Self::taps`] samples, oldest first.
+    /// One output sample from the newest [`Self::taps`] samples, oldest first.
     #[inline]
     pub(crate) fn output(&self, samples: &[f64]) -> f64 {
-        // The taps run from newest to oldest; this matters for the average, not for the symmetric
-        // filter.
+        // The taps are ordered from newest to oldest; this matters for the average only, the low
+        // pass is symmetric.
         let mut lanes = [0.0_f64; 4];
         let taps = &self.taps[..self.used];
         let quads = taps.len() / 4 * 4;
@@ -134,19 +137,20 @@ impl FrontEnd {
         (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]) + rest
     }
 
-    /// What the average leaves of a tone, 0 to 1; the filter's ripple is below 0.1 %.
+    /// Gain of the average at a frequency, 0 to 1; the ripple of the low pass is below 0.1 %.
     pub(crate) fn gain(&self, frequency_hz: f64) -> f64 {
         let x = PI * frequency_hz * self.revolution / self.rate_hz;
         if x < 1e-9 { 1.0 } else { (x.sin() / x).abs() }
     }
 }
 
-/// Slower spindles are left to the classification: the average would attenuate the low band.
+/// Lowest speed at which the average is used, rev/s; below, it would attenuate the low band, and
+/// the classification alone separates the harmonics.
 fn slowest_comb_hz(pass_hz: f64) -> f64 {
     1.5 * pass_hz
 }
 
-fn factor(rate_hz: f64) -> usize {
+fn decimation_factor(rate_hz: f64) -> usize {
     ((rate_hz / 1250.0).round() as usize).max(1)
 }
 

@@ -1,14 +1,12 @@
-//! The path of the force in the plane of x and y at one frequency: line, ellipse, sense of turning.
+//! Polarisation of the force in the x-y plane at one frequency: line, ellipse, sense of rotation.
 //!
 //! Averages the Stokes parameters of the complex pair (X, Y):
 //! s0 = |X|² + |Y|², s1 = |X|² − |Y|², s2 = 2 Re XY*, s3 = 2 Im XY*.
-//! |s3|/s0 is 0 for a line and 1 for a circle; its sign is the sense of turning, so that it averages
-//! away where the sense changes. Coherence |⟨XY*⟩|² / (⟨|X|²⟩⟨|Y|²⟩) means something only over
-//! several disjoint windows. Source: Born and Wolf, section 1.4; limits: research note, section 2.6.
+//! |s3|/s0 is 0 for a line and 1 for a circle; its sign is the sense of rotation, so that it averages to 0 if the sense changes. Coherence |⟨XY*⟩|² / (⟨|X|²⟩⟨|Y|²⟩) is meaningful only over several disjoint windows. Source: Born and Wolf, section 1.4; limits: research note, section 2.6.
 
 use realfft::num_complex::Complex;
 
-/// Disjoint windows that the average spans.
+/// Length of the average, in disjoint windows.
 const WINDOWS: f64 = 5.0;
 
 /// Averaged Stokes parameters.
@@ -19,12 +17,12 @@ pub(crate) struct Ellipse {
 }
 
 impl Ellipse {
-    /// Takes one pair, `windows` (a part of one) after the last.
-    pub(crate) fn take(&mut self, x: Complex<f64>, y: Complex<f64>, windows: f64) {
+    /// Adds one pair, `windows` (a fraction of one) after the previous one.
+    pub(crate) fn add(&mut self, x: Complex<f64>, y: Complex<f64>, windows: f64) {
         let cross = x * y.conj();
         let (xx, yy) = (x.norm_sqr(), y.norm_sqr());
         let new = [xx + yy, xx - yy, 2.0 * cross.re, 2.0 * cross.im];
-        // A plain mean first, a fading one later.
+        // An arithmetic mean at first, exponential forgetting later.
         self.windows += windows;
         let follow = (windows / self.windows.min(WINDOWS)).min(1.0);
         for (mean, new) in self.stokes.iter_mut().zip(new) {
@@ -44,13 +42,13 @@ impl Ellipse {
         if product > 0.0 { ((s2 * s2 + s3 * s3) / product).min(1.0) } else { 0.0 }
     }
 
-    /// Roundness, −1 to 1: 0 a line, ±1 a circle; the sign is the sense of turning.
+    /// Ellipticity, −1 to 1: 0 a line, ±1 a circle; the sign is the sense of rotation.
     pub(crate) fn roundness(&self) -> f64 {
         if self.stokes[0] > 0.0 { self.stokes[3] / self.stokes[0] } else { 0.0 }
     }
 
-    /// Whether the force vector keeps moving on an ellipse in one sense.
-    pub(crate) fn turns(&self) -> bool {
+    /// Whether the force vector rotates on an ellipse in a constant sense.
+    pub(crate) fn rotates(&self) -> bool {
         self.is_known() && self.coherence() > 0.8 && self.roundness().abs() > 0.5
     }
 }
@@ -64,7 +62,7 @@ mod tests {
         let mut ellipse = Ellipse::default();
         for k in 0..80 {
             let (x, y) = pair(k);
-            ellipse.take(x, y, 0.125);
+            ellipse.add(x, y, 0.125);
         }
         ellipse
     }
@@ -73,10 +71,10 @@ mod tests {
     fn circle_line_and_wandering_pair_are_distinguished() {
         let turn = |angle: f64| Complex::from_polar(2.0, angle);
         let circle = averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - FRAC_PI_2)));
-        assert!(circle.turns() && circle.roundness().abs() > 0.99);
+        assert!(circle.rotates() && circle.roundness().abs() > 0.99);
         let line = averaged(|k| (turn(f64::from(k)), turn(f64::from(k))));
-        assert!(!line.turns() && line.coherence() > 0.99 && line.roundness().abs() < 1e-9);
+        assert!(!line.rotates() && line.coherence() > 0.99 && line.roundness().abs() < 1e-9);
         let wandering = averaged(|k| (turn(f64::from(k)), turn(2.7 * f64::from(k * k))));
-        assert!(!wandering.turns() && wandering.coherence() < 0.5, "{}", wandering.coherence());
+        assert!(!wandering.rotates() && wandering.coherence() < 0.5, "{}", wandering.coherence());
     }
 }

@@ -1,25 +1,27 @@
 //! Detection of sensor and stream faults.
 //!
-//! Checks samples before they reach a window. Never stops the monitor: an invalid sample is replaced by
-//! the previous one and its channel suspended, an invalid block refused, a gap counted.
+//! Checks samples before the windows. The monitor continues in any case: an invalid sample is
+//! replaced by the previous one and its channel suspended, an invalid block is rejected, a gap is
+//! counted.
 
 use crate::block::CHANNELS_MAX;
 use std::fmt;
 
-/// Something wrong with a channel or with the stream.
+/// A fault of a channel or of the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// NaN or infinite samples.
     NotFinite,
-    /// The very same value, not zero, for 100 ms.
+    /// A constant value other than zero for 100 ms.
     Stuck,
     /// Samples at the sensor's full scale, or flat tops if that is unknown.
     Saturated,
-    /// Only zeros for 100 ms, or no noise while channels of its kind have some.
+    /// Only zeros for 100 ms, or no noise although other channels of the same kind have noise.
     Dead,
     /// Blocks were lost, or time jumped.
     Gap,
-    /// The rate is not the configured one, as stated by the block or by its times.
+    /// The sampling rate, stated by the block or computed from the times, is not the configured
+    /// one.
     WrongRate,
     /// The number of channels or samples is wrong.
     WrongShape,
@@ -40,7 +42,7 @@ impl Fault {
         Self::OutOfOrder,
     ];
 
-    /// Short name for status and JSON.
+    /// Name in status and JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -76,26 +78,26 @@ impl fmt::Display for Fault {
 pub struct Faults(u8);
 
 impl Faults {
-    /// Whether the fault is there.
+    /// Whether the set contains the fault.
     #[must_use]
     pub fn contains(self, fault: Fault) -> bool {
         self.0 & (1 << fault as u8) != 0
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
-    /// The faults that are there.
+    /// The faults in the set.
     pub fn iter(self) -> impl Iterator<Item = Fault> {
         Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
     }
 
-    /// Whether the channel stood still: its samples, and the noise learned from them, are
-    /// meaningless.
-    pub(crate) fn is_still(self) -> bool {
+    /// Whether the channel was stuck or dead: its samples, and a noise floor learned from them, are
+    /// invalid.
+    pub(crate) fn is_stuck_or_dead(self) -> bool {
         self.contains(Fault::Stuck) || self.contains(Fault::Dead)
     }
 
@@ -116,15 +118,15 @@ impl fmt::Debug for Faults {
 pub struct Health {
     /// Blocks accepted.
     pub blocks: u64,
-    /// Blocks refused for their rate, their shape or their order.
+    /// Blocks rejected for their rate, number of samples or channels, or order.
     pub refused_blocks: u64,
-    /// Runs of the sender after the first one.
+    /// Sessions of the sender after the first one.
     pub restarts: u64,
-    /// Gaps seen.
+    /// Gaps detected.
     pub gaps: u64,
-    /// Blocks lost in gaps, by the sequence numbers.
+    /// Blocks lost in gaps, according to the sequence numbers.
     pub lost_blocks: u64,
-    /// Samples per channel lost in gaps, as far as the sender counts them.
+    /// Samples per channel lost in gaps, if the sender counts them.
     pub lost_samples: u64,
     /// Samples that were NaN or infinite.
     pub not_finite_samples: u64,
@@ -141,19 +143,20 @@ pub struct Health {
 }
 
 impl Health {
-    /// Whether anything is wrong at all.
+    /// Whether there is no fault.
     #[must_use]
     pub fn is_good(&self) -> bool {
         self.stream.is_empty() && self.channel.iter().all(|faults| faults.is_empty())
     }
 }
 
-/// Length of a flat run that counts as clipping if the full scale is unknown.
+/// Number of equal samples at an extreme value that counts as clipping if the full scale is
+/// unknown.
 const FLAT_TOP_SAMPLES: u32 = 8;
 /// Flat tops per second that count as saturation.
-const FLAT_TOPS: u32 = 3;
+const FLAT_TOPS_PER_S: u32 = 3;
 
-/// Watches the samples of one channel.
+/// Plausibility checks on the samples of one channel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChannelCheck {
     full_scale: f64,
@@ -165,7 +168,7 @@ pub(crate) struct ChannelCheck {
     pub(crate) spread: f64,
     pub(crate) not_finite: u32,
     pub(crate) saturated: u32,
-    still: Option<Fault>,
+    constant_fault: Option<Fault>,
 }
 
 impl ChannelCheck {
@@ -180,13 +183,14 @@ impl ChannelCheck {
             spread: 0.0,
             not_finite: 0,
             saturated: 0,
-            still: None,
+            constant_fault: None,
         }
     }
 
-    /// Checks a sample; returns the value for the windows.
+    /// Checks a sample; returns the value for the windows, which is the previous one if the sample
+    /// is invalid.
     #[inline]
-    pub(crate) fn take(&mut self, sample: f64) -> f64 {
+    pub(crate) fn check_sample(&mut self, sample: f64) -> f64 {
         if sample.is_nan() || sample.abs() >= 1e30 {
             self.not_finite += 1;
             return self.last;
@@ -215,25 +219,27 @@ impl ChannelCheck {
         sample
     }
 
-    /// Whether the value has not moved for this many samples, at zero or elsewhere; remembered until
-    /// the second ends.
-    pub(crate) fn note_still(&mut self, samples: u32) -> Option<Fault> {
+    /// The fault of a value that has been constant for this many samples, if any; kept until the
+    /// end of the second.
+    pub(crate) fn check_constant(&mut self, samples: u32) -> Option<Fault> {
         if self.run >= samples {
-            self.still = Some(if self.last == 0.0 { Fault::Dead } else { Fault::Stuck });
+            self.constant_fault = Some(if self.last == 0.0 { Fault::Dead } else { Fault::Stuck });
         }
-        self.still
+        self.constant_fault
     }
 
-    /// Ends a second: returns its faults, except those that depend on the other channels.
-    pub(crate) fn close(&mut self) -> Faults {
+    /// Ends an interval of one second: returns its faults, except those that depend on other
+    /// channels.
+    pub(crate) fn end_second(&mut self) -> Faults {
         let mut faults = Faults::default();
-        let flat = self.high > self.low && self.flat_tops.iter().any(|&tops| tops >= FLAT_TOPS);
+        let flat =
+            self.high > self.low && self.flat_tops.iter().any(|&tops| tops >= FLAT_TOPS_PER_S);
         let clipped = flat && self.full_scale.is_infinite();
         faults.set(Fault::NotFinite, self.not_finite > 0);
         faults.set(Fault::Saturated, self.saturated > 0 || clipped);
         self.spread = if self.high > self.low { self.high - self.low } else { 0.0 };
         faults.set(Fault::Dead, self.spread <= 0.0 && (self.last == 0.0 || self.not_finite > 0));
-        if let Some(still) = self.still {
+        if let Some(still) = self.constant_fault {
             faults.set(still, true);
         }
         *self = Self {
@@ -252,10 +258,10 @@ mod tests {
 
     fn second(check: &mut ChannelCheck, sample: impl Fn(usize) -> f64) -> Faults {
         for i in 0..1000 {
-            check.take(sample(i));
-            check.note_still(100);
+            check.check_sample(sample(i));
+            check.check_constant(100);
         }
-        check.close()
+        check.end_second()
     }
 
     fn tone(i: usize) -> f64 {
@@ -282,7 +288,7 @@ mod tests {
     #[test]
     fn a_bad_sample_is_replaced_by_the_one_before() {
         let mut check = ChannelCheck::new(f64::INFINITY);
-        check.take(4.0);
-        assert_eq!([f64::NAN, f64::NEG_INFINITY, 1e300].map(|x| check.take(x)), [4.0; 3]);
+        check.check_sample(4.0);
+        assert_eq!([f64::NAN, f64::NEG_INFINITY, 1e300].map(|x| check.check_sample(x)), [4.0; 3]);
     }
 }

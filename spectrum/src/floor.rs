@@ -1,40 +1,41 @@
 //! The noise floor of one channel in one window: power of each bin without vibration.
 //!
-//! Two sets, air and cut. A set is first learned as a mean; at the end of learning, steady lines
-//! (powers that hardly vary, far above their neighbours) are removed from it, so that a line that
-//! was present from the start is still a line. Then it follows slowly, with single powers clipped.
-//! Bins near a live line are frozen by the caller. Execution does not allocate.
+//! There are two sets, for air and for the cut. A set is first learned as an arithmetic mean; at
+//! the end of learning, steady lines (bins of nearly constant power far above their neighbours) are
+//! removed from it, so that a line present from the start is still detected. Afterwards it is
+//! updated by exponential averaging of clipped powers. Bins near a live line are frozen by the
+//! caller. Execution does not allocate.
 
-use crate::surroundings::Surroundings;
+use crate::cut_detection::CutState;
 use std::ops::Range;
 
-/// Powers above this many floors do not pull the floor up any further.
+/// Powers are clipped at this multiple of the floor before averaging.
 const CLIP: f64 = 3.0;
-/// Mean of exponential noise clipped so, over its true mean: 1 − e⁻³.
+/// Mean of exponentially distributed noise power after this clipping, over its true mean: 1 − e⁻³.
 const CLIPPED_MEAN: f64 = 0.950_213;
-/// A steady line's power varies by less than this (variance over squared mean; noise has 1). Noise
-/// through a mode of 67 Hz and 3 % damping, in windows of 128 ms learned for 0.77 s, varies less in
-/// 2 of 100 000 bins, with 0.15 in 1 of 1000: the level then lacks that noise, which is tracked as
-/// a line and prevents the level from being learned again.
+/// Largest relative variance of a steady line's power (variance over squared mean; 1 for noise).
+/// For noise filtered by a mode of 67 Hz and 3 % damping, in windows of 128 ms learned for 0.77 s,
+/// 2 of 100 000 bins are below, with a limit of 0.15 1 of 1000: the level then lacks that noise,
+/// which is tracked as a line and prevents the level from being learned again.
 const STEADY: f64 = 0.1;
-/// A steady line exceeds the median of its neighbours by this factor.
+/// Least ratio of a steady line's power to the median of its neighbours.
 const CONTRAST: f64 = 6.0;
 
-/// Mean power per bin, learned.
+/// The learned mean power per bin.
 #[derive(Debug)]
 pub(crate) struct Floor {
     level: [Vec<f64>; 2],
     sum: Vec<f64>,
     sum_of_squares: Vec<f64>,
     sorted: Vec<f64>,
-    /// Mean powers of the set that was learned first, steady lines included.
-    heard: Vec<f64>,
+    /// Mean powers of the set that was learned first, including steady lines.
+    learned_mean: Vec<f64>,
     learned: [bool; 2],
     frames: u32,
-    warm_frames: u32,
-    follow: f64,
-    reach: usize,
-    set: usize,
+    learning_frames: u32,
+    update_rate: f64,
+    lobe_half_width: usize,
+    active_set: usize,
 }
 
 impl Floor {
@@ -46,81 +47,83 @@ impl Floor {
             sum: vec![0.0; bins],
             sum_of_squares: vec![0.0; bins],
             sorted: vec![0.0; bins],
-            heard: vec![0.0; bins],
+            learned_mean: vec![0.0; bins],
             learned: [false; 2],
             frames: 0,
-            warm_frames: warm_frames.max(4),
-            follow: 1.0 / follow_frames.max(2.0),
-            reach,
-            set: 0,
+            learning_frames: warm_frames.max(4),
+            update_rate: 1.0 / follow_frames.max(2.0),
+            lobe_half_width: reach,
+            active_set: 0,
         }
     }
 
     /// Mean noise power of each bin.
     pub(crate) fn level(&self) -> &[f64] {
-        &self.level[self.set]
+        &self.level[self.active_set]
     }
 
-    /// Whether there is a floor to compare with at all.
+    /// Whether at least one of the sets is learned.
     pub(crate) fn is_known(&self) -> bool {
         self.learned[0] || self.learned[1]
     }
 
-    /// Whether the floor was learned in the present surroundings, not in the other ones.
-    pub(crate) fn is_own(&self) -> bool {
-        self.learned[self.set]
+    /// Whether the set of the present state (air or cut) is learned; otherwise that of the other
+    /// state is used.
+    pub(crate) fn is_learned_in_state(&self) -> bool {
+        self.learned[self.active_set]
     }
 
-    /// The largest mean power around a bin while the first set was learned: for a line that was
-    /// present from the start, its own power, although the level excludes it.
-    pub(crate) fn heard_near(&self, bin: usize) -> f64 {
-        let end = (bin + self.reach + 1).min(self.heard.len());
-        let lobe = self.heard.get(bin.saturating_sub(self.reach)..end).unwrap_or(&[]);
+    /// The largest mean power around a bin during the first learning, including steady lines, which
+    /// the level excludes.
+    pub(crate) fn learned_mean_near(&self, bin: usize) -> f64 {
+        let end = (bin + self.lobe_half_width + 1).min(self.learned_mean.len());
+        let lobe =
+            self.learned_mean.get(bin.saturating_sub(self.lobe_half_width)..end).unwrap_or(&[]);
         lobe.iter().copied().fold(0.0, f64::max)
     }
 
-    /// Changes the surroundings. A set not yet learned starts from the other one.
-    pub(crate) fn switch(&mut self, surroundings: Surroundings) {
+    /// Selects the set for air or cut. A set not yet learned starts from the other one.
+    pub(crate) fn set_cut_state(&mut self, surroundings: CutState) {
         let set = surroundings as usize;
-        if set == self.set {
+        if set == self.active_set {
             return;
         }
         if !self.learned[set] {
             let [air, cut] = &mut self.level;
             let (to, from) = if set == 1 { (cut, air) } else { (air, cut) };
             to.copy_from_slice(from);
-            self.restart();
+            self.discard_unfinished();
         }
-        self.set = set;
+        self.active_set = set;
     }
 
-    /// Discards an unfinished mean (after a gap); learned floors are kept.
-    pub(crate) fn restart(&mut self) {
+    /// Discards an unfinished mean, as after a gap; learned sets are kept.
+    pub(crate) fn discard_unfinished(&mut self) {
         self.frames = 0;
         self.sum.fill(0.0);
         self.sum_of_squares.fill(0.0);
     }
 
-    /// Clears everything, to be learned again.
-    pub(crate) fn forget(&mut self) {
+    /// Clears both sets, so that they are learned again.
+    pub(crate) fn clear(&mut self) {
         self.learned = [false; 2];
-        self.restart();
+        self.discard_unfinished();
     }
 
-    /// Updates with one frame of powers; `frozen` are the runs of bins that belong to live lines,
-    /// and `gain` the ratio of the whole frame to the floor.
-    pub(crate) fn learn(&mut self, power: &[f64], gain: f64, frozen: &[Range<usize>]) {
-        if !self.learned[self.set] {
+    /// Updates the floor with one frame of powers; `frozen`: ranges of bins of live lines, `gain`:
+    /// ratio of the whole frame to the floor.
+    pub(crate) fn update(&mut self, power: &[f64], gain: f64, frozen: &[Range<usize>]) {
+        if !self.learned[self.active_set] {
             let is_frozen = |bin: usize| frozen.iter().any(|run| run.contains(&bin));
-            return self.warm_up(power, gain, is_frozen);
+            return self.accumulate(power, gain, is_frozen);
         }
-        let level = &mut self.level[self.set];
+        let level = &mut self.level[self.active_set];
         let bins = level.len();
         for run in frozen {
             let run = run.start.min(bins)..run.end.min(bins);
             self.sorted[run.clone()].copy_from_slice(&level[run]);
         }
-        let (follow, scale) = (self.follow, 1.0 / CLIPPED_MEAN);
+        let (follow, scale) = (self.update_rate, 1.0 / CLIPPED_MEAN);
         for (level, &p) in level.iter_mut().zip(power.iter()) {
             let top = CLIP * gain * *level;
             *level += follow * (scale * if p < top { p } else { top } - *level);
@@ -131,10 +134,10 @@ impl Floor {
         }
     }
 
-    fn warm_up(&mut self, power: &[f64], gain: f64, is_frozen: impl Fn(usize) -> bool) {
+    fn accumulate(&mut self, power: &[f64], gain: f64, is_frozen: impl Fn(usize) -> bool) {
         let known = self.is_known();
         for (bin, &p) in power.iter().enumerate() {
-            let kept = gain * self.level[self.set][bin];
+            let kept = gain * self.level[self.active_set][bin];
             // Noise of mean m has mean square 2 m²: a frozen bin counts as noise at its old level.
             let (p, square) =
                 if known && is_frozen(bin) { (kept, 2.0 * kept * kept) } else { (p, p * p) };
@@ -142,25 +145,25 @@ impl Floor {
             self.sum_of_squares[bin] += square;
         }
         self.frames += 1;
-        if self.frames >= self.warm_frames {
-            self.finish();
+        if self.frames >= self.learning_frames {
+            self.finish_learning();
         }
     }
 
-    fn finish(&mut self) {
+    fn finish_learning(&mut self) {
         let n = f64::from(self.frames);
-        for (level, sum) in self.level[self.set].iter_mut().zip(&self.sum) {
+        for (level, sum) in self.level[self.active_set].iter_mut().zip(&self.sum) {
             *level = sum / n;
         }
         if !self.is_known() {
-            self.heard.copy_from_slice(&self.level[self.set]);
+            self.learned_mean.copy_from_slice(&self.level[self.active_set]);
         }
-        self.take_steady_lines_out(n);
-        self.learned[self.set] = true;
-        self.restart();
+        self.remove_steady_lines(n);
+        self.learned[self.active_set] = true;
+        self.discard_unfinished();
     }
 
-    fn take_steady_lines_out(&mut self, n: f64) {
+    fn remove_steady_lines(&mut self, n: f64) {
         let bins = self.sum.len();
         for bin in 0..bins {
             let mean = self.sum[bin] / n;
@@ -168,32 +171,34 @@ impl Floor {
             if variance > STEADY * mean * mean {
                 continue;
             }
-            let middle = self.middle_around(bin, n);
+            let middle = self.median_around(bin, n);
             if mean > CONTRAST * middle {
-                let lobe = bin.saturating_sub(self.reach)..(bin + self.reach + 1).min(bins);
-                for level in &mut self.level[self.set][lobe] {
+                let lobe = bin.saturating_sub(self.lobe_half_width)
+                    ..(bin + self.lobe_half_width + 1).min(bins);
+                for level in &mut self.level[self.active_set][lobe] {
                     *level = level.min(middle);
                 }
             }
         }
     }
 
-    /// Median power of the neighbours, without the line's own lobe.
-    fn middle_around(&mut self, bin: usize, n: f64) -> f64 {
-        let span = 6 * self.reach;
+    /// Median power of the neighbouring bins, without the main lobe of the line itself.
+    fn median_around(&mut self, bin: usize, n: f64) -> f64 {
+        let span = 6 * self.lobe_half_width;
         let mut count = 0;
         for other in bin.saturating_sub(span)..(bin + span + 1).min(self.sum.len()) {
-            if other.abs_diff(bin) > self.reach {
+            if other.abs_diff(bin) > self.lobe_half_width {
                 self.sorted[count] = self.sum[other] / n;
                 count += 1;
             }
         }
-        middle(&mut self.sorted[..count])
+        median(&mut self.sorted[..count])
     }
 }
 
-/// The middle value (upper middle for an even count); 0 for none. Reorders.
-pub(crate) fn middle(values: &mut [f64]) -> f64 {
+/// The median (the upper one of the two for an even count); 0 for an empty slice. Reorders the
+/// values.
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }
@@ -223,7 +228,7 @@ mod tests {
     fn noise_is_learned_as_its_mean() {
         let mut floor = Floor::new(40, 50, 400.0, 2);
         for frame in noise(3000, 40) {
-            floor.learn(&frame, 1.0, &[]);
+            floor.update(&frame, 1.0, &[]);
         }
         let mean = floor.level().iter().sum::<f64>() / 40.0;
         assert!((mean - 1.0).abs() < 0.03, "{mean}");
@@ -234,7 +239,7 @@ mod tests {
         let mut floor = Floor::new(40, 50, 400.0, 2);
         for mut frame in noise(50, 40) {
             frame[20] += 100.0;
-            floor.learn(&frame, 1.0, &[]);
+            floor.update(&frame, 1.0, &[]);
         }
         assert!(floor.is_known() && floor.level()[20] < 3.0, "{}", floor.level()[20]);
     }
@@ -244,10 +249,10 @@ mod tests {
         let mut floor = Floor::new(40, 50, 400.0, 2);
         for mut frame in noise(50, 40) {
             frame[20] += 100.0;
-            floor.learn(&frame, 1.0, &[]);
+            floor.update(&frame, 1.0, &[]);
         }
-        assert!(floor.level()[20] < 3.0 && floor.heard_near(21) > 90.0);
-        assert!(floor.heard_near(30) < 3.0, "{}", floor.heard_near(30));
+        assert!(floor.level()[20] < 3.0 && floor.learned_mean_near(21) > 90.0);
+        assert!(floor.learned_mean_near(30) < 3.0, "{}", floor.learned_mean_near(30));
     }
 
     /// Powers at 67 Hz of white noise through a mode of 67 Hz and 3 % damping: the mode's envelope, sampled at 1 kHz, in Hann
@@ -286,7 +291,7 @@ mod tests {
             for power in powers {
                 let mut frame: Vec<f64> = (0..40).map(|_| draw()).collect();
                 frame[20] = 100.0 * power / mean;
-                floor.learn(&frame, 1.0, &[]);
+                floor.update(&frame, 1.0, &[]);
             }
             taken_out += usize::from(floor.level()[20] < 50.0);
         }
@@ -297,17 +302,17 @@ mod tests {
     fn air_and_cut_are_learned_apart_and_kept() {
         let mut floor = Floor::new(10, 20, 100.0, 2);
         for frame in noise(40, 10) {
-            floor.learn(&frame, 1.0, &[]);
+            floor.update(&frame, 1.0, &[]);
         }
         let air = floor.level().to_vec();
-        floor.switch(Surroundings::Cut);
-        assert!(floor.is_known() && !floor.is_own());
+        floor.set_cut_state(CutState::Cut);
+        assert!(floor.is_known() && !floor.is_learned_in_state());
         for frame in noise(400, 10) {
             let loud: Vec<f64> = frame.iter().map(|p| 50.0 * p).collect();
-            floor.learn(&loud, 50.0, &[]);
+            floor.update(&loud, 50.0, &[]);
         }
-        assert!(floor.is_own() && floor.level()[3] > 20.0);
-        floor.switch(Surroundings::Air);
+        assert!(floor.is_learned_in_state() && floor.level()[3] > 20.0);
+        floor.set_cut_state(CutState::Air);
         assert_eq!(floor.level(), &air[..]);
     }
 
@@ -315,11 +320,11 @@ mod tests {
     fn a_frozen_bin_does_not_learn() {
         let mut floor = Floor::new(10, 20, 100.0, 2);
         for frame in noise(40, 10) {
-            floor.learn(&frame, 1.0, &[]);
+            floor.update(&frame, 1.0, &[]);
         }
         let before = floor.level()[4];
         for _ in 0..1000 {
-            floor.learn(&[4.0; 10], 1.0, &[4..5, 9..40]);
+            floor.update(&[4.0; 10], 1.0, &[4..5, 9..40]);
         }
         assert!((floor.level()[4] - before).abs() < 1e-12 && floor.level()[5] > 3.5);
     }

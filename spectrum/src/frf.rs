@@ -1,15 +1,16 @@
-//! Frequency response from impact tests: H1, H2, coherence over several hits.
+//! Frequency response functions from impact tests: estimators H1 and H2, coherence over several
+//! hits.
 //!
-//! H1 = ⟨F* X⟩ / ⟨|F|²⟩ (noise on the response averages out), H2 = ⟨|X|²⟩ / ⟨X* F⟩ (noise on the
-//! force does); γ² = H1 / H2. The response is the complex quotient of two transforms. Coherence of a
-//! single hit is 1 by construction, so it is given from three hits on. Source: thesis 4.8 to 4.19,
-//! corrected; Ewins, Modal Testing, section 3. Holds for linear structures.
+//! H1 = ⟨F* X⟩ / ⟨|F|²⟩ (unbiased by noise on the response), H2 = ⟨|X|²⟩ / ⟨X* F⟩ (unbiased by
+//! noise on the force); γ² = H1 / H2. The coherence of a single hit is 1 by construction, so it is
+//! computed from three hits on. Source: thesis 4.8 to 4.19, corrected; Ewins, Modal Testing,
+//! section 3. Valid for linear structures.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::TAU;
 
-/// One impact: force and response, sampled together.
+/// One impact: force and response, sampled synchronously.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit<'a> {
     /// Hammer force, N.
@@ -40,26 +41,26 @@ impl Response {
     }
 }
 
-/// Which noise averages out.
+/// Estimator of the response function.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Estimator {
-    /// Assumes noise on the response; noise on the force makes it too small.
+    /// For noise on the response; biased low by noise on the force.
     #[default]
     H1,
-    /// Assumes noise on the force; noise on the response makes it too large.
+    /// For noise on the force; biased high by noise on the response.
     H2,
 }
 
 /// Least number of hits for a meaningful coherence.
 pub const COHERENCE_HITS: usize = 3;
 
-/// Impacts that give no response function.
+/// Invalid input of a response function.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum FrfError {
     /// No hit at all.
     #[error("tap test: no hit was given; record at least one, better {COHERENCE_HITS} or more")]
     NoHits,
-    /// A hit's records differ in length, or from the first hit's.
+    /// Force and response of a hit differ in length, or hits differ from the first one.
     #[error(
         "tap test: hit {hit} has {force} force and {response} response samples, expected {expected} of both; cut all hits alike"
     )]
@@ -73,7 +74,7 @@ pub enum FrfError {
         /// Samples expected.
         expected: usize,
     },
-    /// The sampling rate cannot be.
+    /// The sampling rate is invalid.
     #[error("tap test: sampling rate {rate_hz} Hz, expected a finite rate above 0")]
     Rate {
         /// The rate given, Hz.
@@ -94,18 +95,18 @@ pub struct Frf {
     pub coherence: Option<Vec<f64>>,
     /// What the response is.
     pub response: Response,
-    /// Hits averaged; 0 where the function was measured elsewhere.
+    /// Number of hits averaged; 0 for a function that was read from a file.
     pub hits: usize,
-    /// Decay of the exponential window over force and response, 1/s; 0 for none. The function is then that at
-    /// `s = jω + decay`, which conversions mind and fits take out.
+    /// Decay of the exponential window over force and response, 1/s; 0 for none. The function is
+    /// then that at `s = jω + decay`, which conversions take into account and fits subtract.
     pub window_decay_per_s: f64,
 }
 
-/// Response function of several hits without windows: records contain the whole ring-down, or are
-/// already windowed (then set [`Frf::window_decay_per_s`]).
+/// Response function of several hits; no windows are applied. Records contain the whole ring-down,
+/// or are already windowed (then [`Frf::window_decay_per_s`] must be set).
 ///
 /// # Errors
-/// No hit, unequal lengths, or an impossible rate.
+/// No hit, unequal lengths, or an invalid rate.
 pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, FrfError> {
     let n = hits.first().ok_or(FrfError::NoHits)?.force.len();
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
@@ -122,7 +123,7 @@ pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, Fr
         }
         let transform = |samples: &[f64]| {
             let mut output = plan.make_output_vec();
-            // The lengths are those of the plan, so that it cannot return an error.
+            // The lengths are those of the plan, so that no error is possible.
             let _ = plan.process(&mut samples.to_vec(), &mut output);
             output
         };
@@ -149,10 +150,14 @@ pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, Fr
 }
 
 impl Frf {
-    /// A response function measured elsewhere: both estimators are equal to it, and there is no
-    /// coherence.
+    /// A response function measured by another instrument: both estimators are equal to it, and
+    /// there is no coherence.
     #[must_use]
-    pub fn given(frequency_hz: Vec<f64>, h: Vec<Complex<f64>>, response: Response) -> Self {
+    pub fn from_measured_function(
+        frequency_hz: Vec<f64>,
+        h: Vec<Complex<f64>>,
+        response: Response,
+    ) -> Self {
         let (h1, h2) = (h.clone(), h);
         Self { frequency_hz, h1, h2, coherence: None, response, hits: 0, window_decay_per_s: 0.0 }
     }
@@ -166,8 +171,8 @@ impl Frf {
         }
     }
 
-    /// As displacement, velocity or acceleration per force, m/N, m/sN, m/s²N (receptance, mobility, accelerance), by
-    /// powers of `s = jω + decay` of the window. Zero where it would divide by zero.
+    /// As displacement, velocity or acceleration per force, m/N, m/sN, m/s²N (receptance, mobility,
+    /// accelerance), by powers of `s = jω + decay` of the window. Zero where the divisor is zero.
     #[must_use]
     pub fn per_force(&self, estimator: Estimator, wanted: Response) -> Vec<Complex<f64>> {
         let power = wanted.order() - self.response.order();
@@ -233,7 +238,11 @@ mod tests {
                 (accelerance[bin] - s * s * h.h1[bin]).norm() < 1e-12 * accelerance[bin].norm()
             );
         }
-        let again = Frf::given(h.frequency_hz.clone(), accelerance, Response::Acceleration);
+        let again = Frf::from_measured_function(
+            h.frequency_hz.clone(),
+            accelerance,
+            Response::Acceleration,
+        );
         let again = Frf { window_decay_per_s: decay, ..again };
         let back = again.per_force(Estimator::H2, Response::Displacement);
         assert!((back[72] - h.h1[72]).norm() < 1e-12 * h.h1[72].norm());

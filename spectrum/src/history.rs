@@ -1,9 +1,9 @@
-//! The newest samples of one channel, always contiguous.
+//! Ring buffer of the newest samples of one channel, always contiguous.
 //!
-//! Every sample is written twice, half a buffer apart, so that any run of the newest samples is a
-//! plain slice. Execution does not allocate.
+//! Every sample is written twice, half a buffer apart, so that any number of the newest samples is
+//! a contiguous slice. Execution does not allocate.
 
-/// A ring of samples whose newest run can be borrowed as one slice.
+/// A ring buffer whose newest samples can be borrowed as one slice.
 #[derive(Debug)]
 pub(crate) struct History {
     mirror: Vec<f64>,
@@ -13,13 +13,13 @@ pub(crate) struct History {
 }
 
 impl History {
-    /// Room for the newest `capacity` samples (at least one).
+    /// A buffer of the newest `capacity` samples (at least one).
     pub(crate) fn new(capacity: usize) -> Self {
         let capacity = capacity.max(1);
         Self { mirror: vec![0.0; 2 * capacity], capacity, next: 0, filled: 0 }
     }
 
-    /// Takes one sample.
+    /// Adds one sample.
     #[inline]
     pub(crate) fn push(&mut self, sample: f64) {
         self.mirror[self.next] = sample;
@@ -41,7 +41,7 @@ impl History {
         Some(&self.mirror[end - n..end])
     }
 
-    /// Forgets all samples.
+    /// Removes all samples.
     pub(crate) fn clear(&mut self) {
         self.filled = 0;
     }

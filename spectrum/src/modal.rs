@@ -1,14 +1,16 @@
-//! Natural frequencies, damping and modal masses from a receptance.
+//! Modal analysis: natural frequencies, damping and modal masses from a receptance.
 //!
-//! A mode is identified by three signs (thesis 4.8 to 4.19): the imaginary part peaks, the real part changes sign
-//! beside it, and the coherence (where there is one) is high enough. Frequency and damping are then fitted as a
-//! complex pole, modes whose bands overlap together. The stated uncertainty includes noise, misfit, and
-//! the variation of the result with the bandwidth and the smooth background.
-//! Peaks whose real part keeps its sign, as on a strong neighbour's flank, and a second mode within one peak are searched
-//! too; they must be clear in the fit, and are marked. Peaks too close for the record's bins to be fitted one by one are
-//! fitted together; those that no fit explains are reported with the record that would resolve them. Residual vibration of earlier hits
-//! has the same poles: it does not affect frequency and damping, and widens the uncertainty of the modal mass. Holds for viscous damping up to about 0.2. Never a mode
-//! that lies outside the band.
+//! A mode is identified by three criteria (thesis 4.8 to 4.19): a peak of the imaginary part, a
+//! sign change of the real part near it, and sufficient coherence (if available). Frequency and
+//! damping are then fitted as a complex pole; modes with overlapping bands are fitted jointly. The
+//! stated uncertainty includes noise, misfit, and the variation of the result with the bandwidth
+//! and the background polynomial. Peaks without a sign change of the real part, as on the flank of
+//! a strong neighbour, and a second mode within one peak are considered too; they must be
+//! significant in the fit, and are marked. Peaks too close to be fitted separately at the
+//! resolution of the record are fitted jointly; those that no fit explains are reported with the
+//! record length that would resolve them. Residual vibration of earlier hits has the same poles: it
+//! does not affect frequency and damping, but increases the uncertainty of the modal mass. Valid
+//! for viscous damping up to about 0.2. Modes outside the band are not reported.
 
 mod fit;
 mod least_squares;
@@ -23,45 +25,46 @@ use fit::{Band, Fit, Pole};
 use realfft::num_complex::Complex;
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
-pub use merge::{Merged, merged};
-pub use unresolved::{Unresolved, unresolved};
+pub use merge::{MergedMode, merge_modes};
+pub use unresolved::{UnresolvedPeak, unresolved_peaks};
 
-/// Default of the least coherence at a mode (thesis 4.6.2).
-pub const LEAST_COHERENCE: f64 = 0.75;
-/// More damping than any mode has that shows a peak.
+/// Default of the smallest coherence at a mode (thesis 4.6.2).
+pub const COHERENCE_MIN: f64 = 0.75;
+/// Upper limit of the damping ratio: a mode with more has no peak.
 const DAMPING_MAX: f64 = 0.3;
-/// Half width of the band of a fit, in half widths of a mode; other values show how much it
-/// matters.
-const REACH: f64 = 3.0;
-const REACH_OTHER: [(f64, usize); 4] = [(2.0, 1), (2.0, 2), (4.5, 2), (4.5, 3)];
+/// Half width of the band of a fit, in half-power half widths of a mode. The variations (half
+/// width, degree of the background) give the sensitivity of the result.
+const BAND_HALF_WIDTHS: f64 = 3.0;
+const BAND_VARIATIONS: [(f64, usize); 4] = [(2.0, 1), (2.0, 2), (4.5, 2), (4.5, 3)];
 /// Degree of the background polynomial.
-const DEGREE: usize = 2;
-/// Fewest bins to either side.
-const BINS_LEAST: f64 = 7.0;
-/// The band's reach, as a part of the frequency, is not wider.
-const WIDEST: f64 = 0.3;
+const BACKGROUND_DEGREE: usize = 2;
+/// Smallest number of bins on either side.
+const BINS_MIN: f64 = 7.0;
+/// Largest half width of the band, relative to the frequency.
+const BAND_PART_MAX: f64 = 0.3;
 /// Largest relative uncertainty of the residue of a mode.
 const RESIDUE_SIGMA_MAX: f64 = 0.2;
-/// Modes fitted together at most.
-const TOGETHER: usize = 5;
-/// Criteria for a further mode within one peak: least residual before it, largest residual after it
-/// relative to that, and largest relative uncertainty of its residue.
-const SPLIT: (f64, f64, f64) = (0.02, 0.4, 0.07);
+/// Largest number of jointly fitted modes.
+const GROUP_MAX: usize = 5;
+/// Criteria for an additional mode within one peak: least residual without it, largest residual
+/// with it relative to that, and largest relative uncertainty of its residue.
+const SPLIT_CRITERIA: (f64, f64, f64) = (0.02, 0.4, 0.07);
 
 /// A measured receptance, and the options of its evaluation.
 #[derive(Clone, Copy, Debug)]
-pub struct Measured<'a> {
-    /// Frequencies, Hz, growing.
+pub struct MeasuredReceptance<'a> {
+    /// Frequencies, Hz, ascending.
     pub frequency_hz: &'a [f64],
     /// Displacement per force at each, m/N.
     pub receptance: &'a [Complex<f64>],
-    /// Coherence at each, 0 to 1, where there is one.
+    /// Coherence at each, 0 to 1, if available.
     pub coherence: Option<&'a [f64]>,
     /// Decay of the exponential window of the measurement, 1/s; 0 for none. It is subtracted from
     /// the damping.
     pub window_decay_per_s: f64,
-    /// Least time from one hit to the next in one record, s, where hits before may still ring; `None` where none can.
-    pub between_hits_s: Option<f64>,
+    /// Shortest interval between two hits of one record, s, for the residual vibration of earlier
+    /// hits; `None` if each hit has a separate record.
+    pub hit_interval_s: Option<f64>,
 }
 
 /// A fitted mode.
@@ -75,23 +78,25 @@ pub struct FittedMode {
     pub damping: f64,
     /// Standard uncertainty of it.
     pub damping_sigma: f64,
-    /// Damping ratio by the width of the peak at half its power, as a check; `None` where neighbours hide it.
+    /// Damping ratio by the half-power bandwidth, as a check; `None` where neighbouring modes
+    /// overlap.
     pub damping_half_power: Option<f64>,
-    /// Modal mass for this pair of points, kg: that of the moving structure where it was struck and measured at one
-    /// point along one direction.
+    /// Modal mass for this pair of excitation and response points, kg. For the driving point
+    /// (excitation and response at one point along one direction) it is the modal mass in the usual
+    /// sense.
     pub mass_kg: f64,
     /// Standard uncertainty of it, kg.
     pub mass_sigma_kg: f64,
-    /// Angle of the residue against that of a real mode struck and measured at one point, rad: 0 moves with the
-    /// force, ±π against it; in between the mode is complex, or neighbours mix in.
+    /// Phase of the residue relative to a real mode at the driving point, rad: 0 in phase with the
+    /// force, ±π in antiphase; in between, the mode is complex or affected by neighbouring modes.
     pub phase_rad: f64,
     /// Coherence at the mode.
     pub coherence: Option<f64>,
-    /// Remaining vibration of the mode at the next hit, relative to its start.
-    pub carried: f64,
-    /// Whether the three signs show it; otherwise it is found by the fit only, on a neighbour's
-    /// flank or within its peak.
-    pub by_signs: bool,
+    /// Remaining vibration of the mode at the next hit, relative to its initial value.
+    pub carry_over: f64,
+    /// Whether it meets all three criteria; otherwise it was found by the fit only, on the flank of
+    /// a neighbouring mode or within its peak.
+    pub meets_all_criteria: bool,
     /// Root mean square residual of the fit, relative to the receptance in its band.
     pub residual: f64,
 }
@@ -103,9 +108,9 @@ impl FittedMode {
         self.mass_kg * (TAU * self.frequency_hz).powi(2)
     }
 
-    /// Time from one hit to the next after which only the share `left` of the vibration remains, s.
+    /// Time in which the vibration decays to the share `left` of its initial value, s.
     #[must_use]
-    pub fn rings_s(&self, left: f64) -> f64 {
+    pub fn ring_down_s(&self, left: f64) -> f64 {
         -left.ln() / (TAU * self.frequency_hz * self.damping)
     }
 
@@ -116,25 +121,28 @@ impl FittedMode {
     }
 }
 
-/// Start value of a mode, and whether the three signs show it.
+/// Start value of a mode, and whether it meets the three criteria.
 #[derive(Clone, Copy, Debug)]
-struct Start {
+struct StartValue {
     at_hz: Complex<f64>,
-    by_signs: bool,
+    meets_all_criteria: bool,
 }
 
-/// Finds and fits the modes of a receptance within a band, lowest first.
+/// Identifies and fits the modes of a receptance within a band, lowest first.
 ///
-/// `frequency_hz`, `receptance` and, if given, `coherence` belong together; the shortest length is
-/// used.
+/// `frequency_hz` and `receptance` are cut to the shorter length.
 #[must_use]
-pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -> Vec<FittedMode> {
+pub fn identify_modes(
+    measured: &MeasuredReceptance<'_>,
+    band_hz: [f64; 2],
+    least_coherence: f64,
+) -> Vec<FittedMode> {
     let measured = measured.trimmed();
-    let peaks = peaks::coherent(&measured, band_hz, least_coherence);
-    let mut found: Vec<Start> = Vec::new();
+    let peaks = peaks::find_coherent_peaks(&measured, band_hz, least_coherence);
+    let mut found: Vec<StartValue> = Vec::new();
     for peak in &peaks {
-        for start in measured.starts(peak, &peaks) {
-            let far = |other: &Start| {
+        for start in measured.start_values(peak, &peaks) {
+            let far = |other: &StartValue| {
                 let apart = (start.at_hz.re - other.at_hz.re).abs();
                 apart > other.at_hz.im.max(start.at_hz.im)
             };
@@ -144,15 +152,18 @@ pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -
         }
     }
     found.sort_by(|a, b| a.at_hz.re.total_cmp(&b.at_hz.re));
-    let mut modes: Vec<FittedMode> =
-        measured.groups(&found).iter().flat_map(|group| measured.group(group)).collect();
+    let mut modes: Vec<FittedMode> = measured
+        .group_overlapping(&found)
+        .iter()
+        .flat_map(|group| measured.fit_group(group))
+        .collect();
     modes.retain(|mode| (band_hz[0]..=band_hz[1]).contains(&mode.frequency_hz));
     modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
     modes
 }
 
-impl Measured<'_> {
-    /// Frequencies and receptances that belong together.
+impl MeasuredReceptance<'_> {
+    /// Cut to the common length of frequencies and receptances.
     fn trimmed(&self) -> Self {
         let n = self.frequency_hz.len().min(self.receptance.len());
         let (frequency_hz, receptance) = (&self.frequency_hz[..n], &self.receptance[..n]);
@@ -166,36 +177,38 @@ impl Measured<'_> {
         }
     }
 
-    /// Half width of a pole's band, Hz: `widths` half widths.
+    /// Half width of the band of a pole, Hz: `widths` half-power half widths, within limits.
     fn reach_hz(&self, pole_hz: Complex<f64>, widths: f64) -> f64 {
-        (widths * pole_hz.im).min(WIDEST * pole_hz.re).max(BINS_LEAST * self.bin_hz())
+        (widths * pole_hz.im).min(BAND_PART_MAX * pole_hz.re).max(BINS_MIN * self.bin_hz())
     }
 
-    /// The band of some poles, each with `widths` half widths to either side.
+    /// The band that contains all poles, each with `widths` half widths on either side.
     fn band(&self, poles: &[Complex<f64>], widths: f64) -> Option<Band> {
         let from = poles.iter().map(|p| p.re - self.reach_hz(*p, widths));
         let to = poles.iter().map(|p| p.re + self.reach_hz(*p, widths));
         let (from, to) = (from.fold(f64::INFINITY, f64::min), to.fold(0.0, f64::max));
-        // The first bin contains no receptance unless displacements were measured.
-        Band::of(self.frequency_hz, self.receptance, from.max(self.bin_hz()), to)
+        // The first bin (0 Hz) contains no receptance unless displacements were measured.
+        Band::between(self.frequency_hz, self.receptance, from.max(self.bin_hz()), to)
     }
 
-    /// Start values of a peak's modes: one mode by itself, otherwise with the other peaks of its
-    /// band, otherwise two modes within one peak; `None` if no fit is valid.
-    fn starts(&self, peak: &peaks::Peak, all: &[peaks::Peak]) -> Vec<Start> {
-        if let Some(pole) = self.alone(peak) {
-            return vec![Start { at_hz: pole.at_hz, by_signs: peak.changes_sign }];
+    /// Start values of the modes of a peak: a single mode, otherwise jointly with the other peaks
+    /// of the band, with additional modes where needed; empty if no fit is valid.
+    fn start_values(&self, peak: &peaks::Peak, all: &[peaks::Peak]) -> Vec<StartValue> {
+        if let Some(pole) = self.fit_single_mode(peak) {
+            return vec![StartValue { at_hz: pole.at_hz, meets_all_criteria: peak.changes_sign }];
         }
-        let reach_hz = self.reach_hz(peak.guess_hz(), REACH);
-        let beside = |other: &&peaks::Peak| {
+        let reach_hz = self.reach_hz(peak.start_value_hz(), BAND_HALF_WIDTHS);
+        let is_neighbour = |other: &&peaks::Peak| {
             let apart = (other.frequency_hz - peak.frequency_hz).abs();
             apart > 0.0 && apart < reach_hz
         };
         let together: Vec<&peaks::Peak> =
-            std::iter::once(peak).chain(all.iter().filter(beside)).take(TOGETHER).collect();
-        let guesses: Vec<_> = together.iter().map(|one| one.guess_hz()).collect();
-        let Some(fit) = self.fitted(&guesses, REACH, DEGREE) else { return Vec::new() };
-        let fit = self.split(fit);
+            std::iter::once(peak).chain(all.iter().filter(is_neighbour)).take(GROUP_MAX).collect();
+        let guesses: Vec<_> = together.iter().map(|one| one.start_value_hz()).collect();
+        let Some(fit) = self.fit_poles(&guesses, BAND_HALF_WIDTHS, BACKGROUND_DEGREE) else {
+            return Vec::new();
+        };
+        let fit = self.add_close_modes(fit);
         if !fit.poles.iter().all(|pole| self.is_mode(pole)) {
             return Vec::new();
         }
@@ -203,14 +216,14 @@ impl Measured<'_> {
             let near = |one: &&&peaks::Peak| one.is_at(pole.at_hz.re);
             together.iter().find(near).is_some_and(|one| one.changes_sign)
         };
-        let start = |pole: &Pole| Start { at_hz: pole.at_hz, by_signs: signs(pole) };
+        let start = |pole: &Pole| StartValue { at_hz: pole.at_hz, meets_all_criteria: signs(pole) };
         fit.poles.iter().map(start).collect()
     }
 
-    /// One mode by itself, where there is one.
-    fn alone(&self, peak: &peaks::Peak) -> Option<Pole> {
-        let rough = *self.band(&[peak.guess_hz()], 2.0)?.one_pole(1)?.poles.first()?;
-        let fit = self.band(&[rough.at_hz], REACH)?.one_pole(DEGREE)?;
+    /// Fits the peak as a single mode; `None` if the result is not a mode at this peak.
+    fn fit_single_mode(&self, peak: &peaks::Peak) -> Option<Pole> {
+        let rough = *self.band(&[peak.start_value_hz()], 2.0)?.fit_one_pole(1)?.poles.first()?;
+        let fit = self.band(&[rough.at_hz], BAND_HALF_WIDTHS)?.fit_one_pole(BACKGROUND_DEGREE)?;
         let pole = *fit.poles.first()?;
         (peak.is_at(pole.at_hz.re) && self.is_mode(&pole)).then_some(pole)
     }
@@ -221,17 +234,18 @@ impl Measured<'_> {
         damped && pole.residue_sigma < RESIDUE_SIGMA_MAX && pole.sigma_hz < 0.5 * pole.at_hz.im
     }
 
-    /// Modes whose bands overlap belong together.
-    fn groups(&self, starts: &[Start]) -> Vec<Vec<Start>> {
-        let mut groups: Vec<Vec<Start>> = Vec::new();
-        let overlap = |a: &Start, b: &Start| {
-            let reach_hz = self.reach_hz(a.at_hz, REACH) + self.reach_hz(b.at_hz, REACH);
+    /// Groups start values whose bands overlap.
+    fn group_overlapping(&self, starts: &[StartValue]) -> Vec<Vec<StartValue>> {
+        let mut groups: Vec<Vec<StartValue>> = Vec::new();
+        let overlap = |a: &StartValue, b: &StartValue| {
+            let reach_hz =
+                self.reach_hz(a.at_hz, BAND_HALF_WIDTHS) + self.reach_hz(b.at_hz, BAND_HALF_WIDTHS);
             (b.at_hz.re - a.at_hz.re).abs() < reach_hz
         };
         for start in starts {
             match groups.last_mut() {
                 Some(group)
-                    if group.len() < TOGETHER
+                    if group.len() < GROUP_MAX
                         && group.last().is_some_and(|last| overlap(last, start)) =>
                 {
                     group.push(*start);
@@ -242,32 +256,32 @@ impl Measured<'_> {
         groups
     }
 
-    fn group(&self, starts: &[Start]) -> Vec<FittedMode> {
+    fn fit_group(&self, starts: &[StartValue]) -> Vec<FittedMode> {
         let places: Vec<_> = starts.iter().map(|start| start.at_hz).collect();
-        let together = self.fitted(&places, REACH, DEGREE);
+        let together = self.fit_poles(&places, BAND_HALF_WIDTHS, BACKGROUND_DEGREE);
         let Some(fit) = together.filter(|fit| fit.poles.iter().all(|pole| self.is_mode(pole)))
         else {
             if starts.len() < 2 {
                 return Vec::new();
             }
-            return starts.iter().flat_map(|start| self.group(&[*start])).collect();
+            return starts.iter().flat_map(|start| self.fit_group(&[*start])).collect();
         };
-        let fit = self.split(fit);
+        let fit = self.add_close_modes(fit);
         let places: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
-        let spread = self.spread(&places);
-        let by_signs = |k: usize| starts.get(k).is_some_and(|start| start.by_signs);
+        let spread = self.pole_scatter_hz(&places);
+        let by_signs = |k: usize| starts.get(k).is_some_and(|start| start.meets_all_criteria);
         let modes = fit.poles.iter().zip(spread).enumerate();
-        modes.map(|(k, (pole, spread))| self.told(pole, spread, by_signs(k), &fit)).collect()
+        modes.map(|(k, (pole, spread))| self.fitted_mode(pole, spread, by_signs(k), &fit)).collect()
     }
 
-    fn fitted(&self, poles: &[Complex<f64>], reach: f64, degree: usize) -> Option<Fit> {
-        self.band(poles, reach)?.poles_from(poles, degree)
+    fn fit_poles(&self, poles: &[Complex<f64>], reach: f64, degree: usize) -> Option<Fit> {
+        self.band(poles, reach)?.fit_poles(poles, degree)
     }
 
-    /// Adds further modes to the fit, as long as each improves it greatly.
-    fn split(&self, mut fit: Fit) -> Fit {
-        let (rough, better, known) = SPLIT;
-        while fit.residual > rough && fit.poles.len() < TOGETHER {
+    /// Adds modes to the fit as long as each meets [`SPLIT_CRITERIA`].
+    fn add_close_modes(&self, mut fit: Fit) -> Fit {
+        let (residual_max, improvement, residue_sigma_max) = SPLIT_CRITERIA;
+        while fit.residual > residual_max && fit.poles.len() < GROUP_MAX {
             let poles: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
             let width = poles.iter().map(|p| p.im).fold(f64::INFINITY, f64::min);
             let beside = poles.iter().flat_map(|p| [p.re - width, p.re + width]);
@@ -275,10 +289,11 @@ impl Measured<'_> {
             let with = |hz: f64| {
                 let starts: Vec<_> =
                     poles.iter().copied().chain([Complex::new(hz, 0.7 * width)]).collect();
-                self.fitted(&starts, REACH, DEGREE)
+                self.fit_poles(&starts, BAND_HALF_WIDTHS, BACKGROUND_DEGREE)
             };
             let is_better = |more: &Fit| {
-                more.residual <= better * fit.residual && self.are_sound(&more.poles, known)
+                more.residual <= improvement * fit.residual
+                    && self.are_valid_and_separate(&more.poles, residue_sigma_max)
             };
             let Some(more) = further.filter_map(with).find(is_better) else { break };
             fit = more;
@@ -286,47 +301,52 @@ impl Measured<'_> {
         fit
     }
 
-    /// Whether poles are modes, with sufficiently accurate residues, and separate from each other.
-    fn are_sound(&self, poles: &[Pole], known: f64) -> bool {
+    /// Whether all poles are modes with sufficiently accurate residues and separate from each
+    /// other.
+    fn are_valid_and_separate(&self, poles: &[Pole], residue_sigma_max: f64) -> bool {
         let apart = |a: &Pole| {
             let others = poles.iter().filter(|b| b.at_hz != a.at_hz);
             others.map(|b| (a.at_hz - b.at_hz).norm()).fold(f64::INFINITY, f64::min)
         };
         poles.iter().all(|pole| {
             let decay = pole.at_hz.im - self.window_decay_per_s / TAU;
-            self.is_mode(pole) && pole.residue_sigma < known && apart(pole) > 0.3 * decay
+            self.is_mode(pole)
+                && pole.residue_sigma < residue_sigma_max
+                && apart(pole) > 0.3 * decay
         })
     }
 
-    /// How far each pole moves with the band's width and the polynomial's degree: root mean square, Hz.
-    fn spread(&self, poles: &[Complex<f64>]) -> Vec<f64> {
+    /// Root mean square change of each pole with the width of the band and the degree of the
+    /// polynomial, Hz.
+    fn pole_scatter_hz(&self, poles: &[Complex<f64>]) -> Vec<f64> {
         let (mut squares, mut fits) = (vec![0.0; poles.len()], 0.0);
-        for (reach, degree) in REACH_OTHER {
-            let Some(fit) = self.fitted(poles, reach, degree) else { continue };
+        for (reach, degree) in BAND_VARIATIONS {
+            let Some(fit) = self.fit_poles(poles, reach, degree) else { continue };
             fits += 1.0;
             for (sum, (pole, at)) in squares.iter_mut().zip(fit.poles.iter().zip(poles)) {
                 *sum += (pole.at_hz - at).norm_sqr().min(at.im * at.im);
             }
         }
-        // Half of it is in each part of the complex number.
+        // Half of the variance is in each part of the complex number.
         squares.iter().map(|sum| (0.5 * sum / f64::max(fits, 1.0)).sqrt()).collect()
     }
 
-    fn told(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
+    fn fitted_mode(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
         let (damped_hz, decay_hz) = (pole.at_hz.re, pole.at_hz.im - self.window_decay_per_s / TAU);
         let frequency_hz = damped_hz.hypot(decay_hz);
-        // A record that ends before the mode has decayed shifts its pole by the remaining share of
+        // A record that ends before the mode has decayed shifts the pole by the remaining share of
         // its width.
         let cut_hz = pole.at_hz.im * (-TAU * pole.at_hz.im / self.bin_hz()).exp();
         let sigma_hz = pole.sigma_hz.hypot(spread_hz).hypot(cut_hz);
-        // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is over Hz.
+        // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is with respect to Hz.
         let per_mass = -8.0 * PI * PI * damped_hz * pole.residue;
         let mass_kg = 1.0 / per_mass.norm();
-        let carried = self.between_hits_s.map_or(0.0, |s| (-TAU * decay_hz * s).exp());
-        // Ringing of earlier hits adds to the residue, however its phase falls; poles stay.
+        let carried = self.hit_interval_s.map_or(0.0, |s| (-TAU * decay_hz * s).exp());
+        // Vibration left by earlier hits changes the residue, with unknown phase, but not the
+        // poles.
         let carried_sigma = FRAC_1_SQRT_2 * carried / (1.0 - carried).max(f64::EPSILON);
         let relative = pole.residue_sigma.hypot(spread_hz / pole.at_hz.im).hypot(carried_sigma);
-        let bin = peaks::nearest(self.frequency_hz, damped_hz);
+        let bin = peaks::nearest_bin(self.frequency_hz, damped_hz);
         FittedMode {
             frequency_hz,
             frequency_sigma_hz: sigma_hz,
@@ -339,8 +359,8 @@ impl Measured<'_> {
             mass_sigma_kg: mass_kg * relative,
             phase_rad: per_mass.arg(),
             coherence: self.coherence.and_then(|c| c.get(bin)).copied(),
-            carried,
-            by_signs,
+            carry_over: carried,
+            meets_all_criteria: by_signs,
             residual: fit.residual,
         }
     }

@@ -1,7 +1,8 @@
-//! Runs the daemon's vibration monitor on recordings, and finds the lines of their spectra.
+//! Offline analysis of recordings: the daemon's vibration monitor, and the lines of averaged
+//! spectra.
 //!
-//! Offline code: it allocates. A recording consists of pieces without gaps; between two pieces the
-//! windows of the monitor are reset, its noise floor is kept.
+//! Not for real time: it allocates. A recording consists of pieces without gaps; between two pieces
+//! the windows of the monitor are reset, its noise floor is kept.
 
 mod lines;
 mod process;
@@ -9,24 +10,24 @@ mod process;
 use crate::alias::Spindle;
 use crate::block::{Axis, Block, ProcessState};
 use crate::fault::Fault;
-use crate::judge::Context;
-use crate::sliding::Sighting;
+use crate::line_evaluation::LineContext;
+use crate::monitor::VibrationMonitor;
+use crate::sliding::Detection;
 use crate::track::Track;
 use crate::verdict::Verdict;
-use crate::watch::Watch;
 
-pub use lines::{Averaged, Averaging, Line, line_near};
-pub use process::{path_mm, speed_of_pulses, speed_on};
+pub use lines::{AveragedSpectrum, Line, SpectrumAverager, line_near};
+pub use process::{feed_along_path, path_mm, speed_from_pulses};
 
-/// Length of a block passed to the monitor, s: as from a typical sensor.
+/// Length of a block passed to the monitor, s, as sent by a typical sensor.
 const BLOCK_S: f64 = 0.005;
 
-/// A run of samples without a hole.
+/// Consecutive samples without a gap.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece<'a> {
     /// Time of the first sample, s.
     pub start_s: f64,
-    /// Each channel's samples, all of one length.
+    /// Samples of each channel, all of equal length.
     pub channels: &'a [&'a [f64]],
 }
 
@@ -41,16 +42,16 @@ pub struct Event {
     pub verdict: Verdict,
 }
 
-/// A fault of a channel, and its duration.
+/// A fault of a channel or of the stream, with the interval in which it was detected.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Finding {
-    /// The channel, from 0; `None`: the stream.
+pub struct FaultInterval {
+    /// Index of the channel, from 0; `None`: the stream.
     pub channel: Option<usize>,
-    /// What is wrong.
+    /// The fault.
     pub fault: Fault,
-    /// When it was first seen, s.
+    /// Time of its first detection, s.
     pub from_s: f64,
-    /// When it was last seen, s.
+    /// Time of its last detection, s.
     pub to_s: f64,
 }
 
@@ -59,19 +60,20 @@ pub struct Finding {
 pub struct MonitorResult {
     /// All verdicts, in order.
     pub events: Vec<Event>,
-    /// All faults of channels.
-    pub findings: Vec<Finding>,
+    /// All faults of channels and of the stream.
+    pub findings: Vec<FaultInterval>,
     /// Number of verdicts dropped.
     pub dropped: u64,
-    /// The recording was too short for the noise floor to be learned: nothing could be reported.
+    /// Whether the recording was too short for the noise floor to be learned, so that nothing could
+    /// be reported.
     pub still_learning: bool,
 }
 
-/// Passes a recording to a monitor in blocks; `process` gives the state at a sample of a piece.
-/// Pieces whose channels do not fit the monitor are refused by it, and reported as a fault of the
-/// stream.
+/// Runs a monitor on a recording, in blocks; `process` returns the process state at a sample of a
+/// piece. Pieces whose number of channels is not that of the monitor are rejected, and reported as
+/// a fault of the stream.
 pub fn run_monitor(
-    watch: &mut Watch,
+    watch: &mut VibrationMonitor,
     rate_hz: f64,
     pieces: &[Piece<'_>],
     mut process: impl FnMut(usize, usize) -> ProcessState,
@@ -88,62 +90,64 @@ pub fn run_monitor(
     run.finish()
 }
 
-/// A monitor on a recording whose samples come in parts.
+/// A run of a monitor on a recording whose samples arrive in parts.
 pub struct MonitorRun<'w> {
-    watch: &'w mut Watch,
+    watch: &'w mut VibrationMonitor,
     rate_hz: f64,
     result: MonitorResult,
     state: Option<ProcessState>,
-    /// Frames handed over, of all pieces.
+    /// Frames passed to the monitor, of all pieces.
     done: u64,
-    piece: Run,
+    piece: CurrentPiece,
 }
 
 /// The piece being analysed.
 #[derive(Default)]
-struct Run {
+struct CurrentPiece {
     /// Its number from 1; 0 before the first.
     number: usize,
     start_s: f64,
     start_ns: u64,
     channels: usize,
-    /// Frames handed over.
+    /// Frames of this piece passed to the monitor.
     frames: usize,
     blocks: u64,
     /// Samples of the next block.
-    held: Vec<f64>,
+    pending: Vec<f64>,
 }
 
 impl<'w> MonitorRun<'w> {
-    /// Before the first piece.
-    pub fn new(watch: &'w mut Watch, rate_hz: f64) -> Self {
-        let (result, piece) = (MonitorResult::default(), Run::default());
+    /// A run without any piece yet.
+    pub fn new(watch: &'w mut VibrationMonitor, rate_hz: f64) -> Self {
+        let (result, piece) = (MonitorResult::default(), CurrentPiece::default());
         Self { watch, rate_hz, result, state: None, done: 0, piece }
     }
 
-    /// Begins a piece with a number of channels; time of its first sample, s.
+    /// Begins a piece. `start_s`: time of its first sample, s.
     pub fn begin(&mut self, start_s: f64, channels: usize) {
         let number = self.piece.number + 1;
         let start_ns = to_ns(self.done, self.rate_hz);
-        self.piece = Run { number, start_s, start_ns, channels, ..Run::default() };
+        self.piece =
+            CurrentPiece { number, start_s, start_ns, channels, ..CurrentPiece::default() };
     }
 
-    /// Adds the piece's next samples, interleaved; `process` gives the state at a sample.
+    /// Adds the next samples of the piece, interleaved; `process` returns the process state at a
+    /// sample.
     pub fn push(&mut self, samples: &[f64], mut process: impl FnMut(usize) -> ProcessState) {
         let block = ((BLOCK_S * self.rate_hz) as usize).max(1) * self.piece.channels.max(1);
         let mut rest = samples;
-        while let Some((part, after)) = rest.split_at_checked(block - self.piece.held.len()) {
-            self.piece.held.extend_from_slice(part);
+        while let Some((part, after)) = rest.split_at_checked(block - self.piece.pending.len()) {
+            self.piece.pending.extend_from_slice(part);
             rest = after;
-            self.hand_over(process(self.piece.frames));
+            self.push_block(process(self.piece.frames));
         }
-        self.piece.held.extend_from_slice(rest);
+        self.piece.pending.extend_from_slice(rest);
     }
 
     /// Ends the piece: passes the remaining samples.
     pub fn end(&mut self, mut process: impl FnMut(usize) -> ProcessState) {
-        if !self.piece.held.is_empty() {
-            self.hand_over(process(self.piece.frames));
+        if !self.piece.pending.is_empty() {
+            self.push_block(process(self.piece.frames));
         }
     }
 
@@ -156,14 +160,14 @@ impl<'w> MonitorRun<'w> {
         self.result
     }
 
-    fn hand_over(&mut self, now: ProcessState) {
+    fn push_block(&mut self, now: ProcessState) {
         let Self { watch, rate_hz, result, state, done, piece } = self;
         if *state != Some(now) {
-            watch.process_state(now);
+            watch.set_process_state(now);
             *state = Some(now);
         }
         let number = piece.number.saturating_sub(1);
-        let frames = piece.held.len() / piece.channels.max(1);
+        let frames = piece.pending.len() / piece.channels.max(1);
         let block = Block {
             // The gap between two pieces is known: each is a separate session.
             session: number as u64,
@@ -172,16 +176,16 @@ impl<'w> MonitorRun<'w> {
             t_ns: to_ns(*done, *rate_hz),
             rate_hz: *rate_hz,
             channels: piece.channels,
-            samples: &piece.held,
+            samples: &piece.pending,
         };
         let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
         let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
         result.events.extend(watch.push(&block).iter().map(event));
         *done += frames as u64;
-        result.note(watch, at(to_ns(*done, *rate_hz)));
+        result.record_faults(watch, at(to_ns(*done, *rate_hz)));
         piece.frames += frames;
         piece.blocks += 1;
-        piece.held.clear();
+        piece.pending.clear();
     }
 }
 
@@ -190,8 +194,8 @@ fn to_ns(samples: u64, rate_hz: f64) -> u64 {
 }
 
 impl MonitorResult {
-    /// Notes present faults; gaps between pieces are known and not reported.
-    fn note(&mut self, watch: &Watch, now_s: f64) {
+    /// Records the present faults; the gaps between pieces are known and not reported.
+    fn record_faults(&mut self, watch: &VibrationMonitor, now_s: f64) {
         let health = watch.health();
         let stream = health.stream.iter().filter(|fault| *fault != Fault::Gap).map(|f| (None, f));
         let channels = health.channel.iter().enumerate();
@@ -200,28 +204,40 @@ impl MonitorResult {
             let known = self.findings.iter_mut().find(|f| (f.channel, f.fault) == (channel, fault));
             match known {
                 Some(finding) => finding.to_s = now_s,
-                None => self.findings.push(Finding { channel, fault, from_s: now_s, to_s: now_s }),
+                None => {
+                    self.findings.push(FaultInterval {
+                        channel,
+                        fault,
+                        from_s: now_s,
+                        to_s: now_s,
+                    });
+                }
             }
         }
     }
 }
 
-impl Watch {
-    /// The monitor's verdict on a line that was always present, from its frequency alone: presence
-    /// in air, growth and dependence on the feed are not evaluated. If the line is broader than
-    /// half the distance of two multiples of the speed, the speed counts as unknown.
+impl VibrationMonitor {
+    /// The monitor's verdict on a line present throughout a recording, from its frequency alone:
+    /// presence in air, growth and dependence on the feed are not evaluated. If the range of a
+    /// harmonic is wider than half the distance between harmonics, the speed is treated as unknown.
     #[must_use]
-    pub fn verdict_on(&self, axis: Axis, frequency_hz: f64, standing: &Standing) -> Verdict {
-        let sighting = Sighting {
+    pub fn classify_steady_line(
+        &self,
+        axis: Axis,
+        frequency_hz: f64,
+        standing: &LineConditions,
+    ) -> Verdict {
+        let sighting = Detection {
             channel: axis.channel(),
             frequency_hz,
             power: 0.0,
-            // One sighting of this weight has that uncertainty.
+            // A single detection with this weight has that uncertainty.
             ratio: 0.25,
             cell_hz: standing.uncertainty_hz,
-            threefold: true,
-            heard: 0.0,
-            apart: false,
+            three_windows_agree: true,
+            learned_share: 0.0,
+            is_asynchronous: false,
         };
         let mut track = Track::new(0, &sighting, 0.0);
         track.from_start = true;
@@ -233,7 +249,7 @@ impl Watch {
             process.spindle_rpm = 0.0;
             spindle = Spindle::default();
         }
-        let context = Context { knows_air: false, spindle, process, ..self.context() };
+        let context = LineContext { air_known: false, spindle, process, ..self.context() };
         context.classify(&mut track);
         context.verdict(&track, 0)
     }
@@ -241,12 +257,12 @@ impl Watch {
 
 /// State of the process while a line was present.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Standing {
-    /// Its middle state.
+pub struct LineConditions {
+    /// Median state.
     pub process: ProcessState,
     /// The least and the largest spindle speed, rev/min.
     pub spindle_rpm: [f64; 2],
-    /// How far the line's frequency may be off, Hz.
+    /// Uncertainty of the line's frequency, Hz.
     pub uncertainty_hz: f64,
 }
 

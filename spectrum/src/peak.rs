@@ -1,42 +1,42 @@
-//! Peaks of one spectrum, and whether two disjoint windows contain the same tone.
+//! Peaks of a spectrum, and the test whether two disjoint windows contain the same tone.
 //!
-//! A step, a shock or a burst of noise fills a window just as a tone does; but in the next window,
-//! which shares no sample with it, frequency, power or phase differ. Source: own simulation,
-//! research note on vibration monitoring, section 2.5; the phase test is ours.
+//! A step, a shock or a burst of noise can cause a peak like a tone; but in the next window, which
+//! shares no sample with it, frequency, power or phase differ. Source: own simulation, research
+//! note on vibration monitoring, section 2.5; the phase test is an own development.
 
 use crate::window::hann_response;
 use realfft::num_complex::Complex;
 use std::f64::consts::{PI, TAU};
 
-/// Peaks kept per spectrum.
+/// Number of peaks kept per spectrum.
 pub(crate) const PEAKS: usize = 5;
 
 /// One peak of one spectrum.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Peak {
-    /// Frequency between the bins, Hz; 0: no peak.
+    /// Interpolated frequency, Hz; 0: no peak.
     pub(crate) frequency_hz: f64,
-    /// Squared amplitude, as a tone at that frequency would have.
+    /// Squared amplitude of a tone at that frequency.
     pub(crate) power: f64,
     /// Power over floor.
     pub(crate) ratio: f64,
-    /// Phase at the window's middle, rad.
+    /// Phase at the centre of the window, rad.
     pub(crate) phase_rad: f64,
-    /// Hops in a row for which two disjoint windows have agreed.
+    /// Number of consecutive hops for which two disjoint windows agreed.
     pub(crate) pairs: u16,
-    /// Hops in a row for which three disjoint windows have agreed.
+    /// Number of consecutive hops for which three disjoint windows agreed.
     pub(crate) triples: u16,
 }
 
 /// The peaks of one spectrum, strongest first.
 pub(crate) type Peaks = [Peak; PEAKS];
 
-/// The geometry of a spectrum: its bins and the width of a cell.
+/// Frequency grid of a spectrum: bins and resolution cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grid {
     /// Width of a bin, Hz.
     pub(crate) bin_hz: f64,
-    /// Bins per cell (padding): a cell is the rate over the window's length.
+    /// Bins per cell (zero padding); a cell is the reciprocal of the window length.
     pub(crate) bins_per_cell: f64,
     /// The spectrum's first bin.
     pub(crate) first: usize,
@@ -48,13 +48,14 @@ impl Grid {
         self.bin_hz * self.bins_per_cell
     }
 
-    /// Index in the spectrum's slice nearest to a frequency, if it is inside `bins`.
+    /// Index of the bin nearest to a frequency, `None` beyond `bins`.
     pub(crate) fn place(&self, frequency_hz: f64, bins: usize) -> Option<usize> {
         let bin = (frequency_hz / self.bin_hz).round() - self.first as f64;
         (bin >= 0.0 && bin < bins as f64).then_some(bin as usize)
     }
 
-    /// Frequency, power and phase at the local maximum `at`, by a parabola through the logarithms.
+    /// Frequency, power and phase at the local maximum `at`, interpolated by a parabola through the
+    /// logarithms.
     pub(crate) fn measure(&self, power: &[f64], spectrum: &[Complex<f64>], at: usize) -> Peak {
         let log = |i: usize| power[i].max(1e-300).ln();
         let offset = if at == 0 || at + 1 >= power.len() {
@@ -66,7 +67,7 @@ impl Grid {
         };
         let bin = (self.first + at) as f64;
         let kept = hann_response(offset / self.bins_per_cell);
-        // A tone's phase at the window's middle: the transform counts it from the window's start.
+        // Phase at the centre of the window; that of the transform refers to its start.
         let turns = 0.5 * bin / self.bins_per_cell;
         Peak {
             frequency_hz: (bin + offset) * self.bin_hz,
@@ -77,12 +78,13 @@ impl Grid {
     }
 }
 
-/// An angle brought to −π … π.
+/// An angle wrapped to −π … π.
 pub(crate) fn wrapped(angle_rad: f64) -> f64 {
     angle_rad - TAU * (angle_rad / TAU).round()
 }
 
-/// Finds the strongest peaks of `within` whose power over floor is at least `least_ratio`.
+/// Finds the strongest peaks in the range `within` whose power over floor is at least
+/// `least_ratio`.
 pub(crate) fn strongest(
     grid: &Grid,
     power: &[f64],
@@ -108,8 +110,9 @@ pub(crate) fn strongest(
     found
 }
 
-/// Drops possible leakage of a stronger line: a tone that begins inside the window leaks in
-/// proportion to the inverse distance, a tenth of its power at one cell.
+/// Drops peaks that may be leakage of a stronger line: the leakage amplitude of a tone that begins
+/// inside the window is inversely proportional to the distance, with a tenth of its power at one
+/// cell.
 fn drop_leakage(found: &mut Peaks, cell_hz: f64) {
     let all = *found;
     let spilt = |peak: &Peak, by: &Peak| {
@@ -137,35 +140,42 @@ fn insert(found: &mut Peaks, mut peak: Peak) {
 /// The limits of the agreement between two disjoint windows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Agreement {
-    /// Least power over floor of both windows added in phase.
+    /// Least power over floor of the sum of both windows in phase.
     pub(crate) ratio: f64,
-    /// Largest difference of frequency, cells.
+    /// Largest frequency difference, cells.
     pub(crate) cells: f64,
-    /// The newer window's power is at most this many times the older's.
+    /// Largest ratio of the newer window's power to the older's.
     pub(crate) growth: f64,
 }
 
 impl Agreement {
-    /// Whether three disjoint windows contain one steady tone: it has not faded (a ring-down has),
-    /// and its phase advances evenly (that of a wandering or swept line does not).
-    pub(crate) fn lasts(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
+    /// Whether three disjoint windows contain one steady tone: its power has not decreased (as in a
+    /// ring-down), and its phase advances uniformly (unlike that of a swept line).
+    pub(crate) fn is_steady_tone(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
         let stray = (2.0 / now.ratio.min(then.ratio).min(oldest.ratio)).sqrt();
         let bend = wrapped(now.phase_rad - 2.0 * then.phase_rad + oldest.phase_rad);
         now.power >= 0.85 * (1.0 - 2.0 * stray).max(0.6) * oldest.power.max(then.power)
             && bend.abs() <= (0.4 + 2.0 * stray).min(0.5 * PI)
     }
 
-    /// Whether `then`, one window (of `window_s`) before `now`, contains the same tone. Returns the
-    /// frequency refined by the phase between both.
-    pub(crate) fn between(&self, now: &Peak, then: &Peak, window_s: f64) -> Option<f64> {
+    /// Tests whether the peak `then`, one window (of `window_s`) before `now`, belongs to the same
+    /// tone. Returns the frequency refined by the phase difference, `None` if the windows do not
+    /// agree.
+    pub(crate) fn matching_frequency_hz(
+        &self,
+        now: &Peak,
+        then: &Peak,
+        window_s: f64,
+    ) -> Option<f64> {
         let distance_cells = (now.frequency_hz - then.frequency_hz).abs() * window_s;
         let weaker = now.ratio.min(then.ratio);
-        // Noise of relative power 1/ratio: deviation of a steady tone's power and phase.
+        // Standard deviation of a steady tone's relative power and of its phase for noise of
+        // relative power 1/ratio.
         let stray = (2.0 / weaker).sqrt();
         let grown = now.power / then.power.max(1e-300);
         let steady = grown >= 0.75 * (1.0 - 2.0 * stray).max(0.3) && grown <= self.growth;
-        // The common tone of both, added in phase: noise that is strong in one window alone passes
-        // less often than with the sum of powers.
+        // Sum of both in phase: noise that is strong in one window only passes less often than with
+        // the sum of the powers.
         let together = 0.5 * (now.ratio.sqrt() + then.ratio.sqrt()).powi(2);
         if distance_cells > self.cells || !steady || together < self.ratio {
             return None;
@@ -217,7 +227,7 @@ mod tests {
         fn two_windows_of_one_tone_agree_and_sharpen_it(f in 50.0..150.0_f64, phase in 0.0..6.0_f64) {
             let tone = |t: f64| (TAU * f * t + phase).cos();
             let rule = Agreement { ratio: 16.0, cells: 0.75, growth: 30.0 };
-            let refined = rule.between(&peak_of(80, 4, tone, 80), &peak_of(80, 4, tone, 0), 0.064);
+            let refined = rule.matching_frequency_hz(&peak_of(80, 4, tone, 80), &peak_of(80, 4, tone, 0), 0.064);
             prop_assert!((refined.unwrap_or(0.0) - f).abs() < 0.02, "{refined:?} for {f}");
         }
     }
@@ -227,6 +237,6 @@ mod tests {
         let decaying = |t: f64| (-t / 0.05).exp() * (TAU * 70.0 * t).cos();
         let rule = Agreement { ratio: 16.0, cells: 0.75, growth: 30.0 };
         let (now, then) = (peak_of(80, 4, decaying, 80), peak_of(80, 4, decaying, 0));
-        assert!(rule.between(&now, &then, 0.064).is_none());
+        assert!(rule.matching_frequency_hz(&now, &then, 0.064).is_none());
     }
 }

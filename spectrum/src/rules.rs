@@ -2,15 +2,15 @@
 
 use crate::config::{ConfigError, in_range};
 
-/// Limits by which lines are judged. The defaults are those that the figures were measured with.
+/// Thresholds of the evaluation of lines. The published figures were measured with the defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
-    /// A line first seen just after the noise was learned counts as present from the start if its
-    /// mean power during learning was at least this share of the power at its first sighting; 0.01
-    /// to 0.7. Default 0.25. Derivation: a steady line has its whole power there, less 1.4 dB
-    /// (0.72) between two bins, and half of that if its amplitude grows by a third meanwhile; a
-    /// line caused by a cut has the noise's power there, below 1/20 by the ratio that defines a
-    /// line.
+    /// A line first detected just after the noise floor was learned counts as present from the
+    /// start if its mean power during learning was at least this share of the power at its first
+    /// detection; 0.01 to 0.7. Default 0.25. Derivation: for a steady line the share is 1, less 1.4
+    /// dB (0.72) between two bins, and half of that if its amplitude grows by a third meanwhile;
+    /// for a line caused by a cut it is the share of the noise, below 1/20 by the detection
+    /// threshold.
     pub heard_part: f64,
     /// A self-excited line raises an alarm in the cut only if its mean square, over all forces, is
     /// at least this share of the mean square of the forces relative to those in air (variance and
@@ -21,16 +21,16 @@ pub struct Rules {
     /// 0.04 to 0.6 (a real one: 0.04 at its first alarm).
     pub least_share: f64,
     /// Spindle speeds, rev/s, at which the signal of one revolution before is subtracted, which
-    /// isolates chatter between the multiples; 2 to 1000, the second above the first; equal: never.
+    /// isolates chatter between the harmonics; 2 to 1000, the second above the first; equal: never.
     /// Default 14 to 60: below, the revolution is longer than the window of 72 ms and the delay
-    /// outweighs the separation; above, the multiples are more than four cells of that window
-    /// apart, and the windows resolve them (`cuts 160 3040`: with 14 to 240 chatters near a
-    /// multiple of 60 to 140 Hz were detected later, without it their sidebands raised the alarm
-    /// instead).
+    /// outweighs the separation; above, the harmonics are more than four cells of that window
+    /// apart, and the windows resolve them (`cuts 160 3040`: with 14 to 240, chatter near a
+    /// harmonic of 60 to 140 Hz was detected later; without the subtraction its sidebands raised
+    /// the alarm instead).
     pub comb_spindle_hz: [f64; 2],
-    /// Lines are searched in that difference if its gain is at least this value (0 on the multiples
-    /// of the speed, 2 halfway between two); 0.1 to 1. Default 0.5: all frequencies except the
-    /// nearest 8 % of the distance of two multiples on both sides of each.
+    /// Least gain of that difference for the search of lines (0 at the harmonics of the speed, 2
+    /// halfway between two); 0.1 to 1. Default 0.5: all frequencies except 8 % of the distance of
+    /// two harmonics on either side of each.
     pub least_comb_gain: f64,
 }
 

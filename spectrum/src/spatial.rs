@@ -1,16 +1,17 @@
-//! Signals over the tool's path instead of over time: spectra in cycles per mm, matched with gears.
+//! Signals over the tool path instead of time, for spectra in cycles per mm, and their match with
+//! gear trains.
 //!
-//! What a gear or the surface's waviness causes has a constant number of cycles per mm whatever the
-//! feed (thesis 4.4, A III); what the structure causes has a constant number per second. The signal is
-//! averaged over equal steps of path, which is also the anti-alias filter (first zero at one cycle per
-//! step). Holds while the tool moves forward; standstills are skipped.
+//! Vibration caused by a gear or by surface waviness has a constant number of cycles per mm at any
+//! feed (thesis 4.4, A III); structural vibration has a constant number of cycles per second. The
+//! signal is averaged over equal steps of path, which is also the anti-alias filter (first zero at
+//! one cycle per step). Valid while the tool moves forward; standstills are skipped.
 
-use crate::config::Wheel;
+use crate::config::GearFrequency;
 
-/// Multiples of a wheel that a line is matched with.
+/// Number of multiples of a gear frequency that a line is matched with.
 pub const MULTIPLES: u32 = 3;
 
-/// A record that cannot be put over path.
+/// A record that cannot be resampled over the path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PathError {
     /// Path and signal differ in length.
@@ -29,7 +30,7 @@ pub enum PathError {
         /// Place in the record, from 0.
         index: usize,
     },
-    /// The step cannot be, or the path is shorter than two of them.
+    /// The step is invalid, or the path is shorter than two steps.
     #[error(
         "spatial spectrum: a step of {step_mm} mm over a path of {path_mm} mm, expected a step above 0 and a path of two steps or more"
     )]
@@ -44,8 +45,12 @@ pub enum PathError {
 /// The signal's mean over each step of path. `path_mm` is the path length at each sample.
 ///
 /// # Errors
-/// Unequal records, a path that runs back, a step that cannot be.
-pub fn over_path(path_mm: &[f64], signal: &[f64], step_mm: f64) -> Result<Vec<f64>, PathError> {
+/// Unequal records, a path that runs backwards, an invalid step.
+pub fn resample_over_path(
+    path_mm: &[f64],
+    signal: &[f64],
+    step_mm: f64,
+) -> Result<Vec<f64>, PathError> {
     if path_mm.len() != signal.len() {
         return Err(PathError::Unequal { path: path_mm.len(), signal: signal.len() });
     }
@@ -62,7 +67,7 @@ pub fn over_path(path_mm: &[f64], signal: &[f64], step_mm: f64) -> Result<Vec<f6
     }
     let mut sums = vec![0.0; steps as usize];
     for (place, value) in path_mm.windows(2).zip(signal.windows(2)) {
-        spread(
+        integrate_over_steps(
             &mut sums,
             [place[0] - path_mm[0], place[1] - path_mm[0]],
             [value[0], value[1]],
@@ -72,8 +77,8 @@ pub fn over_path(path_mm: &[f64], signal: &[f64], step_mm: f64) -> Result<Vec<f6
     Ok(sums.iter().map(|sum| sum / step_mm).collect())
 }
 
-/// Adds the integral of the line between two samples to the steps that it crosses.
-fn spread(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
+/// Adds the integral of the straight line between two samples to the steps that it crosses.
+fn integrate_over_steps(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
     let [from, to] = place;
     if to <= from {
         return;
@@ -93,16 +98,20 @@ fn spread(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
     }
 }
 
-/// Gear shafts and meshes whose cycles per mm, or multiples, are within `tolerance` (relative) of a
-/// line, with the multiple; the nearest first, of equals the lowest multiple, as the stronger.
+/// Gear frequencies of which a multiple is within `tolerance` (relative) of a line, with the order
+/// of the multiple; nearest first, lower orders preferred as the stronger ones.
 #[must_use]
-pub fn match_wheels(cycles_per_mm: f64, wheels: &[Wheel], tolerance: f64) -> Vec<(Wheel, u32)> {
+pub fn match_gears(
+    cycles_per_mm: f64,
+    wheels: &[GearFrequency],
+    tolerance: f64,
+) -> Vec<(GearFrequency, u32)> {
     let multiples =
         wheels.iter().flat_map(|wheel| (1..=MULTIPLES).map(move |order| (*wheel, order)));
-    let off = |(wheel, order): &(Wheel, u32)| {
+    let off = |(wheel, order): &(GearFrequency, u32)| {
         (f64::from(*order) * wheel.cycles_per_mm / cycles_per_mm - 1.0).abs()
     };
-    let mut found: Vec<(Wheel, u32)> =
+    let mut found: Vec<(GearFrequency, u32)> =
         multiples.filter(|candidate| off(candidate) <= tolerance).collect();
     found.sort_by(|a, b| {
         (off(a) + 0.01 * f64::from(a.1)).total_cmp(&(off(b) + 0.01 * f64::from(b.1)))
@@ -127,7 +136,7 @@ mod tests {
             signal
                 .push(3.0 * (TAU * 0.3 * place_mm).sin() + (TAU * 13.0 * i as f64 / 1000.0).sin());
         }
-        let even = over_path(&path, &signal, 0.25).expect("a signal over path");
+        let even = resample_over_path(&path, &signal, 0.25).expect("a signal over path");
         let spectrum = welch(&even, &Segments::new(4.0, 400)).expect("a spectrum");
         let largest = (0..spectrum.power.len())
             .max_by(|a, b| spectrum.power[*a].total_cmp(&spectrum.power[*b]))
@@ -143,7 +152,7 @@ mod tests {
     fn a_straight_signal_is_averaged_exactly_and_standstill_is_skipped() {
         let path = [0.0, 0.3, 0.3, 0.9, 1.0];
         let signal = path.map(|x| 2.0 * x);
-        let even = over_path(&path, &signal, 0.25).expect("a signal over path");
+        let even = resample_over_path(&path, &signal, 0.25).expect("a signal over path");
         for (k, mean) in even.iter().enumerate() {
             assert!((mean - 2.0 * 0.25 * (k as f64 + 0.5)).abs() < 1e-12);
         }
@@ -151,22 +160,26 @@ mod tests {
 
     #[test]
     fn a_path_that_runs_back_is_refused_with_its_place() {
-        let refused = over_path(&[0.0, 1.0, 0.5], &[0.0; 3], 0.1);
+        let refused = resample_over_path(&[0.0, 1.0, 0.5], &[0.0; 3], 0.1);
         assert_eq!(refused, Err(PathError::NotForward { index: 2 }));
-        assert!(over_path(&[0.0, f64::NAN], &[0.0; 2], 0.1).is_err());
-        assert!(over_path(&[0.0, 1.0], &[0.0; 2], 0.0).is_err());
-        assert!(over_path(&[0.0], &[0.0; 2], 0.1).is_err());
+        assert!(resample_over_path(&[0.0, f64::NAN], &[0.0; 2], 0.1).is_err());
+        assert!(resample_over_path(&[0.0, 1.0], &[0.0; 2], 0.0).is_err());
+        assert!(resample_over_path(&[0.0], &[0.0; 2], 0.1).is_err());
     }
 
     #[test]
     fn a_line_is_matched_with_its_wheel() {
-        let wheel =
-            |joint, shaft, teeth, cycles_per_mm| Wheel { joint, shaft, teeth, cycles_per_mm };
+        let wheel = |joint, shaft, teeth, cycles_per_mm| GearFrequency {
+            joint,
+            shaft,
+            teeth,
+            cycles_per_mm,
+        };
         let wheels = [wheel(1, 1, 1, 0.0165), wheel(1, 1, 10, 0.165), wheel(3, 1, 11, 0.32)];
-        let best = |line| match_wheels(line, &wheels, 0.02).first().copied();
+        let best = |line| match_gears(line, &wheels, 0.02).first().copied();
         assert_eq!(best(0.166), Some((wheels[1], 1)));
         assert_eq!(best(0.0331), Some((wheels[0], 2)));
         assert_eq!(best(3.0), None);
-        assert_eq!(match_wheels(0.325, &wheels, 0.03).len(), 2, "what fits as well is told");
+        assert_eq!(match_gears(0.325, &wheels, 0.03).len(), 2, "what fits as well is told");
     }
 }

@@ -16,9 +16,12 @@ mod tests;
 
 use std::ops::Range;
 
-pub use cause::{Cause, Machining};
-pub use filter::{GAUSS_ALPHA, gaussian, gaussian_transmission, without_form};
-pub use height::{Parameters, by_segments, element_width_mm, parameters, section_height};
+pub use cause::{Cause, MachiningConditions};
+pub use filter::{GAUSS_ALPHA, gaussian, gaussian_transmission, remove_form};
+pub use height::{
+    HeightParameters, element_width_mm, height_parameters, mean_section_height,
+    parameters_by_segment,
+};
 pub use line::{Line, lines, power_spectrum};
 
 /// The highest degree of a form.
@@ -27,7 +30,7 @@ pub const FORM_MAX: usize = 5;
 /// A profile that cannot be analysed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
-    /// A spacing, cut-off or segment length that cannot be.
+    /// An invalid spacing, cut-off or segment length.
     #[error(
         "surface: {what} is {value_mm} mm, expected a finite length above 0, and a cut-off or segment above the \
          spacing"
@@ -48,7 +51,7 @@ pub enum SurfaceError {
         /// The cut-off between roughness and waviness, mm.
         cut_off_mm: f64,
     },
-    /// A form that no profile of the kind has.
+    /// An invalid degree of the form.
     #[error("surface: a form of degree {degree}, expected 0 (mean) to {FORM_MAX}; 1 is a line")]
     Form {
         /// The requested degree.
@@ -72,19 +75,20 @@ pub enum SurfaceError {
     },
 }
 
-/// Options of the separation.
+/// Settings of the separation of form, waviness and roughness.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parting {
+pub struct SeparationSettings {
     /// Degree of the least-squares polynomial removed as form: 0 the mean, 1 a line.
     pub form_degree: usize,
-    /// Shorter wavelengths are noise of the instrument (`λ_s`), mm; `None`: nothing is removed.
+    /// Short-wave cut-off (`λ_s`), mm: shorter wavelengths are instrument noise; `None`: not
+    /// filtered.
     pub short_cut_off_mm: Option<f64>,
-    /// Where roughness ends and waviness begins (`λ_c`), mm.
+    /// Cut-off between roughness and waviness (`λ_c`), mm.
     pub cut_off_mm: f64,
 }
 
-impl Parting {
-    /// Removal of a line, and this cut-off.
+impl SeparationSettings {
+    /// Removal of a line as form, and this cut-off.
     #[must_use]
     pub fn at_mm(cut_off_mm: f64) -> Self {
         Self { form_degree: 1, short_cut_off_mm: None, cut_off_mm }
@@ -93,12 +97,12 @@ impl Parting {
 
 /// A separated profile.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surface {
+pub struct SeparatedProfile {
     /// Distance between points, mm.
     pub spacing_mm: f64,
     /// The profile without its form, and without wavelengths below the short cut-off.
     pub primary: Vec<f64>,
-    /// What the filter passes: longer than the cut-off.
+    /// Wavelengths above the cut-off, passed by the filter.
     pub waviness: Vec<f64>,
     /// Wavelengths below the cut-off.
     pub roughness: Vec<f64>,
@@ -107,8 +111,8 @@ pub struct Surface {
     pub evaluated: Range<usize>,
 }
 
-impl Surface {
-    /// Whether the ends, where the filter lacks part of its kernel, had to be kept.
+impl SeparatedProfile {
+    /// Whether the ends are evaluated too, although the filter lacks part of its kernel there.
     #[must_use]
     pub fn ends_kept(&self) -> bool {
         self.evaluated.len() == self.primary.len()
@@ -121,14 +125,18 @@ impl Surface {
     }
 }
 
-/// Takes the form out and parts waviness from roughness at the cut-off.
+/// Removes the form and separates waviness from roughness at the cut-off.
 ///
 /// # Errors
-/// Lengths or a degree that cannot be, heights that are not finite.
-pub fn part(heights: &[f64], spacing_mm: f64, parting: &Parting) -> Result<Surface, SurfaceError> {
+/// Invalid lengths or degree, heights that are not finite.
+pub fn separate(
+    heights: &[f64],
+    spacing_mm: f64,
+    parting: &SeparationSettings,
+) -> Result<SeparatedProfile, SurfaceError> {
     check(heights, spacing_mm)?;
-    let Parting { form_degree, short_cut_off_mm, cut_off_mm } = *parting;
-    let level = without_form(heights, form_degree)?;
+    let SeparationSettings { form_degree, short_cut_off_mm, cut_off_mm } = *parting;
+    let level = remove_form(heights, form_degree)?;
     let primary = match short_cut_off_mm {
         Some(short_mm) if short_mm >= cut_off_mm => {
             return Err(SurfaceError::CutOffs { short_mm, cut_off_mm });
@@ -142,7 +150,7 @@ pub fn part(heights: &[f64], spacing_mm: f64, parting: &Parting) -> Result<Surfa
     let least = 2 * margin + (cut_off_mm / spacing_mm).floor() as usize;
     let evaluated =
         if heights.len() >= least { margin..heights.len() - margin } else { 0..heights.len() };
-    Ok(Surface { spacing_mm, primary, waviness, roughness, evaluated })
+    Ok(SeparatedProfile { spacing_mm, primary, waviness, roughness, evaluated })
 }
 
 fn check(heights: &[f64], spacing_mm: f64) -> Result<(), SurfaceError> {

@@ -1,38 +1,40 @@
-//! Impact tests: hits found in a record, judged, windowed, averaged into a response function.
+//! Impact (tap) tests: detection, check and windowing of the hits in a record, and their average as
+//! a response function.
 //!
-//! A hit is detected where the force exceeds its noise and a tenth of the record's strongest. Hits
-//! that would spoil the average are refused with the reason: double hit, overload, truncation.
-//! Outside the contact the force is noise and is set to zero (force window); a response that has
-//! not decayed at the end gets an exponential window, applied to the force too, whose known decay
-//! is subtracted from the damping later (Fladung and Brown 1993). Offsets are those before the hit.
-//! The numbers of all averaged hits are reported; bad ones are not corrected.
+//! A hit is detected where the force exceeds its noise and a tenth of the largest force of the
+//! record. Invalid hits are rejected with a reason: double hit, overload, truncation, missing
+//! samples. Outside the contact the force is noise and is set to zero (force window); a response
+//! that has not decayed at the end gets an exponential window, applied to the force too, whose
+//! known decay is subtracted from the damping later (Fladung and Brown 1993). Offsets are measured
+//! before the hit.
 
-mod clip;
-mod find;
+mod clipping;
 #[cfg(test)]
-mod pairs;
+mod close_modes_tests;
+mod hit_detection;
 #[cfg(test)]
 mod tests;
 
 use std::ops::Range;
 
 use crate::frf::{Frf, FrfError, Hit, Response, frf};
-use find::Strike;
+use hit_detection::HitCandidate;
 
-/// How records become a response function.
+/// Settings of the evaluation of an impact test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TapConfig {
     /// Samples per second of every record, Hz.
     pub rate_hz: f64,
-    /// What the responses are.
+    /// Measured quantity of the response.
     pub response: Response,
     /// Length of each hit's record, s; `None`: as long as the hits allow.
     pub block_s: Option<f64>,
-    /// Use force and exponential windows if needed; otherwise records are used unchanged.
+    /// Whether force and exponential windows are applied if needed; otherwise records are used
+    /// unchanged.
     pub windows: bool,
 }
 
-/// One record with one hit or several.
+/// A record with one or several hits.
 #[derive(Clone, Copy, Debug)]
 pub struct TapRecord<'a> {
     /// Hammer force, N.
@@ -41,52 +43,52 @@ pub struct TapRecord<'a> {
     pub response: &'a [f64],
 }
 
-/// Why a hit is not in the average.
+/// Reason for excluding a hit from the average.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum Refused {
-    /// The hammer struck again.
+pub enum HitRejection {
+    /// The hammer struck twice.
     #[error("struck twice: again with {:.0} % of its force after {:.1} ms", 100.0 * part, 1e3 * after_s)]
-    Double {
+    DoubleHit {
         /// Time of the second blow, s; negative if the weaker blow came first.
         after_s: f64,
-        /// How strongly, as a part of the first blow.
+        /// Force relative to the first blow.
         part: f64,
     },
     /// The force sensor or its amplifier was overloaded: number of equal largest samples.
     #[error("the force is overloaded: {0} equal samples at its largest")]
     ForceOverload(usize),
-    /// The response's did.
+    /// The response sensor or its amplifier was overloaded, likewise.
     #[error("the response is overloaded: {0} equal samples at its largest")]
     ResponseOverload(usize),
     /// The record ends, or the next hit occurs, before the ring-down ends.
     #[error("cut short: {has_s:.3} s to the next hit or the end, where {needs_s:.3} s are taken")]
-    Short {
-        /// What there is, s.
+    Truncated {
+        /// Available length, s.
         has_s: f64,
-        /// What is needed, s.
+        /// Required length, s.
         needs_s: f64,
     },
     /// Samples are missing.
     #[error("samples are missing in it")]
-    Hole,
+    MissingSamples,
 }
 
 /// A detected hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FoundHit {
+pub struct DetectedHit {
     /// Which record, from 0.
     pub record: usize,
-    /// First contact, sample of the record.
+    /// Sample of the first contact, in the record.
     pub at: usize,
     /// Largest force, N, with its sign.
     pub peak_n: f64,
     /// Duration of the contact, s.
     pub contact_s: f64,
-    /// Why it is not used; `None` where it is.
-    pub refused: Option<Refused>,
+    /// Reason for its exclusion; `None` if it is used.
+    pub rejection: Option<HitRejection>,
 }
 
-/// Records without a response function.
+/// Records from which no response function can be computed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TapError {
     /// No hit exceeds the noise of the force.
@@ -97,18 +99,18 @@ pub enum TapError {
     NoHit {
         /// Which record, from 1.
         record: usize,
-        /// Largest force over its middle, N.
+        /// Largest force over its median, N.
         largest_n: f64,
         /// Its noise, N.
         noise_n: f64,
     },
-    /// Each hit was refused.
+    /// All hits were rejected.
     #[error("tap test: none of {found} hits can be used; the first is {first}. Repeat the test")]
-    NoneLeft {
+    NoUsableHit {
         /// Number of hits found.
         found: usize,
-        /// Why the first is not used.
-        first: Refused,
+        /// Reason for the rejection of the first one.
+        first: HitRejection,
     },
     /// Force and response differ in length.
     #[error(
@@ -127,24 +129,24 @@ pub enum TapError {
     Frf(#[from] FrfError),
 }
 
-/// The windows that were laid over each hit.
+/// The windows applied to each hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Windows {
     /// The force is set to zero outside its contact.
     pub force: bool,
     /// Decay of the exponential window, 1/s; 0 for none.
     pub decay_per_s: f64,
-    /// Share of the response that remained at its end before windowing, relative to its strongest.
+    /// Response remaining at the end of the block before windowing, relative to its strongest part.
     pub left_at_end: f64,
 }
 
-/// A tap test evaluated.
+/// Result of an impact test.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Tap {
+pub struct TapTest {
     /// The response function of all hits used.
     pub frf: Frf,
     /// Every hit found, in order.
-    pub hits: Vec<FoundHit>,
+    pub hits: Vec<DetectedHit>,
     /// Samples per second, Hz.
     pub rate_hz: f64,
     /// Length of each hit's record, s.
@@ -157,44 +159,51 @@ pub struct Tap {
     pub force_spectrum: Vec<f64>,
 }
 
-/// Finds, judges and averages the hits of all records.
+/// Detects, checks and averages the hits of all records.
 ///
 /// # Errors
-/// A record without a hit, no hit that can be used, records that do not fit each other.
-pub fn tap(records: &[TapRecord<'_>], config: &TapConfig) -> Result<Tap, TapError> {
+/// A record without a hit, no usable hit, force and response of unequal length, or an invalid rate.
+pub fn evaluate_tap_test(
+    records: &[TapRecord<'_>],
+    config: &TapConfig,
+) -> Result<TapTest, TapError> {
     let rate_hz = config.rate_hz;
     if !(rate_hz > 0.0 && rate_hz.is_finite()) {
         return Err(FrfError::Rate { rate_hz }.into());
     }
-    let mut strikes: Vec<Strike> = Vec::new();
+    let mut strikes: Vec<HitCandidate> = Vec::new();
     for (record, TapRecord { force, response }) in records.iter().enumerate() {
         if force.len() != response.len() {
             let (force, response) = (force.len(), response.len());
             return Err(TapError::Unequal { record: record + 1, force, response });
         }
-        strikes.extend(find::strikes(record, force, rate_hz)?);
+        strikes.extend(hit_detection::find_candidates(record, force, rate_hz)?);
     }
-    let length = find::block_length(&strikes, config.block_s.map(|s| (s * rate_hz) as usize));
-    let clips: Vec<_> =
-        records.iter().map(|r| [clip::ends(r.force), clip::ends(r.response)]).collect();
+    let length =
+        hit_detection::block_length(&strikes, config.block_s.map(|s| (s * rate_hz) as usize));
+    let clips: Vec<_> = records
+        .iter()
+        .map(|r| [clipping::clipped_extremes(r.force), clipping::clipped_extremes(r.response)])
+        .collect();
     for strike in &mut strikes {
         let TapRecord { force, response } = records[strike.record];
-        strike.judge(length, force, response, &clips[strike.record], rate_hz);
+        strike.check(length, force, response, &clips[strike.record], rate_hz);
     }
-    let hits: Vec<FoundHit> = strikes.iter().map(|strike| strike.told(rate_hz)).collect();
-    let used: Vec<&Strike> = strikes.iter().filter(|s| s.refused.is_none()).collect();
-    if let (true, Some(first)) = (used.is_empty(), hits.iter().find_map(|hit| hit.refused)) {
-        return Err(TapError::NoneLeft { found: hits.len(), first });
+    let hits: Vec<DetectedHit> =
+        strikes.iter().map(|strike| strike.to_detected_hit(rate_hz)).collect();
+    let used: Vec<&HitCandidate> = strikes.iter().filter(|s| s.rejection.is_none()).collect();
+    if let (true, Some(first)) = (used.is_empty(), hits.iter().find_map(|hit| hit.rejection)) {
+        return Err(TapError::NoUsableHit { found: hits.len(), first });
     }
     let mut blocks: Vec<(Vec<f64>, Vec<f64>)> =
-        used.iter().map(|strike| strike.cut(length, &records[strike.record])).collect();
-    let windows = laid(&mut blocks, &used, config);
+        used.iter().map(|strike| strike.extract_block(length, &records[strike.record])).collect();
+    let windows = apply_windows(&mut blocks, &used, config);
     let pairs: Vec<Hit<'_>> =
         blocks.iter().map(|(force, response)| Hit { force, response }).collect();
     let frf =
         Frf { window_decay_per_s: windows.decay_per_s, ..frf(&pairs, rate_hz, config.response)? };
     let force_spectrum = force_spectrum(&pairs, rate_hz)?;
-    Ok(Tap {
+    Ok(TapTest {
         frf,
         hits,
         rate_hz,
@@ -205,7 +214,7 @@ pub fn tap(records: &[TapRecord<'_>], config: &TapConfig) -> Result<Tap, TapErro
     })
 }
 
-impl Tap {
+impl TapTest {
     /// Largest frequency up to which the force spectrum stays within `within_db` of its strongest,
     /// Hz.
     #[must_use]
@@ -221,14 +230,14 @@ impl Tap {
     /// Least time from one used hit of a record to the next, s; `None` if each hit has a separate
     /// record.
     #[must_use]
-    pub fn between_hits_s(&self) -> Option<f64> {
+    pub fn min_hit_interval_s(&self) -> Option<f64> {
         let follows =
-            |pair: &&[FoundHit]| pair[0].record == pair[1].record && pair[1].refused.is_none();
+            |pair: &&[DetectedHit]| pair[0].record == pair[1].record && pair[1].rejection.is_none();
         let apart = self.hits.windows(2).filter(follows).map(|pair| pair[1].at - pair[0].at);
         apart.min().map(|samples| samples as f64 / self.rate_hz)
     }
 
-    /// The force at a frequency against its strongest, dB.
+    /// The force spectrum at a frequency relative to its maximum, dB.
     #[must_use]
     pub fn force_db(&self, frequency_hz: f64) -> f64 {
         let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
@@ -238,9 +247,13 @@ impl Tap {
     }
 }
 
-/// Applies the windows equally to all blocks, and returns which.
-fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfig) -> Windows {
-    let (left_at_end, rings) = rest(blocks);
+/// Applies equal windows to all blocks, and returns them.
+fn apply_windows(
+    blocks: &mut [(Vec<f64>, Vec<f64>)],
+    used: &[&HitCandidate],
+    config: &TapConfig,
+) -> Windows {
+    let (left_at_end, needs_window) = residual_vibration(blocks);
     if !config.windows {
         return Windows { force: false, decay_per_s: 0.0, left_at_end };
     }
@@ -248,9 +261,12 @@ fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfi
         force_window(force, strike.contact_in_block());
     }
     let length = blocks.first().map_or(1, |(force, _)| force.len());
-    // Leaves a thousandth of the response's strongest at the end.
-    let decay_per_s =
-        if rings { (left_at_end / LEFT).ln() * config.rate_hz / length as f64 } else { 0.0 };
+    // A thousandth of the strongest response remains at the end.
+    let decay_per_s = if needs_window {
+        (left_at_end / WINDOW_END_VALUE).ln() * config.rate_hz / length as f64
+    } else {
+        0.0
+    };
     if decay_per_s > 0.0 {
         for samples in blocks.iter_mut().flat_map(|(force, response)| [force, response]) {
             for (i, x) in samples.iter_mut().enumerate() {
@@ -261,18 +277,19 @@ fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfi
     Windows { force: true, decay_per_s, left_at_end }
 }
 
-/// What an exponential window leaves at the end.
-const LEFT: f64 = 1e-3;
-/// A response above this part of its strongest at the end, and still falling, has not rung down.
-const RUNG_DOWN: f64 = 5e-3;
-/// Above this part it has not, falling or not.
-const RINGS: f64 = 0.3;
-/// From one tenth to the next a ringing response falls below this.
-const FALLS: f64 = 0.93;
+/// Remaining response at the end under an exponential window, relative to the strongest.
+const WINDOW_END_VALUE: f64 = 1e-3;
+/// A response above this share of its strongest part at the end, and still decaying, needs an
+/// exponential window.
+const DECAYED_BELOW: f64 = 5e-3;
+/// Above this share it does in any case.
+const RINGING_ABOVE: f64 = 0.3;
+/// Largest ratio of the last tenth of the block to the one before for a decaying response.
+const DECAY_PER_TENTH: f64 = 0.93;
 
-/// Remaining response in the last tenth of the blocks, relative to the strongest tenth (rms over
-/// all hits), and whether it still decays: noise does not.
-fn rest(blocks: &[(Vec<f64>, Vec<f64>)]) -> (f64, bool) {
+/// Response in the last tenth of the blocks relative to the strongest tenth (rms over all hits),
+/// and whether an exponential window is needed.
+fn residual_vibration(blocks: &[(Vec<f64>, Vec<f64>)]) -> (f64, bool) {
     let length = blocks.first().map_or(0, |(_, response)| response.len());
     let tenth = (length / 10).max(1);
     let rms = |range: Range<usize>| {
@@ -284,7 +301,7 @@ fn rest(blocks: &[(Vec<f64>, Vec<f64>)]) -> (f64, bool) {
     let last = rms(length - tenth.min(length)..length);
     let before = rms(length.saturating_sub(2 * tenth)..length - tenth.min(length));
     let part = if strongest > 0.0 { last / strongest } else { 0.0 };
-    (part, part > RINGS || (part > RUNG_DOWN && last < FALLS * before))
+    (part, part > RINGING_ABOVE || (part > DECAYED_BELOW && last < DECAY_PER_TENTH * before))
 }
 
 /// Sets the force to zero outside its contact, with half a cosine over half the contact's duration to either side.
@@ -306,7 +323,7 @@ fn force_spectrum(hits: &[Hit<'_>], rate_hz: f64) -> Result<Vec<f64>, FrfError> 
     if let Some(first) = unit.first_mut() {
         *first = 1.0;
     }
-    // A response function by a unit impulse is the transform itself.
+    // The response function for a unit impulse as the force is the transform itself.
     let mut power: Vec<f64> = Vec::new();
     for hit in hits {
         let impulse = Hit { force: &unit, response: hit.force };

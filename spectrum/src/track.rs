@@ -1,42 +1,43 @@
-//! The identity of a line over time: from the first agreement of two windows to its end.
+//! Tracking of lines over time, from the first agreement of two windows to the end of the line.
 //!
-//! Fixed capacity, no allocation. Amplitude and growth come from one window of the branch that sees
-//! the line; frequency from all sightings, each weighted by its accuracy.
+//! Fixed capacity, no allocation. Amplitude and growth are measured in one window of the branch
+//! that covers the line; the frequency is the mean of all detections, weighted by their accuracy.
 
 use crate::block::CHANNELS_MAX;
 use crate::ellipse::Ellipse;
-use crate::sliding::Sighting;
+use crate::sliding::Detection;
 use crate::verdict::{Class, ClassSet, State};
 
-/// Limit on lines tracked at once: [`crate::VERDICTS_MAX`]. With eight, the multiples of a slow
-/// spindle filled the list, and a chatter was reported up to a second late (`cuts 80 3040`: 0.74 s
-/// in the ninth decile, with sixteen 0.34 s).
+/// Largest number of lines tracked at once: [`crate::VERDICTS_MAX`]. With eight, the harmonics of a
+/// slow spindle filled the list, and chatter was reported up to one second late (`cuts 80 3040`:
+/// 0.74 s in the ninth decile, with sixteen 0.34 s).
 pub(crate) const TRACKS: usize = crate::verdict::VERDICTS_MAX;
-/// Amplitudes kept for the growth rate.
+/// Number of amplitudes stored for the growth rate.
 const POINTS: usize = 16;
-/// Seconds between two of them.
+/// Interval between two of them, s.
 const POINT_S: f64 = 0.016;
-/// A line is kept while its smoothed power is this many floors.
+/// Least smoothed ratio of power to floor of a live line.
 const KEEP_RATIO: f64 = 4.0;
-/// Ratios above this do not prolong a line further.
-const ENOUGH_RATIO: f64 = 12.0;
-/// A line that was not kept for this long is over.
+/// Upper limit of the ratio before smoothing, so that a strong line does not last longer after its
+/// end.
+const RATIO_MAX: f64 = 12.0;
+/// A line ends after this time without detection or sufficient power, s.
 pub(crate) const LINGER_S: f64 = 0.5;
-/// A line must have lasted this long to be confirmed.
+/// Least duration of a confirmed line, s.
 const CONFIRM_S: f64 = 0.5;
 /// Interval of repeated verdicts on a line with constant state, s.
-const RETELL_S: f64 = 0.1;
-/// A line whose amplitude falls faster than this (d ln A / dt, 1/s) is ringing down.
+const REPORT_INTERVAL_S: f64 = 0.1;
+/// Growth rate (d ln A / dt, 1/s) below which a line is a ring-down.
 const RING_DOWN_PER_S: f64 = -4.0;
 /// Time constant of the smoothed power, s.
 const SMOOTH_S: f64 = 0.05;
-/// Time constant of the smoothed ratio, s: long enough that noise does not keep a line alive.
+/// Time constant of the smoothed ratio, s: long enough that noise does not prolong a line.
 const SMOOTH_RATIO_S: f64 = 0.15;
 
 /// The last verdict on a line: state, class, whether it may be an alias, its gear shaft.
-type Told = (State, Class, bool, Option<(u8, u8)>);
+type ReportedState = (State, Class, bool, Option<(u8, u8)>);
 
-/// One line.
+/// A tracked line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Track {
     pub(crate) id: u32,
@@ -46,44 +47,45 @@ pub(crate) struct Track {
     /// Smoothed squared amplitude per channel.
     pub(crate) power: [f64; CHANNELS_MAX],
     pub(crate) ratio: [f64; CHANNELS_MAX],
-    pub(crate) born_s: f64,
-    pub(crate) alive_s: f64,
+    pub(crate) first_seen_s: f64,
+    pub(crate) last_seen_s: f64,
     pub(crate) class: Class,
-    pub(crate) rivals: ClassSet,
+    pub(crate) alternatives: ClassSet,
     pub(crate) suspect_alias: bool,
-    /// The wheel that a gear's line turns with: joint and shaft.
-    pub(crate) wheel: Option<(u8, u8)>,
+    /// The matching gear frequency of a gear line: joint and shaft.
+    pub(crate) gear: Option<(u8, u8)>,
     /// The highest state that the class allows.
-    pub(crate) ceiling: State,
-    /// Its power as it was heard while the noise was learned, over the power at which it was first seen.
-    pub(crate) heard: f64,
-    /// Whether it was small compared with the force in the cut.
-    pub(crate) is_small: bool,
-    /// Whether it was seen in the signal without spindle multiples.
-    apart: bool,
-    /// The line was there when the floor had just been learned.
+    pub(crate) max_state: State,
+    /// Mean power at its frequency while the noise floor was learned, over the power at its first
+    /// detection.
+    pub(crate) learned_share: f64,
+    /// Whether it was weak compared with the cutting force.
+    pub(crate) is_weak: bool,
+    /// Whether it was detected in the signal without spindle harmonics.
+    is_asynchronous: bool,
+    /// Whether the line was present before the floor was learned.
     pub(crate) from_start: bool,
-    /// Time that the line has lived in air, s.
-    pub(crate) air_s: f64,
-    /// Feed of the present frequency, mm/s, and since when.
+    /// Total time of the line in air, s.
+    pub(crate) time_in_air_s: f64,
+    /// Present feed, mm/s, and the time since which it is constant, s.
     pub(crate) feed: (f64, f64),
     pub(crate) ellipse: Ellipse,
-    /// Whether the next sighting sets the frequency again.
-    unsettled: bool,
-    threefold: bool,
-    told: Option<Told>,
-    told_s: f64,
+    /// Whether the next detection replaces the frequency.
+    frequency_invalid: bool,
+    three_windows_agree: bool,
+    reported: Option<ReportedState>,
+    reported_s: f64,
     weight: f64,
     points: [(f64, f64); POINTS],
     point: usize,
 }
 
 impl Track {
-    pub(crate) fn new(id: u32, sighting: &Sighting, now_s: f64) -> Self {
+    pub(crate) fn new(id: u32, sighting: &Detection, now_s: f64) -> Self {
         let mut power = [0.0; CHANNELS_MAX];
         power[sighting.channel] = sighting.power;
         let mut ratio = [0.0; CHANNELS_MAX];
-        ratio[sighting.channel] = sighting.ratio.min(ENOUGH_RATIO);
+        ratio[sighting.channel] = sighting.ratio.min(RATIO_MAX);
         Self {
             id,
             state: State::Warn,
@@ -91,55 +93,55 @@ impl Track {
             frequency_hz: sighting.frequency_hz,
             power,
             ratio,
-            born_s: now_s,
-            alive_s: now_s,
+            first_seen_s: now_s,
+            last_seen_s: now_s,
             class: Class::Unknown,
-            rivals: ClassSet::default(),
+            alternatives: ClassSet::default(),
             suspect_alias: false,
-            wheel: None,
-            ceiling: State::Confirmed,
-            heard: sighting.heard,
-            is_small: false,
-            apart: sighting.apart,
+            gear: None,
+            max_state: State::Confirmed,
+            learned_share: sighting.learned_share,
+            is_weak: false,
+            is_asynchronous: sighting.is_asynchronous,
             from_start: false,
-            air_s: 0.0,
+            time_in_air_s: 0.0,
             feed: (0.0, now_s),
             ellipse: Ellipse::default(),
-            unsettled: false,
-            threefold: sighting.threefold,
-            told: None,
-            told_s: now_s,
-            weight: sharpness(sighting),
+            frequency_invalid: false,
+            three_windows_agree: sighting.three_windows_agree,
+            reported: None,
+            reported_s: now_s,
+            weight: frequency_weight(sighting),
             points: [(f64::NEG_INFINITY, 0.0); POINTS],
             point: 0,
         }
     }
 
-    /// Amplitude on the line's axis, N or Nm.
+    /// Amplitude on the strongest channel, N or Nm.
     pub(crate) fn amplitude(&self) -> f64 {
         self.power[self.channel].sqrt()
     }
 
-    /// Whether a sighting can belong to this line. A sighting without the spindle's multiples is
-    /// not one of them, and a line seen in this way is different from one next to a multiple: in
-    /// short windows either would shift the other's frequency.
-    fn may_be(&self, sighting: &Sighting) -> bool {
-        if sighting.apart { self.class != Class::Forced } else { !self.apart }
+    /// Whether a detection can belong to this line. A detection in the asynchronous signal is not a
+    /// harmonic, and a line detected there is different from one next to a harmonic: in short
+    /// windows either would shift the frequency of the other.
+    fn can_include(&self, sighting: &Detection) -> bool {
+        if sighting.is_asynchronous { self.class != Class::Forced } else { !self.is_asynchronous }
     }
 
-    fn see(&mut self, sighting: &Sighting, now_s: f64) {
-        let weight = sharpness(sighting);
-        // Old sightings fade, so that a line which moves slowly is followed.
-        let kept = if self.unsettled { 0.0 } else { 0.98 * self.weight };
-        self.unsettled = false;
+    fn update(&mut self, sighting: &Detection, now_s: f64) {
+        let weight = frequency_weight(sighting);
+        // Exponential forgetting, so that a slow change of the frequency is tracked.
+        let kept = if self.frequency_invalid { 0.0 } else { 0.98 * self.weight };
+        self.frequency_invalid = false;
         self.weight = kept + weight;
         self.frequency_hz += (sighting.frequency_hz - self.frequency_hz) * weight / self.weight;
-        self.threefold |= sighting.threefold;
-        self.apart |= sighting.apart;
-        self.alive_s = now_s;
+        self.three_windows_agree |= sighting.three_windows_agree;
+        self.is_asynchronous |= sighting.is_asynchronous;
+        self.last_seen_s = now_s;
     }
 
-    /// Takes the present strength on every channel, `step_s` after the last one.
+    /// Updates power and ratio on every channel, `step_s` after the previous update.
     pub(crate) fn measure(
         &mut self,
         strength: impl Fn(usize) -> (f64, f64),
@@ -152,12 +154,12 @@ impl Track {
         for channel in 0..channels.min(CHANNELS_MAX) {
             let (power, ratio) = strength(channel);
             self.power[channel] += follow * (power - self.power[channel]);
-            let ratio = ratio.min(ENOUGH_RATIO);
+            let ratio = ratio.min(RATIO_MAX);
             self.ratio[channel] += settle * (ratio - self.ratio[channel]);
         }
         self.channel = self.strongest_channel(channels);
         if self.ratio[self.channel] >= KEEP_RATIO {
-            self.alive_s = now_s;
+            self.last_seen_s = now_s;
         }
         if now_s - self.points[self.point].0 >= POINT_S {
             self.point = (self.point + 1) % POINTS;
@@ -165,7 +167,7 @@ impl Track {
         }
     }
 
-    /// The strongest force; a moment only if no force exceeds its floor.
+    /// The strongest force channel; a moment channel only if no force exceeds its floor.
     fn strongest_channel(&self, channels: usize) -> usize {
         let best = |range: std::ops::Range<usize>| {
             range
@@ -189,51 +191,52 @@ impl Track {
         if tt > 0.0 { ty / tt } else { 0.0 }
     }
 
-    /// Whether the line was seen or kept just now: only then is there anything to judge.
+    /// Whether the line was detected or had sufficient power in the last 0.1 s; only then it is
+    /// evaluated.
     pub(crate) fn is_fresh(&self, now_s: f64) -> bool {
-        now_s - self.alive_s < 0.2 * LINGER_S
+        now_s - self.last_seen_s < 0.2 * LINGER_S
     }
 
-    /// Whether the line was not kept for half of the time that ends it.
+    /// Whether the line was absent for half of the time after which it ends.
     pub(crate) fn is_fading(&self, now_s: f64) -> bool {
-        now_s - self.alive_s > 0.5 * LINGER_S
+        now_s - self.last_seen_s > 0.5 * LINGER_S
     }
 
-    /// Standard uncertainty of the frequency, Hz: from accuracy and number of the sightings.
+    /// Standard uncertainty of the frequency, Hz, from accuracy and number of the detections.
     pub(crate) fn uncertainty_hz(&self) -> f64 {
         0.5 / self.weight.sqrt()
     }
 
-    /// Moves to the state reached, as far as its class allows; returns whether there is a change:
-    /// of the state, or (at most every 100 ms) of class or gear shaft.
+    /// Updates the state, limited by the class; returns whether there is a change to report: of the
+    /// state, or (at most every 100 ms) of class or gear shaft.
     pub(crate) fn advance(&mut self, now_s: f64) -> bool {
-        let earned = self.earned(now_s);
-        let allowed = if earned == State::Over { earned } else { earned.min(self.ceiling) };
+        let earned = self.reached_state(now_s);
+        let allowed = if earned == State::Over { earned } else { earned.min(self.max_state) };
         if earned == State::Over || self.is_fresh(now_s) {
             self.state = self.state.max(allowed);
         }
-        let now = (self.state, self.class, self.suspect_alias, self.wheel);
-        let is_news = match self.told {
+        let now = (self.state, self.class, self.suspect_alias, self.gear);
+        let is_change = match self.reported {
             None => true,
             Some((state, ..)) if state != self.state => true,
-            Some(told) => told != now && now_s - self.told_s >= RETELL_S,
+            Some(told) => told != now && now_s - self.reported_s >= REPORT_INTERVAL_S,
         };
-        if is_news {
-            self.told = Some(now);
-            self.told_s = now_s;
+        if is_change {
+            self.reported = Some(now);
+            self.reported_s = now_s;
         }
-        is_news
+        is_change
     }
 
-    /// The state reached; `Over` if the line has ended.
-    fn earned(&self, now_s: f64) -> State {
-        let lasts = self.threefold && self.growth_per_s() > RING_DOWN_PER_S;
-        if now_s - self.alive_s > LINGER_S {
+    /// The state reached, without the limit of the class; `Over` if the line has ended.
+    fn reached_state(&self, now_s: f64) -> State {
+        let lasts = self.three_windows_agree && self.growth_per_s() > RING_DOWN_PER_S;
+        if now_s - self.last_seen_s > LINGER_S {
             State::Over
-        } else if lasts && self.alive_s - self.born_s >= CONFIRM_S {
+        } else if lasts && self.last_seen_s - self.first_seen_s >= CONFIRM_S {
             State::Confirmed
         } else if self.from_start {
-            // What was always there can wait for its class.
+            // A line present from the start needs no early alarm.
             State::Warn
         } else if lasts {
             State::Alarm
@@ -243,63 +246,64 @@ impl Track {
     }
 }
 
-/// Inverse variance of a sighting's frequency, up to a factor.
-fn sharpness(sighting: &Sighting) -> f64 {
+/// Inverse variance of the frequency of a detection, up to a factor.
+fn frequency_weight(sighting: &Detection) -> f64 {
     sighting.ratio / (sighting.cell_hz * sighting.cell_hz)
 }
 
-/// All lines.
+/// All tracked lines.
 #[derive(Debug)]
 pub(crate) struct Tracks {
-    places: [Option<Track>; TRACKS],
+    slots: [Option<Track>; TRACKS],
     next_id: u32,
 }
 
 impl Default for Tracks {
     fn default() -> Self {
-        Self { places: [None; TRACKS], next_id: 1 }
+        Self { slots: [None; TRACKS], next_id: 1 }
     }
 }
 
 impl Tracks {
-    /// Gives a sighting to its line, or starts a new one; one too many is let go.
-    pub(crate) fn sight(&mut self, sighting: &Sighting, now_s: f64) {
+    /// Assigns a detection to its line, or starts a new one; discarded if all slots are in use.
+    pub(crate) fn assign(&mut self, sighting: &Detection, now_s: f64) {
         let distance = |track: &Track| (track.frequency_hz - sighting.frequency_hz).abs();
         let near = self
-            .places
+            .slots
             .iter_mut()
             .flatten()
-            .filter(|track| track.may_be(sighting))
+            .filter(|track| track.can_include(sighting))
             .filter(|track| distance(track) <= 0.75 * sighting.cell_hz)
             .min_by(|a, b| distance(a).total_cmp(&distance(b)));
         if let Some(track) = near {
-            track.see(sighting, now_s);
-        } else if let Some(place) = self.places.iter_mut().find(|place| place.is_none()) {
+            track.update(sighting, now_s);
+        } else if let Some(place) = self.slots.iter_mut().find(|place| place.is_none()) {
             *place = Some(Track::new(self.next_id, sighting, now_s));
             self.next_id = self.next_id.wrapping_add(1).max(1);
         }
     }
 
-    /// The spindle's speed has changed, and its multiples move: previous frequencies are invalid.
-    pub(crate) fn unsettle(&mut self) {
+    /// After a change of the spindle speed the harmonics move: the next detection of each line
+    /// replaces its frequency.
+    pub(crate) fn invalidate_frequencies(&mut self) {
         for track in self.iter_mut() {
-            track.unsettled = true;
+            track.frequency_invalid = true;
         }
     }
 
     /// The live lines.
     pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Track> {
-        self.places.iter_mut().flatten()
+        self.slots.iter_mut().flatten()
     }
 
     /// The live lines.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Track> {
-        self.places.iter().flatten()
+        self.slots.iter().flatten()
     }
 
-    /// Lets go of the lines that are over.
-    pub(crate) fn bury(&mut self) {
-        for place in &mut self.places {
+    /// Removes the lines that have ended.
+    pub(crate) fn remove_ended(&mut self) {
+        for place in &mut self.slots {
             if place.is_some_and(|track| track.state == State::Over) {
                 *place = None;
             }
@@ -322,25 +326,25 @@ impl Tracks {
 mod tests {
     use super::*;
 
-    fn sighting(frequency_hz: f64, cell_hz: f64, threefold: bool) -> Sighting {
-        Sighting {
+    fn sighting(frequency_hz: f64, cell_hz: f64, threefold: bool) -> Detection {
+        Detection {
             channel: 1,
             frequency_hz,
             power: 4.0,
             ratio: 50.0,
             cell_hz,
-            threefold,
-            heard: 0.0,
-            apart: false,
+            three_windows_agree: threefold,
+            learned_share: 0.0,
+            is_asynchronous: false,
         }
     }
 
     #[test]
     fn sightings_of_one_line_keep_its_identity_and_sharpen_it() {
         let mut tracks = Tracks::default();
-        tracks.sight(&sighting(75.0, 31.0, false), 0.0);
+        tracks.assign(&sighting(75.0, 31.0, false), 0.0);
         for _ in 0..50 {
-            tracks.sight(&sighting(72.0, 7.8, false), 0.01);
+            tracks.assign(&sighting(72.0, 7.8, false), 0.01);
         }
         assert_eq!(tracks.iter().count(), 1);
         let line = tracks.iter().next().expect("one line");
@@ -350,7 +354,7 @@ mod tests {
     #[test]
     fn growth_is_the_slope_of_the_logarithm() {
         let mut tracks = Tracks::default();
-        tracks.sight(&sighting(72.0, 7.8, true), 0.0);
+        tracks.assign(&sighting(72.0, 7.8, true), 0.0);
         for k in 0..120 {
             let t = 0.004 * f64::from(k);
             for track in tracks.iter_mut() {
@@ -364,9 +368,9 @@ mod tests {
     #[test]
     fn a_line_that_fades_is_over_after_half_a_second() {
         let mut tracks = Tracks::default();
-        tracks.sight(&sighting(72.0, 7.8, true), 0.0);
+        tracks.assign(&sighting(72.0, 7.8, true), 0.0);
         let mut t = 0.0;
-        while tracks.iter().any(|track| track.earned(t) != State::Over) {
+        while tracks.iter().any(|track| track.reached_state(t) != State::Over) {
             t += 0.004;
             for track in tracks.iter_mut() {
                 track.measure(|_| (0.01, 1.0), 3, t, 0.004);
@@ -379,7 +383,7 @@ mod tests {
     fn more_lines_than_places_are_let_go() {
         let mut tracks = Tracks::default();
         for k in 0..20 {
-            tracks.sight(&sighting(50.0 + 20.0 * f64::from(k), 7.8, false), 0.0);
+            tracks.assign(&sighting(50.0 + 20.0 * f64::from(k), 7.8, false), 0.0);
         }
         assert_eq!(tracks.iter().count(), TRACKS);
     }

@@ -1,7 +1,7 @@
 //! One windowed transform: linear detrend if requested, Hann, zero-padding, `realfft`.
 //!
-//! Without detrend a mean still vanishes beyond the second bin (the Hann window does it), and a ramp
-//! falls with the third power of the bin: spectra read far from zero need no more.
+//! Without detrending, the Hann window suppresses a mean beyond the second bin, and a ramp
+//! decreases with the third power of the bin, which is sufficient for spectra far from 0 Hz.
 //!
 //! Planned once ([`Transform::new`] allocates), executed without allocation. Spectra are scaled
 //! so that `|X|` is the amplitude of a tone in the middle of its bin.
@@ -50,7 +50,7 @@ impl Transform {
         self.input.len()
     }
 
-    /// The spectrum of the samples, which must be as many as planned; empty otherwise.
+    /// The spectrum of the samples; empty if their number is not the planned one.
     pub(crate) fn run(&mut self, samples: &[f64]) -> &[Complex<f64>] {
         let n = self.window.len();
         if samples.len() != n {
@@ -74,7 +74,7 @@ impl Transform {
     }
 }
 
-/// Mean, and slope per sample, of the line of least squares through equally spaced samples.
+/// Mean, and slope per sample, of the least-squares line through equally spaced samples.
 pub(crate) fn line_through(samples: &[f64]) -> (f64, f64) {
     let n = samples.len() as f64;
     let middle = 0.5 * (n - 1.0);

@@ -3,7 +3,7 @@
 use crate::block::Axis;
 use std::fmt;
 
-/// How sure the watch is of a line.
+/// State of a line, in increasing certainty.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum State {
     /// Two disjoint windows agree.
@@ -25,16 +25,16 @@ impl State {
     }
 }
 
-/// What a line most likely is.
+/// Most likely cause of a line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Class {
     /// Driven by the spindle: runout, tooth passing, or an alias of them.
     Forced,
     /// Self-excited near a mode of the machine, in the cut only.
     Chatter,
-    /// Self-excited by two close modes: the tool runs round an ellipse.
+    /// Self-excited by two close modes: the tool moves on an ellipse.
     ModeCoupling,
-    /// Constant in cycles per mm of path: a gear's eccentricity.
+    /// Constant in cycles per mm of path, as caused by the eccentricity of a gear.
     Gear,
     /// Constant in time and present in air: vibration of the structure itself.
     Structural,
@@ -65,7 +65,8 @@ impl Class {
     }
 }
 
-/// A set of classes: alternatives that the samples do not distinguish from the class.
+/// A set of classes: the alternatives that the samples do not distinguish from the most likely
+/// class.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct ClassSet(u8);
 
@@ -113,11 +114,11 @@ impl fmt::Debug for ClassSet {
 /// The nearest mode, spindle harmonic or alias of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestLine {
-    /// Where it is in the spectrum, Hz (an alias: where it is folded to).
+    /// Its frequency, Hz; for an alias, after folding.
     pub frequency_hz: f64,
     /// Measured line minus this one, Hz.
     pub distance_hz: f64,
-    /// Spindle harmonic, from 1; for a mode its place in the list, from 0.
+    /// Order of the spindle harmonic, from 1; for a mode, its index in the list, from 0.
     pub order: u32,
 }
 
@@ -127,7 +128,7 @@ pub enum Advice {
     /// No action, or none known.
     #[default]
     None,
-    /// Forced: this speed moves the tooth harmonics off the mode.
+    /// Forced vibration: at this speed no tooth harmonic coincides with the mode.
     MoveOffMode {
         /// Speed to go to, rev/min.
         spindle_rpm: f64,
@@ -136,7 +137,7 @@ pub enum Advice {
     StabilityPocket {
         /// Speed to go to, rev/min.
         spindle_rpm: f64,
-        /// The lobe's number: waves of the mode between two teeth.
+        /// Lobe number: waves of the mode per tooth period.
         lobe: u32,
     },
     /// Speed has no effect: change direction of cut, feed or depth.
@@ -185,11 +186,11 @@ impl fmt::Display for Advice {
 /// Verdict on one line at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// The line's identity: equal in all verdicts on it.
+    /// Identifier of the line, equal in all its verdicts.
     pub line: u32,
-    /// Time of the newest sample that the verdict rests on, ns.
+    /// Time of the newest sample used, ns.
     pub t_ns: u64,
-    /// How sure the watch is.
+    /// State of the line.
     pub state: State,
     /// Frequency, Hz.
     pub frequency_hz: f64,
@@ -200,7 +201,7 @@ pub struct Verdict {
     /// What the line most likely is.
     pub class: Class,
     /// Alternatives that the samples do not distinguish.
-    pub rivals: ClassSet,
+    pub alternatives: ClassSet,
     /// Growth of the amplitude: d ln A / dt, 1/s.
     pub growth_per_s: f64,
     /// The nearest known mode.
@@ -211,11 +212,11 @@ pub struct Verdict {
     pub alias: Option<NearestLine>,
     /// Whether the line coincides with an alias: the true frequency may be another one.
     pub suspect_alias: bool,
-    /// What may be done.
+    /// Recommended action.
     pub advice: Advice,
 }
 
-/// Limit on the verdicts of one block.
+/// Largest number of verdicts per block.
 pub const VERDICTS_MAX: usize = 16;
 
 /// The verdicts of one block: a list of fixed capacity, copyable.
@@ -233,7 +234,7 @@ impl Default for Verdicts {
 }
 
 impl Verdicts {
-    /// Adds a verdict; one too many is counted, not stored.
+    /// Adds a verdict; beyond the capacity it is only counted.
     pub(crate) fn push(&mut self, verdict: Verdict) {
         match self.items.get_mut(self.len) {
             Some(place) => {
@@ -250,18 +251,18 @@ impl Verdicts {
         &self.items[..self.len]
     }
 
-    /// Goes through the verdicts, oldest first.
+    /// Iterates over the verdicts, oldest first.
     pub fn iter(&self) -> std::slice::Iter<'_, Verdict> {
         self.as_slice().iter()
     }
 
-    /// Whether there is none.
+    /// Whether the list is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// How many there are.
+    /// Number of verdicts.
     #[must_use]
     pub fn len(&self) -> usize {
         self.len

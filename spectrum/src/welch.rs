@@ -1,12 +1,13 @@
-//! Offline spectra by averaged segments: Welch, cross spectrum, coherence, detrend.
+//! Offline spectra by averaged segments: Welch's method, cross spectrum, coherence, detrending.
 //!
-//! Equal to `scipy.signal`'s `welch`, `csd`, `coherence` and `detrend` to 1e-9 relative; the tests
-//! contain its numbers. Offline code: it allocates. Frequencies are cycles per unit of `1/rate`:
-//! seconds for forces, millimetres for surfaces. Valid for signals stationary over the record.
+//! Agrees with `welch`, `csd`, `coherence` and `detrend` of `scipy.signal` to 1e-9 relative; the
+//! tests contain its results. Not for real time: it allocates. Frequencies are cycles per unit of
+//! `1/rate`: seconds for forces, millimetres for surfaces. Valid for signals stationary over the
+//! record.
 
 mod segment;
 
-use self::segment::Plan;
+use self::segment::SegmentPlan;
 use crate::transform::line_through;
 use realfft::num_complex::Complex;
 
@@ -20,7 +21,7 @@ pub enum Detrend {
     /// The mean.
     #[default]
     Constant,
-    /// The straight line of least squares.
+    /// The least-squares line.
     Linear,
 }
 
@@ -34,7 +35,7 @@ pub enum Taper {
     Boxcar,
 }
 
-/// What a spectrum's values mean.
+/// Scaling of the values of a spectrum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scaling {
     /// Power per unit of frequency: its integral is the mean square.
@@ -44,20 +45,20 @@ pub enum Scaling {
     Spectrum,
 }
 
-/// How a record is cut and weighed.
+/// Division of a record into segments, and their weighting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segments {
     /// Samples per unit (s, mm).
     pub rate: f64,
     /// Samples per segment; longer than the record means the whole record.
     pub length: usize,
-    /// Samples that neighbours share; less than the length.
+    /// Overlap of neighbouring segments, samples; less than the length.
     pub overlap: usize,
     /// Trend removed from each segment.
     pub detrend: Detrend,
     /// The window.
     pub taper: Taper,
-    /// What the values mean.
+    /// Scaling of the values.
     pub scaling: Scaling,
 }
 
@@ -87,7 +88,7 @@ pub enum SpectrumError {
         /// Samples in the record.
         samples: usize,
     },
-    /// Two records that belong together differ in length.
+    /// Two corresponding records differ in length.
     #[error(
         "spectrum: records of {first} and {second} samples, expected equal lengths; cut them alike"
     )]
@@ -97,7 +98,7 @@ pub enum SpectrumError {
         /// Samples of the second.
         second: usize,
     },
-    /// Rate, length or overlap cannot be.
+    /// Invalid rate, length or overlap.
     #[error(
         "spectrum: rate {rate}, segments of {length} samples, overlap {overlap}; expected a rate above 0, \
          2 samples or more, and an overlap below the length"
@@ -107,7 +108,7 @@ pub enum SpectrumError {
         rate: f64,
         /// Samples per segment.
         length: usize,
-        /// Samples shared.
+        /// Overlap, samples.
         overlap: usize,
     },
 }
@@ -134,7 +135,7 @@ pub struct CrossSpectrum {
     pub averages: usize,
 }
 
-/// Takes the mean or the line of least squares out of a record.
+/// Removes the mean or the least-squares line of a record.
 #[must_use]
 pub fn detrended(samples: &[f64], detrend: Detrend) -> Vec<f64> {
     let (mean, slope) = match detrend {
@@ -146,24 +147,24 @@ pub fn detrended(samples: &[f64], detrend: Detrend) -> Vec<f64> {
     samples.iter().enumerate().map(|(i, x)| x - mean - slope * (i as f64 - middle)).collect()
 }
 
-/// The plain spectra of every segment of a record.
-struct Cut {
+/// The complex spectra of all segments of a record.
+struct SegmentSpectra {
     spectra: Vec<Vec<Complex<f64>>>,
-    plan: Plan,
+    plan: SegmentPlan,
 }
 
-fn cut(samples: &[f64], segments: &Segments) -> Result<Cut, SpectrumError> {
-    let plan = Plan::new(samples.len(), segments)?;
+fn segment_spectra(samples: &[f64], segments: &Segments) -> Result<SegmentSpectra, SpectrumError> {
+    let plan = SegmentPlan::new(samples.len(), segments)?;
     let mut buffers = plan.buffers();
     let spectrum = |segment: &[f64]| {
         plan.transform(segment, &mut buffers);
         buffers.output.clone()
     };
     let spectra = samples.windows(plan.length).step_by(plan.step).map(spectrum).collect();
-    Ok(Cut { spectra, plan })
+    Ok(SegmentSpectra { spectra, plan })
 }
 
-impl Cut {
+impl SegmentSpectra {
     /// The mean of conj(X) Y over all segments, one-sided.
     fn mean_product(&self, other: &Self) -> Vec<Complex<f64>> {
         let n = self.spectra.len() as f64;
@@ -191,7 +192,7 @@ pub fn csd(x: &[f64], y: &[f64], segments: &Segments) -> Result<CrossSpectrum, S
     if x.len() != y.len() {
         return Err(SpectrumError::Unequal { first: x.len(), second: y.len() });
     }
-    let (cut_x, cut_y) = (cut(x, segments)?, cut(y, segments)?);
+    let (cut_x, cut_y) = (segment_spectra(x, segments)?, segment_spectra(y, segments)?);
     Ok(CrossSpectrum {
         frequency: cut_x.frequencies(segments.rate),
         value: cut_x.mean_product(&cut_y),
@@ -204,7 +205,7 @@ pub fn csd(x: &[f64], y: &[f64], segments: &Segments) -> Result<CrossSpectrum, S
 /// # Errors
 /// A record too short, segments that cannot be.
 pub fn welch(x: &[f64], segments: &Segments) -> Result<Spectrum, SpectrumError> {
-    let cut = cut(x, segments)?;
+    let cut = segment_spectra(x, segments)?;
     Ok(Spectrum {
         frequency: cut.frequencies(segments.rate),
         power: cut.mean_product(&cut).iter().map(|value| value.re).collect(),
@@ -214,7 +215,7 @@ pub fn welch(x: &[f64], segments: &Segments) -> Result<Spectrum, SpectrumError> 
 
 /// Coherence of two records at each frequency, 0 to 1, and the frequencies.
 ///
-/// Means something only over several segments: with one it is 1 by construction.
+/// Meaningful only with several segments: with one it is 1 by construction.
 ///
 /// # Errors
 /// Records too short or of unequal length, segments that cannot be.
@@ -222,7 +223,7 @@ pub fn coherence(x: &[f64], y: &[f64], segments: &Segments) -> Result<Spectrum, 
     if x.len() != y.len() {
         return Err(SpectrumError::Unequal { first: x.len(), second: y.len() });
     }
-    let (cut_x, cut_y) = (cut(x, segments)?, cut(y, segments)?);
+    let (cut_x, cut_y) = (segment_spectra(x, segments)?, segment_spectra(y, segments)?);
     let (xx, yy) = (cut_x.mean_product(&cut_x), cut_y.mean_product(&cut_y));
     let xy = cut_x.mean_product(&cut_y);
     let power = xy.iter().zip(xx.iter().zip(&yy)).map(|(xy, (xx, yy))| {
@@ -236,7 +237,7 @@ pub fn coherence(x: &[f64], y: &[f64], segments: &Segments) -> Result<Spectrum, 
     })
 }
 
-/// The spectra of each segment by itself: time (or place) of its middle, and its power. A waterfall.
+/// Waterfall: time (or position) of the centre of each segment, and its power spectrum.
 ///
 /// # Errors
 /// A record too short, segments that cannot be.

@@ -1,6 +1,6 @@
-//! The Hann window and the scalings that belong to it.
+//! The Hann window and its scale factors.
 //!
-//! Pure arithmetic. Periodic windows (as spectra need them), not symmetric ones.
+//! Periodic windows, as required for spectra, not symmetric ones.
 
 use std::f64::consts::TAU;
 
@@ -23,8 +23,8 @@ pub fn density_scale(window: &[f64], rate_hz: f64) -> f64 {
     2.0 / (rate_hz * window.iter().map(|w| w * w).sum::<f64>())
 }
 
-/// Gain of a Hann window for a tone `cells` away from the bin's middle (1 at 0): `sinc(δ) / (1 −
-/// δ²)`. One cell is the rate over the window's length.
+/// Gain of a Hann window for a tone `cells` away from the centre of the bin (1 at 0): `sinc(δ) / (1
+/// − δ²)`. One cell is the rate divided by the number of samples of the window.
 #[must_use]
 pub(crate) fn hann_response(cells: f64) -> f64 {
     let delta = cells.abs();

@@ -10,9 +10,11 @@
 )]
 
 use spectrum::frf::{Estimator, Hit, Response, frf};
-use spectrum::modal::{LEAST_COHERENCE, Measured, modes};
-use spectrum::surface::{Parting, element_width_mm, gaussian, lines, parameters, part};
-use spectrum::{Axis, Block, Class, ProcessState, State, Verdict, Watch, WatchConfig};
+use spectrum::modal::{COHERENCE_MIN, MeasuredReceptance, identify_modes};
+use spectrum::surface::{
+    SeparationSettings, element_width_mm, gaussian, height_parameters, lines, separate,
+};
+use spectrum::{Axis, Block, Class, MonitorConfig, ProcessState, State, Verdict, VibrationMonitor};
 use std::path::PathBuf;
 
 fn data(path: &str) -> Option<String> {
@@ -38,14 +40,14 @@ fn numbers(text: &str) -> Vec<Vec<f64>> {
 
 /// Passes a recording to the monitor in blocks of 5 ms; `frame` makes three channels of a row.
 fn watched(
-    config: WatchConfig,
+    config: MonitorConfig,
     process: ProcessState,
     rows: &[Vec<f64>],
     frame: impl Fn(&[f64]) -> [f64; 3],
-) -> (Vec<(f64, Verdict)>, Watch) {
+) -> (Vec<(f64, Verdict)>, VibrationMonitor) {
     let rate_hz = config.rate_hz;
-    let mut watch = Watch::new(config).expect("a good configuration");
-    watch.process_state(process);
+    let mut watch = VibrationMonitor::new(config).expect("a good configuration");
+    watch.set_process_state(process);
     let frames = (0.005 * rate_hz) as usize;
     let mut said = Vec::new();
     for (seq, part) in rows.chunks(frames).enumerate() {
@@ -77,7 +79,7 @@ fn show(name: &str, said: &[(f64, Verdict)]) {
             v.amplitude_n,
             v.axis.name(),
             v.class.name(),
-            v.rivals,
+            v.alternatives,
             if v.suspect_alias { " suspect" } else { "" }
         );
     }
@@ -87,7 +89,7 @@ fn show(name: &str, said: &[(f64, Verdict)]) {
 fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
     let Some(text) = data("milling-chatter/N255_S5000_accY.csv") else { return };
     let config =
-        WatchConfig { rate_hz: 10_000.0, least_amplitude_n: 0.02, ..WatchConfig::default() };
+        MonitorConfig { rate_hz: 10_000.0, least_amplitude_n: 0.02, ..MonitorConfig::default() };
     let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
     let (said, _) = watched(config, process, &numbers(&text), |row| [0.0, row[1], 0.0]);
     show("milling-chatter", &said);
@@ -110,7 +112,7 @@ fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
 #[test]
 fn steady_turning_alarms_nothing() {
     let Some(text) = data("turning-force/f416_a100.csv") else { return };
-    let config = WatchConfig { rate_hz: 10_000.0, ..WatchConfig::default() };
+    let config = MonitorConfig { rate_hz: 10_000.0, ..MonitorConfig::default() };
     let process = ProcessState { spindle_rpm: 1060.0, teeth: 1, ..ProcessState::default() };
     for process in [process, ProcessState::default()] {
         let rows = numbers(&text);
@@ -128,7 +130,7 @@ fn the_beams_tones_are_found_where_they_are() {
         let Some(text) = data(&format!("beam-tone/{file}_ds16.lvm")) else { return };
         let rows: Vec<Vec<f64>> = numbers(&text).into_iter().filter(|row| row.len() == 4).collect();
         let config =
-            WatchConfig { rate_hz: 3200.0, least_amplitude_n: 1e-3, ..WatchConfig::default() };
+            MonitorConfig { rate_hz: 3200.0, least_amplitude_n: 1e-3, ..MonitorConfig::default() };
         let (said, watch) =
             watched(config, ProcessState::default(), &rows, |row| [0.0, 0.0, row[3]]);
         show(file, &said);
@@ -151,14 +153,14 @@ fn the_tap_test_gives_the_tools_modes() {
     // pyFRF 1.5 has 29.50037 m/s²/N at 1071 Hz for this file.
     assert!((h.h1[1071].norm() - 29.50037).abs() < 1e-4, "{}", h.h1[1071].norm());
     let receptance = h.per_force(Estimator::H1, Response::Displacement);
-    let measured = Measured {
+    let measured = MeasuredReceptance {
         frequency_hz: &h.frequency_hz,
         receptance: &receptance,
         coherence: None,
         window_decay_per_s: 0.0,
-        between_hits_s: None,
+        hit_interval_s: None,
     };
-    let found = modes(&measured, [500.0, 3000.0], LEAST_COHERENCE);
+    let found = identify_modes(&measured, [500.0, 3000.0], COHERENCE_MIN);
     for mode in &found {
         eprintln!("tap-test: {mode:?}");
     }
@@ -188,7 +190,7 @@ fn the_surface_reference_is_met() {
         let inner = if filtered.is_empty() { &raw[..] } else { &smooth[3..smooth.len() - 3] };
         assert!(filtered.is_empty() || filtered.len() == inner.len());
         let worst = inner.iter().zip(&filtered).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let ours = parameters(inner);
+        let ours = height_parameters(inner);
         // The discrimination of the data set: 5 % of the total height above and below the mean
         // line.
         let width = element_width_mm(inner, 0.000_25, 0.05 * ours.total_height);
@@ -214,7 +216,8 @@ fn the_surface_reference_is_met() {
 #[test]
 fn the_mills_feed_mark_is_its_strongest_line_and_eroded_steel_has_none() {
     let Some(text) = data("surface-profile/mill.xml") else { return };
-    let surface = part(&between(&text, "DATA_POINT_VALUES"), 0.000_25, &Parting::at_mm(0.8));
+    let surface =
+        separate(&between(&text, "DATA_POINT_VALUES"), 0.000_25, &SeparationSettings::at_mm(0.8));
     let surface = surface.expect("a surface");
     let found = lines(&surface.primary[surface.evaluated.clone()], 0.000_25).expect("lines");
     for line in found.iter().take(8) {
@@ -223,7 +226,8 @@ fn the_mills_feed_mark_is_its_strongest_line_and_eroded_steel_has_none() {
     // The set's note has a dominant wavelength of 200 um.
     assert!((found[0].wavelength_mm() - 0.2).abs() < 0.005, "{:?}", found[0]);
     let Some(text) = data("surface-profile/edm.xml") else { return };
-    let surface = part(&between(&text, "DATA_POINT_VALUES"), 0.000_25, &Parting::at_mm(0.8));
+    let surface =
+        separate(&between(&text, "DATA_POINT_VALUES"), 0.000_25, &SeparationSettings::at_mm(0.8));
     let surface = surface.expect("a surface");
     let eroded = lines(&surface.primary[surface.evaluated.clone()], 0.000_25).expect("lines");
     for line in &eroded {

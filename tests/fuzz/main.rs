@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use tests::clients::root;
 use tests::fuzz::{ALL, Target};
-use tests::mutate::Mutator;
+use tests::mutator::Mutator;
 
 /// Changed inputs of a target with a share of 100.
 const INPUTS: u64 = 1500;
@@ -76,16 +76,16 @@ fn hold(name: &'static str) {
         let mut mutator = Mutator::new(&examples, 7);
         let changed = (0..inputs).map(|_| mutator.next_input());
         for bytes in examples.iter().cloned().chain(changed) {
-            let _ = tell.send(Told::Tries(bytes.clone()));
-            let _ = tell.send(Told::Found(verdict(&target, &bytes)));
+            let _ = tell.send(MessageWriter::Tries(bytes.clone()));
+            let _ = tell.send(MessageWriter::Found(verdict(&target, &bytes)));
         }
     });
     let (mut tried, mut most) = (Vec::new(), 0);
     loop {
         match told.recv_timeout(LIMIT) {
-            Ok(Told::Tries(bytes)) => tried = bytes,
-            Ok(Told::Found(Ok(bytes))) => most = most.max(bytes),
-            Ok(Told::Found(Err(fault))) => broken(name, &tried, &fault),
+            Ok(MessageWriter::Tries(bytes)) => tried = bytes,
+            Ok(MessageWriter::Found(Ok(bytes))) => most = most.max(bytes),
+            Ok(MessageWriter::Found(Err(fault))) => broken(name, &tried, &fault),
             Err(RecvTimeoutError::Timeout) => broken(name, &tried, "it does not come to an end"),
             Err(RecvTimeoutError::Disconnected) => break,
         }
@@ -94,7 +94,7 @@ fn hold(name: &'static str) {
 }
 
 /// Messages of the running thread.
-enum Told {
+enum MessageWriter {
     Tries(Vec<u8>),
     Found(Result<u64, String>),
 }

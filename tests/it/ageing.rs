@@ -7,9 +7,9 @@ use recording::model::RobotModel;
 use shm_schema::monotonic_ns;
 use std::time::Duration;
 use tests::cell_loop::{JOINTS, MIDDLE};
-use tests::chance::Chance;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::rng::TestRng;
 use trued_client::{Answer, Health, Measured, Monitor, Response, Status};
 
 const LIMIT: Duration = Duration::from_secs(10);
@@ -19,24 +19,24 @@ const AMBIENT_C: f64 = 23.0;
 /// A robot in front of a tracker, `drift` away from its model.
 struct Bench {
     model: Model,
-    chance: Chance,
+    chance: TestRng,
 }
 
 impl Bench {
-    fn of(place: &Place) -> Self {
+    fn of(place: &TestDirectory) -> Self {
         let model = RobotModel::read(&place.file("model.toml")).unwrap().physics;
-        Self { model, chance: Chance::new(4) }
+        Self { model, chance: TestRng::new(4) }
     }
 
     /// About normal, from the sum of twelve.
     fn noise(&mut self) -> f64 {
-        SIGMA_M * ((0..12).map(|_| self.chance.unit()).sum::<f64>() - 6.0)
+        SIGMA_M * ((0..12).map(|_| self.chance.uniform()).sum::<f64>() - 6.0)
     }
 
     fn measure(&mut self, monitor: &mut Monitor, drift_m: f64) -> Response {
         let mut q = [0.0; JOINTS_MAX];
         for (q, middle) in q.iter_mut().zip(MIDDLE) {
-            *q = middle + self.chance.unit() - 0.5;
+            *q = middle + self.chance.uniform() - 0.5;
         }
         let mut inputs = Inputs::at_rest(q);
         (inputs.direction, inputs.ambient_celsius) = ([1.0; JOINTS_MAX], AMBIENT_C);
@@ -63,9 +63,9 @@ fn status(monitor: &mut Monitor) -> Status {
 
 #[test]
 fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     let mut bench = Bench::of(&place);
     assert_eq!(status(&mut monitor).model_measurements, 0);
@@ -99,7 +99,7 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
         "{}",
         said.message
     );
-    assert!(daemon.says("the model is outdated", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("the model is outdated", LIMIT), "{:?}", daemon.lines());
 
     assert_eq!(monitor.reload(None, LIMIT).unwrap().answer(), Ok(Answer::Done));
     let anew = status(&mut monitor);
@@ -108,9 +108,9 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
 
 #[test]
 fn a_measurement_that_makes_no_sense_is_refused_and_changes_nothing() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     let sound = Measured {
         joints: &MIDDLE,

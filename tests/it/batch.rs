@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
-use tests::chance::Chance;
 use tests::clients::{root, skipped};
+use tests::rng::TestRng;
 
 use crate::TRUED;
 use crate::diagnose::{BASE, path_of};
@@ -146,7 +146,7 @@ fn the_results_name_what_wears_on_which_robot() {
 fn a_batch_that_is_killed_at_random_continues_to_the_same_digest() {
     let place = fleet();
     let expected = digest(&batch(&place, "whole", &[]));
-    let mut chance = Chance::new(37);
+    let mut chance = TestRng::new(37);
     for _ in 0..8 {
         let words = ["diagnose", "--batch", "manifest.toml", "--out", "killed", "--resume"];
         let mut child = place.start(&words);

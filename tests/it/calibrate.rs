@@ -5,15 +5,15 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::OnceLock;
 
-use diagnosis::{Campaign, Fitted, Reading, from_recording, simulate};
+use diagnosis::{Campaign, FitParameter, Reading, campaign_import, campaign_simulation};
 use diagnosis_report::Error;
 use diagnosis_report::calibration::{self, Settings};
 use glam::{DMat3, DVec3};
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{Need, read, read_text};
+use recording::series::{RequiredData, read, read_text};
 use serde_json::Value;
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 use crate::program::Place;
 
@@ -61,11 +61,11 @@ fn csv(rows: &[Row]) -> String {
 }
 
 fn unseen(poses: usize) -> Vec<Row> {
-    let mut chance = Chance::new(3);
+    let mut chance = TestRng::new(3);
     let mut row = || {
-        let q =
-            [70.0, 35.0, 35.0, 90.0, 70.0, 120.0].map(|swing| swing * (2.0 * chance.unit() - 1.0));
-        let d = [0.0; 6].map(|_: f64| if chance.unit() < 0.5 { 1.0 } else { -1.0 });
+        let q = [70.0, 35.0, 35.0, 90.0, 70.0, 120.0]
+            .map(|swing| swing * (2.0 * chance.uniform() - 1.0));
+        let d = [0.0; 6].map(|_: f64| if chance.uniform() < 0.5 { 1.0 } else { -1.0 });
         (q, d, [DVec3::ZERO; 3])
     };
     (0..poses).map(|_| row()).collect()
@@ -87,18 +87,19 @@ fn seen_at(text: &str, poses: usize, change: impl Fn(&mut [f64; 6])) -> Vec<Row>
     let truth = RobotModel::parse("truth", text).expect("sound").physics;
     let mut rows = unseen(poses);
     rows.iter_mut().for_each(|row| change(&mut row.0));
-    let recording = read_text("made.csv", &csv(&rows), None, None, Need::Measurement);
+    let recording = read_text("made.csv", &csv(&rows), None, None, RequiredData::Measurement);
     let mut campaign =
-        from_recording::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
+        campaign_import::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
     let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
     station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
     station.origin = DVec3::new(1.5, -2.0, 0.3);
     let places = [[0.09, 0.0, 0.06], [-0.05, 0.08, 0.05], [-0.04, -0.09, 0.1]];
     for (target, place) in campaign.surroundings.targets.iter_mut().zip(places) {
-        *target = Fitted::known(DVec3::from_array(place));
+        *target = FitParameter::known(DVec3::from_array(place));
     }
     let whole: Campaign = campaign.clone();
-    let made = simulate::readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
+    let made =
+        campaign_simulation::simulate_readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
     for (row, pose) in rows.iter_mut().zip(&made.poses) {
         for (slot, seen) in row.2.iter_mut().zip(&pose.seen) {
             if let Reading::Point { at, .. } = seen.reading {
@@ -181,13 +182,14 @@ fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
     let asked = [&CALIBRATE[..], &["--json", "c.json"]].concat();
     let said = place.succeed(&asked).out;
     let model = preset(BASE).expect("preset").model().expect("sound");
-    let mut seen = read(&place.path("seen.csv"), None, Need::Measurement).expect("a recording");
+    let mut seen =
+        read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
     // The command is run in the folder: its result names the file without it.
     seen.file = "seen.csv".into();
     let settings = Settings { seed: 7, ..Settings::default() };
     let calibrated = calibration::calibrate(model, &[seen], &settings, &mut |_| {});
     let calibrated = calibrated.expect("a calibration");
-    assert!(calibrated.is_proven(), "{:?}", calibrated.refused);
+    assert!(calibrated.is_validated(), "{:?}", calibrated.rejection_reasons);
     assert_eq!(calibrated.model_toml().expect("a model"), place.read("robot2.toml"));
     let out = Path::new("robot2.toml");
     let json: Value = serde_json::from_str(&calibrated.json(Some(out)).expect("json")).unwrap();
@@ -203,10 +205,10 @@ fn recordings_that_do_not_belong_to_the_model_are_refused_by_the_library_with_th
     rows.iter_mut().for_each(|row| row.2.iter_mut().for_each(|at| at.x = -at.x));
     let place = place_with(&rows);
     let model = preset(BASE).expect("preset").model().expect("sound");
-    let seen = read(&place.path("seen.csv"), None, Need::Measurement).expect("a recording");
+    let seen = read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
     let refused = calibration::calibrate(model, &[seen], &Settings::default(), &mut |_| {});
     let Err(Error::GrossFaults(faults)) = refused else { panic!("a mirrored frame is a fault") };
-    assert!(faults[0].says.contains("mirrored"), "{faults:?}");
+    assert!(faults[0].message.contains("mirrored"), "{faults:?}");
 }
 
 #[test]

@@ -2,47 +2,63 @@
 //! solvers with known answers.
 
 use ::challenge::arm::Arm;
-use ::challenge::case::{Case, Tier};
-use ::challenge::chance::Chance;
-use ::challenge::draw;
-use ::challenge::kinds::{Effect, Kind, Need};
-use ::challenge::law::{Law, Trial};
-use ::challenge::scene::{Has, Richness, Scene};
-use ::challenge::space::{ONE, shift};
-use ::challenge::truth::{Hidden, Truth};
-use ::challenge::view::{Noise, View};
-use ::challenge::{seal, write};
-use recording::series::{Channel, Need as Wanted, read};
+use ::challenge::case::{PositionCase, Tier};
+use ::challenge::effect::{BlindCase, EffectKind};
+use ::challenge::generate;
+use ::challenge::instrument::{Instrument, Noise};
+use ::challenge::kinds::{Effect, Kind, Requirement};
+use ::challenge::rng::Rng;
+use ::challenge::scene::{Excitation, RecordedInputs, Scene};
+use ::challenge::transform::{IDENTITY, translation};
+use ::challenge::truth::{HiddenEffect, Truth};
+use ::challenge::{case_files, commitment};
+use recording::series::{Channel, RequiredData as Wanted, read};
 use serde_json::{Value, json};
 
 use crate::program::Place;
 
-fn case(settled: bool, ambient: bool, hidden: Vec<Effect>) -> Case {
-    let mut chance = Chance::new(3, 0);
-    let arm = Arm::family(2, 1.0, &shift([0.02, 0.01, 0.15]), 4.0, true);
-    let has = Has { wrench: true, ambient, joint_temperatures: false, spindle: true };
-    let richness = Richness::Full;
+fn case(settled: bool, ambient: bool, hidden: Vec<Effect>) -> PositionCase {
+    let mut rng = Rng::new(3, 0);
+    let arm = Arm::from_table(2, 1.0, &translation([0.02, 0.01, 0.15]), 4.0, true);
+    let recorded_inputs =
+        RecordedInputs { wrench: true, ambient, joint_temperatures: false, spindle: true };
+    let excitation = Excitation::Full;
     let scene = if settled {
-        Scene::poses(arm, has, 200, richness, &mut chance)
+        Scene::random_poses(arm, recorded_inputs, 200, excitation, &mut rng)
     } else {
-        Scene::path(arm, has, (1600, 100.0), richness, &mut chance)
+        Scene::random_path(arm, recorded_inputs, (1600, 100.0), excitation, &mut rng)
     };
     let places = vec![[0.0; 3]];
-    let view = View {
-        places,
-        measuring_from_base: ONE,
+    let view = Instrument {
+        points: places,
+        measuring_from_base: IDENTITY,
         frame_known: true,
-        places_known: true,
+        points_known: true,
         targets: false,
     };
-    let noise =
-        Noise { sigma: 1e-5, colour: 0.0, digit: 0.0, gaps: 0.0, outliers: 0.0, stated: true };
-    Case { tier: Tier::Single, scene, richness, view, noise, known: Vec::new(), hidden, seed: 5 }
+    let noise = Noise {
+        sigma: 1e-5,
+        autocorrelation: 0.0,
+        quantum: 0.0,
+        gaps: 0.0,
+        outliers: 0.0,
+        stated: true,
+    };
+    PositionCase {
+        tier: Tier::Single,
+        scene,
+        excitation,
+        instrument: view,
+        noise,
+        modelled: Vec::new(),
+        hidden,
+        seed: 5,
+    }
 }
 
 /// A soft joint, so that loads move something.
 fn soft() -> Effect {
-    Effect { kind: Kind::JointCompliance, joint: 2, other: 2, numbers: vec![4e-6] }
+    Effect { kind: Kind::JointCompliance, joint: 2, other_joint: 2, parameters: vec![4e-6] }
 }
 
 fn sizes(kind: Kind) -> Vec<f64> {
@@ -85,11 +101,11 @@ fn rms(a: &[f64], b: &[f64]) -> f64 {
     (sum / a.len() as f64).sqrt()
 }
 
-fn simulated(case: &Case) -> Vec<f64> {
+fn simulated(case: &PositionCase) -> Vec<f64> {
     let place = Place::new();
-    for (name, mut text) in write::files(case) {
+    for (name, mut text) in case_files::files(case) {
         if name == "model.toml" {
-            case.hidden.iter().for_each(|effect| text.push_str(&write::effect(effect, &[])));
+            case.hidden.iter().for_each(|effect| text.push_str(&case_files::effect(effect, &[])));
         }
         place.file(name, &text);
     }
@@ -116,23 +132,23 @@ fn apart(kind: Kind) -> f64 {
 #[test]
 fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
     let mut faults = Vec::new();
-    for kind in Kind::LIBRARY {
+    for kind in Kind::DICTIONARY {
         for settled in [false, true] {
-            if kind.needs(if settled { Need::Path } else { Need::Poses }) {
+            if kind.needs(if settled { Requirement::Path } else { Requirement::Poses }) {
                 continue;
             }
             // Joint 3's pivot and joint 4's coincide: there is no link that could grow.
             let joint = if kind.name() == Some("thermal_growth") { 1 } else { 2 };
-            let effect = Effect { kind, joint, other: 4, numbers: sizes(kind) };
+            let effect = Effect { kind, joint, other_joint: 4, parameters: sizes(kind) };
             let alone = matches!(
                 kind,
                 Kind::GravityCompliance | Kind::LoadCompliance | Kind::JointCompliance
             );
             let beside = if alone { Vec::new() } else { vec![soft()] };
-            let ambient = !kind.needs(Need::NoTemperature);
+            let ambient = !kind.needs(Requirement::NoTemperature);
             let case = case(settled, ambient, beside.iter().cloned().chain([effect]).collect());
-            let exact = case.exact(&case.scene, &case.real());
-            let without = case.exact(&case.scene, &beside);
+            let exact = case.exact_values(&case.scene, &case.true_effects());
+            let without = case.exact_values(&case.scene, &beside);
             let (size, off) = (rms(&exact, &without), rms(&exact, &simulated(&case)));
             // Inertia is a second difference of rounded positions on one side and of places on the other.
             if size < 1e-5 || off > apart(kind) * size + 4e-7 {
@@ -207,8 +223,8 @@ fn the_same_seed_gives_the_same_cases_on_one_thread_or_two_and_the_truth_fits_it
     }
     let truth = place.read("one/truth.json");
     let sealed = place.json("one/commitment.json")["sealed_sha256"].as_str().unwrap().to_owned();
-    assert!(seal::open(&truth, &sealed).is_ok());
-    assert!(seal::open(&truth.replacen("\"z\": ", "\"z\":  ", 1), &sealed).is_err());
+    assert!(commitment::verify(&truth, &sealed).is_ok());
+    assert!(commitment::verify(&truth.replacen("\"z\": ", "\"z\":  ", 1), &sealed).is_err());
     assert!(place.read("one/report.html").contains("<svg"));
 }
 
@@ -242,8 +258,8 @@ fn a_solver_that_fails_hangs_or_talks_nonsense_is_no_answer() {
 
 /// The answer and the model of a solver that knows the truth of a case.
 fn perfect(index: usize, seed: u64) -> (String, String) {
-    let drawn = draw::case(seed, index, Tier::mixed(index));
-    let truth = Truth::of("", &drawn);
+    let generated = generate::generate_case(seed, index, Tier::mixed(index));
+    let truth = Truth::of("", &generated);
     let findings: Vec<Value> = truth.hidden.iter().filter_map(finding).collect();
     let verdict = match truth.tier {
         Tier::Null => "consistent",
@@ -253,14 +269,14 @@ fn perfect(index: usize, seed: u64) -> (String, String) {
     };
     let unexplained = json!({"depends_on": truth.depends_on});
     let answer = json!({"schema": "trued.diagnosis/1", "verdict": verdict, "domain": "position", "findings": findings, "unexplained": unexplained});
-    let mut case = drawn.case;
-    case.known.iter_mut().for_each(|known| known.nominal = known.real.clone());
+    let mut case = generated.case;
+    case.modelled.iter_mut().for_each(|modelled| modelled.nominal = modelled.true_effect.clone());
     let hidden = case.hidden.iter().filter(|effect| effect.kind.name().is_some());
-    let effects: String = hidden.map(|effect| write::effect(effect, &[])).collect();
-    (answer.to_string(), write::model(&case) + &effects)
+    let effects: String = hidden.map(|effect| case_files::effect(effect, &[])).collect();
+    (answer.to_string(), case_files::model(&case) + &effects)
 }
 
-fn finding(hidden: &Hidden) -> Option<Value> {
+fn finding(hidden: &HiddenEffect) -> Option<Value> {
     let numbers = |list: &Vec<f64>| {
         let pairs: Vec<[f64; 2]> =
             list.iter().map(|x| [x - 1e-9 - 1e-6 * x.abs(), x + 1e-9 + 1e-6 * x.abs()]).collect();

@@ -2,19 +2,19 @@
 //! injection into recordings.
 
 use ::challenge::arm::{JOINTS, Joints};
-use ::challenge::case::{Known, Tier};
-use ::challenge::chance::Chance;
-use ::challenge::law::{Law, Trial};
-use ::challenge::scene::Richness;
-use ::challenge::torque::candidates::fits;
-use ::challenge::torque::case::{Case, Noise};
+use ::challenge::case::{ModelledEffect, Tier};
+use ::challenge::case_files::File;
+use ::challenge::effect::{BlindCase, EffectKind};
+use ::challenge::rng::Rng;
+use ::challenge::scene::Excitation;
+use ::challenge::torque::candidates::is_observable;
+use ::challenge::torque::case::{Noise, TorqueCase};
 use ::challenge::torque::kinds::{Effect, Kind};
-use ::challenge::torque::laws::{Ride, recorded};
+use ::challenge::torque::laws::{SampledMotion, recorded_torques};
 use ::challenge::torque::motion::Motion;
 use ::challenge::torque::rig::Rig;
-use ::challenge::torque::{draw, write};
-use ::challenge::write::File;
-use recording::series::{Channel, Need as Wanted, read};
+use ::challenge::torque::{case_files, generate};
+use recording::series::{Channel, RequiredData as Wanted, read};
 
 use crate::program::Place;
 
@@ -22,42 +22,48 @@ use crate::program::Place;
 const FINER: usize = 2;
 
 /// A case whose model has viscous friction and a spring on joint `joint`, with rising temperature.
-fn case(rig: Rig, joint: usize) -> Case {
-    let room = rig.rooms[joint];
-    let mut chance = Chance::new(12, 0);
-    let motion = Motion::draw(&rig.rooms, (6.0, 1000.0), true, Richness::Full, &mut chance);
-    let known = [(Kind::ViscousFriction, vec![8.0]), (Kind::Spring, vec![20.0, room.home + 0.01])];
-    let known = known.map(|(kind, numbers)| {
-        let nominal = Effect::of(kind, joint, &numbers);
-        Known { real: nominal.clone(), nominal, sigma: vec![0.1] }
+fn case(rig: Rig, joint: usize) -> TorqueCase {
+    let range = rig.ranges[joint];
+    let mut rng = Rng::new(12, 0);
+    let motion = Motion::random(&rig.ranges, (6.0, 1000.0), true, Excitation::Full, &mut rng);
+    let modelled =
+        [(Kind::ViscousFriction, vec![8.0]), (Kind::Spring, vec![20.0, range.centre + 0.01])];
+    let modelled = modelled.map(|(kind, parameters)| {
+        let nominal = Effect::of(kind, joint, &parameters);
+        ModelledEffect { true_effect: nominal.clone(), nominal, sigma: vec![0.1] }
     });
-    let quiet =
-        Noise { sigma: [0.0; JOINTS], digit: [0.0; JOINTS], colour: 0.0, step: 0.0, gaps: 0 };
-    Case {
+    let quiet = Noise {
+        sigma: [0.0; JOINTS],
+        quantum: [0.0; JOINTS],
+        autocorrelation: 0.0,
+        encoder_quantum: 0.0,
+        gaps: 0,
+    };
+    TorqueCase {
         tier: Tier::Single,
         rig,
         motion,
-        richness: Richness::Full,
+        excitation: Excitation::Full,
         noise: quiet,
-        known: known.to_vec(),
+        modelled: modelled.to_vec(),
         hidden: Vec::new(),
         seed: 1,
     }
 }
 
-fn sizes(case: &Case, kind: Kind, joint: usize) -> Vec<f64> {
-    let room = case.rig.rooms[joint];
+fn sizes(case: &TorqueCase, kind: Kind, joint: usize) -> Vec<f64> {
+    let range = case.rig.ranges[joint];
     match kind {
-        Kind::StribeckFriction => vec![7.0, 0.15 * room.fastest],
+        Kind::StribeckFriction => vec![7.0, 0.15 * range.max_speed],
         Kind::AsymmetryBoth => vec![3.0, -4.0],
         Kind::LoadFriction | Kind::DriveGain => vec![0.15],
         Kind::FrictionTemperature => vec![0.03],
         Kind::GravityTorque => vec![4.0, -7.0],
         Kind::GravityMoment => vec![0.8, -0.5, 0.3],
         Kind::TorqueRipple => vec![5.0, 11.0, 0.6],
-        Kind::Spring => vec![30.0, room.home - 0.1],
-        Kind::SpringHardening => vec![5.0 / room.reach.powi(3)],
-        Kind::Hysteresis => vec![9.0, 0.05 * room.reach],
+        Kind::Spring => vec![30.0, range.centre - 0.1],
+        Kind::SpringHardening => vec![5.0 / range.half_range.powi(3)],
+        Kind::Hysteresis => vec![9.0, 0.05 * range.half_range],
         Kind::TorqueDelay => vec![4e-3],
         Kind::Payload => {
             let [x, y, z] = case.rig.tcp();
@@ -67,31 +73,31 @@ fn sizes(case: &Case, kind: Kind, joint: usize) -> Vec<f64> {
     }
 }
 
-fn simulated(case: &Case, effects: &[Effect]) -> Vec<Joints> {
+fn simulated(case: &TorqueCase, effects: &[Effect]) -> Vec<Joints> {
     let place = Place::new();
-    let mut model = write::model(case);
+    let mut model = case_files::model(case);
     for effect in effects {
-        model.push_str(&write::effect(effect, case.rig.slides, &[]));
+        model.push_str(&case_files::effect(effect, case.rig.is_prismatic, &[]));
     }
     place.file("model.toml", &model);
-    place.file("motion.csv", &write::command(case, &case.motion, FINER));
+    place.file("motion.csv", &case_files::command(case, &case.motion, FINER));
     place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "motion.csv", "-q"]);
     let seen = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
     let columns: Vec<&[f64]> =
         (0..case.rig.count()).map(|i| seen.column(Channel::Torque(i)).expect("there")).collect();
     let row = |row: usize| std::array::from_fn(|i| columns.get(i).map_or(0.0, |c| c[row]));
-    write::commanded(&case.motion, FINER).into_iter().map(row).collect()
+    case_files::commanded(&case.motion, FINER).into_iter().map(row).collect()
 }
 
 /// Root mean square of the difference of two lists, all joints, over the selected rows.
-fn apart(a: &[Joints], b: &[Joints], asked: &[bool]) -> f64 {
-    let kept = a.iter().zip(b).zip(asked).filter(|(_, asked)| **asked);
+fn apart(a: &[Joints], b: &[Joints], requested: &[bool]) -> f64 {
+    let kept = a.iter().zip(b).zip(requested).filter(|(_, asked)| **asked);
     let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
 
 /// Rows at which no joint reverses, starts or stops: there a sign changes between two rows.
-fn steady(case: &Case, ride: &Ride) -> Vec<bool> {
+fn steady(case: &TorqueCase, ride: &SampledMotion) -> Vec<bool> {
     let sign = |row: usize, i: usize| {
         let v = ride.states[row][i][1];
         if v.abs() < 1e-5 { 0.0 } else { v.signum() }
@@ -115,18 +121,18 @@ fn may_be_apart(kind: Kind) -> f64 {
 
 #[test]
 fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() {
-    let mut chance = Chance::new(5, 0);
+    let mut rng = Rng::new(5, 0);
     let rigs = [
-        (Rig::slide(true, &mut chance), 0),
-        (Rig::pendulum(true, &mut chance), 0),
-        (Rig::arm(true, &mut chance), 1),
+        (Rig::linear_axis(true, &mut rng), 0),
+        (Rig::pendulum(true, &mut rng), 0),
+        (Rig::arm(true, &mut rng), 1),
     ];
     let mut faults = Vec::new();
     for (rig, joint) in rigs {
         let case = case(rig, joint);
         let name = &case.rig.arm.name;
-        let ride = Ride::of(&case.rig, &case.motion, 0.0);
-        let exact = |effects: &[Effect]| recorded(&case.rig, &case.motion, &ride, effects);
+        let ride = SampledMotion::from_motion(&case.rig, &case.motion, 0.0);
+        let exact = |effects: &[Effect]| recorded_torques(&case.rig, &case.motion, &ride, effects);
         let (own, theirs) = (exact(&case.nominal()), simulated(&case, &[]));
         let asked = steady(&case, &ride);
         let whole = apart(&own, &vec![[0.0; JOINTS]; own.len()], &asked);
@@ -135,11 +141,11 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
         if rigid > 2e-3 * whole {
             faults.push(format!("{name}: masses {rigid:.2e} of {whole:.2e}"));
         }
-        for kind in Kind::LIBRARY {
-            if kind == Kind::Spring || !fits(&case, kind, joint) {
+        for kind in Kind::DICTIONARY {
+            if kind == Kind::Spring || !is_observable(&case, kind, joint) {
                 continue;
             }
-            let joint = if kind.facts().of_joint { joint } else { 0 };
+            let joint = if kind.spec().per_joint { joint } else { 0 };
             let effect = Effect::of(kind, joint, &sizes(&case, kind, joint));
             let all: Vec<Effect> = case.nominal().into_iter().chain([effect.clone()]).collect();
             let with = exact(&all);
@@ -156,7 +162,9 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
 
 #[test]
 fn every_model_and_recording_of_torques_that_is_handed_out_reads_and_repeats() {
-    reads_and_repeats(|index| write::files(&draw::case(8, index, Tier::mixed(index)).case));
+    reads_and_repeats(|index| {
+        case_files::files(&generate::generate_case(8, index, Tier::mixed(index)).case)
+    });
 }
 
 /// Holds it of twenty cases of a challenge, each as its files.

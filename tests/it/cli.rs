@@ -117,10 +117,10 @@ fn a_model_says_which_robot_it_is_of() {
     let place = Place::new();
     let geometry = |model: &str| {
         let said = place.succeed(&["model", "show", model, "--json", "-", "-q"]).out;
-        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
-        assert_eq!(said["robot"]["maker"], "ABB");
-        assert_eq!(said["robot"]["type"], "IRB 1600-6/1.45");
-        said["robot"]["geometry"].as_str().unwrap().to_owned()
+        let result: serde_json::Value = serde_json::from_str(&said).unwrap();
+        assert_eq!(result["robot"]["maker"], "ABB");
+        assert_eq!(result["robot"]["type"], "IRB 1600-6/1.45");
+        result["robot"]["geometry"].as_str().unwrap().to_owned()
     };
     // A calibration is of the same robot, and another tool is too.
     let nominal = geometry("irb1600-6-145");

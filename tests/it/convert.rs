@@ -2,11 +2,11 @@
 
 use crate::program::Place;
 use physics::JointKind;
-use recording::blackbox::{
-    BlackBox, Clocks, CycleRecord, Few, ForceRecord, Header, LogRecord, StatusRecord,
+use recording::mcap_recording::{
+    Clocks, CycleRecord, ForceRecord, Header, InlineVec, LogRecord, McapWriter, StatusRecord,
 };
 use recording::model::presets::preset;
-use recording::series::{Channel, Need, read};
+use recording::series::{Channel, RequiredData, read};
 use std::path::Path;
 use std::process::Command;
 use tests::clients::{root, skipped};
@@ -14,7 +14,7 @@ use tests::python::environment;
 
 const CYCLES: u64 = 50;
 
-fn boxed(place: &Place, name: &str) -> BlackBox {
+fn boxed(place: &Place, name: &str) -> McapWriter {
     let header = Header {
         cell: "demo".to_owned(),
         version: "0.1.0".to_owned(),
@@ -25,7 +25,7 @@ fn boxed(place: &Place, name: &str) -> BlackBox {
         ..Header::default()
     };
     let mut black_box =
-        BlackBox::create(&place.path(name), &header, Clocks::default()).expect("a file");
+        McapWriter::create(&place.path(name), &header, Clocks::default()).expect("a file");
     for seq in 0..CYCLES {
         black_box.write_cycle(&cycle(seq)).expect("room");
     }
@@ -37,8 +37,8 @@ fn cycle(seq: u64) -> CycleRecord {
     CycleRecord {
         t_ns: 1_000_000_000 + 4_000_000 * seq,
         seq,
-        q_command: Few::of(&[q; 6]),
-        q_corrected: Few::of(&[q + 1e-4; 6]),
+        q_command: InlineVec::from_slice(&[q; 6]),
+        q_corrected: InlineVec::from_slice(&[q + 1e-4; 6]),
         ..CycleRecord::default()
     }
 }
@@ -61,12 +61,12 @@ fn a_black_box_becomes_a_recording_that_every_command_reads() {
     let files = ["made-forces.csv", "made-forces.toml", "made-model.toml", "made.csv", "made.toml"];
     assert_eq!(place.names(), [&files[..], &["run.mcap", "said.json"]].concat());
     assert_eq!(place.json("said.json")["rows"], CYCLES);
-    let made = read(&place.path("made.csv"), None, Need::Path).expect("a recording");
+    let made = read(&place.path("made.csv"), None, RequiredData::Path).expect("a recording");
     for row in 0..CYCLES {
         let q = made.column(Channel::Command(2)).expect("there")[row as usize];
         assert_eq!(q.to_bits(), joint(row).to_bits(), "row {row}");
     }
-    assert_eq!(made.about.model.as_deref(), Some("made-model.toml"));
+    assert_eq!(made.metadata.model.as_deref(), Some("made-model.toml"));
     place.succeed(&["correct", "--model", "made-model.toml", "--out", "again.csv", "made.csv"]);
 }
 
@@ -115,7 +115,7 @@ fn another_programs_table_becomes_a_recording_by_its_mapping() {
     );
     std::fs::create_dir(place.path("new")).expect("a folder");
     place.succeed(&["convert", "--out", "new/log.csv", "log.csv"]);
-    let made = read(&place.path("new/log.csv"), None, Need::Path).expect("a recording");
+    let made = read(&place.path("new/log.csv"), None, RequiredData::Path).expect("a recording");
     assert_eq!(made.t_s, [0.0, 0.01]);
     assert_eq!(made.column(Channel::Command(0)).expect("there")[1], (-45.5_f64).to_radians());
 }
@@ -125,7 +125,7 @@ fn an_infinite_sample_becomes_a_missing_value_of_a_table_that_every_command_read
     let place = Place::new();
     let mut black_box = boxed(&place, "run.mcap");
     let wrench = [f64::INFINITY, 1.0, 2.0, f64::NEG_INFINITY, 0.0, 0.0];
-    let spoilt = CycleRecord { wrench_used: Few::of(&wrench), ..cycle(CYCLES) };
+    let spoilt = CycleRecord { wrench_used: InlineVec::from_slice(&wrench), ..cycle(CYCLES) };
     black_box.write_cycle(&spoilt).expect("room");
     let data = vec![f64::INFINITY, 1.0, 2.0];
     let block = ForceRecord { rate_hz: 1000.0, channels: 1, data, ..ForceRecord::default() };
@@ -134,7 +134,7 @@ fn an_infinite_sample_becomes_a_missing_value_of_a_table_that_every_command_read
     let done = place.succeed(&["convert", "--out", "made", "run.mcap"]);
     assert!(done.err.contains("3 values") && done.err.contains("not finite"), "{}", done.err);
     place.succeed(&["check", "made.csv", "made-forces.csv"]);
-    let made = read(&place.path("made.csv"), None, Need::Path).expect("a recording");
+    let made = read(&place.path("made.csv"), None, RequiredData::Path).expect("a recording");
     let fx = made.column(Channel::Wrench(0)).map_or(f64::NAN, |fx| fx[CYCLES as usize]);
     let fy = made.column(Channel::Wrench(1)).expect("there")[CYCLES as usize];
     assert!(fx.is_nan() && fy == 1.0, "{fx} {fy}");
@@ -184,12 +184,12 @@ fn a_box_becomes_standard_ros_2_messages_that_the_public_decoder_reads() {
     let mut black_box = boxed(&place, "run.mcap");
     let measured = CycleRecord {
         received_ns: 2_000_000_000,
-        q_measured: Few::of(&[0.5; 6]),
-        tau: Few::of(&[10.0; 6]),
-        temperature_c: Few::of(&[21.0, 30.0]),
-        wrench_used: Few::of(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
+        q_measured: InlineVec::from_slice(&[0.5; 6]),
+        tau: InlineVec::from_slice(&[10.0; 6]),
+        temperature_c: InlineVec::from_slice(&[21.0, 30.0]),
+        wrench_used: InlineVec::from_slice(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
         wrench_in_base: 1,
-        measured_m: Few::of(&[1.0, 0.2, 0.7]),
+        measured_m: InlineVec::from_slice(&[1.0, 0.2, 0.7]),
         measured_ns: 1_990_000_000,
         ..cycle(CYCLES)
     };

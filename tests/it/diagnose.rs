@@ -3,15 +3,15 @@
 
 use std::fmt::Write as _;
 
-use diagnosis_report::{ReportedFinding, Settings, diagnose, lead, lines};
+use diagnosis_report::{ReportedFinding, Settings, diagnose, lines, summary};
 use recording::model::presets::preset;
-use recording::series::{self, Need};
+use recording::series::{self, RequiredData};
 use report::significant;
 use serde_json::Value;
 use shm_schema::Cell;
 use trued_client::Client;
 
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 use crate::pages;
 use crate::program::{Done, Place, signal};
@@ -123,7 +123,8 @@ fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_firs
     let written = diagnosed(&place, "seen.csv");
     let found = |findings_most| {
         let model = preset(BASE).expect("preset").model().expect("sound");
-        let seen = series::read(&place.path("seen.csv"), None, Need::Measurement).expect("a file");
+        let seen =
+            series::read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a file");
         let settings = Settings { seed: 1, findings_most, ..Settings::default() };
         diagnose(model, vec![seen], &settings, &mut |_| {}).expect("a diagnosis")
     };
@@ -136,7 +137,7 @@ fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_firs
     assert_eq!((report.findings.len(), report.minor.len()), (1, 1));
     assert!(size(&report.findings) > size(&report.minor));
     assert!(lines(report).iter().any(|line| line.contains("and 1 smaller effect")));
-    assert!(lead(report).starts_with("2 effects"), "{}", lead(report));
+    assert!(summary(report).starts_with("2 effects"), "{}", summary(report));
     assert!(short.page(&place.path("said")).render().contains("And 1 smaller effect"));
     let model = short.model_toml().expect("a model");
     assert!(model.contains("\"backlash\"") && model.contains("\"axis_tilt\""), "{model}");
@@ -194,7 +195,7 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
     let command = format!("trued diagnose --model {BASE} --out said --seed 1 seen.csv");
     assert!(page.contains(&format!("<code>{command}</code>")), "{command}");
     for input in ["seen.csv", "seen.toml"] {
-        let hash = challenge::seal::sha256(&place.read(input));
+        let hash = challenge::commitment::sha256(&place.read(input));
         assert!(page.contains(&format!("<span title=\"SHA-256 {hash}\">{input} ")), "{input}");
     }
     assert!(!page.contains("<script") && !page.contains("src=") && !page.contains("@import"));
@@ -351,7 +352,7 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
 /// Link sides of a path: joint 3 has backlash with a gap that depends on its position, as with worn
 /// teeth; noise of 2 mdeg.
 fn worn() -> String {
-    let mut chance = Chance::new(5);
+    let mut chance = TestRng::new(5);
     let (mut text, mut link_deg) = (String::new(), None::<f64>);
     for (row, line) in path().lines().enumerate() {
         let fields: Vec<&str> = line.split(',').collect();
@@ -363,7 +364,7 @@ fn worn() -> String {
         let half = 0.05 * (0.5 + 0.5 * (2.0 * q_deg.to_radians()).sin());
         let link = link_deg.unwrap_or(q_deg).clamp(q_deg - half, q_deg + half);
         link_deg = Some(link);
-        let noise: f64 = (0..6).map(|_| chance.unit() - 0.5).sum();
+        let noise: f64 = (0..6).map(|_| chance.uniform() - 0.5).sum();
         writeln!(text, "{},{}", fields[..7].join(","), link + 2.8e-3 * noise).unwrap();
     }
     text

@@ -73,12 +73,12 @@ fn said(place: &Place, name: &str, done: &Done) -> Value {
 }
 
 /// A sentence with one of these words states why there is no result.
-fn assert_undetermined(place: &Place, name: &str, text: &str, model: &str, words: &[&str]) {
+fn assert_undetermined(place: &Place, name: &str, text: &str, model: &str, arguments: &[&str]) {
     let said = said(place, name, &diagnose(place, name, text, model));
     assert_eq!(said["verdict"], "undetermined", "{name}: {said:#}");
     assert_eq!(said["findings"], Value::Array(Vec::new()), "{name}: {said:#}");
     let why = said["unexplained"]["says"].as_str().expect("a sentence");
-    assert!(words.iter().any(|word| why.contains(word)), "{name}: {why}");
+    assert!(arguments.iter().any(|word| why.contains(word)), "{name}: {why}");
 }
 
 fn assert_nothing_found(place: &Place, name: &str, text: &str, word: &str) {

@@ -43,10 +43,10 @@ fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into
     place.file("slide.toml", &slide());
     place.file("force.csv", &recording(false));
     place.succeed(&["diagnose", "--model", "slide.toml", "--out", "out", "force.csv"]);
-    let said: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();
-    assert_eq!((&said["domain"], &said["unit"]), (&Value::from("torque"), &Value::from("N")));
-    assert_eq!(said["verdict"], "missing_physics");
-    let first = &said["findings"][0];
+    let result: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();
+    assert_eq!((&result["domain"], &result["unit"]), (&Value::from("torque"), &Value::from("N")));
+    assert_eq!(result["verdict"], "missing_physics");
+    let first = &result["findings"][0];
     assert_eq!((&first["effect"], &first["joint"]), (&"coulomb_friction".into(), &1.into()));
     let level = &first["parameters"]["level_N"];
     let bounds = level["ci95"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap());
@@ -54,7 +54,7 @@ fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into
     assert!(bounds[0] < 20.0 && 20.0 < bounds[1] && bounds[1] - bounds[0] < 2.0, "{level}");
     let size = [&first["size"]["rms"], &first["size"]["max"]].map(|x| x.as_f64().unwrap());
     assert!(size.iter().all(|newton| (newton / 20.0 - 1.0).abs() < 0.15), "{size:?}");
-    assert_eq!(said["candidates"], Value::Array(Vec::new()));
+    assert_eq!(result["candidates"], Value::Array(Vec::new()));
     let model = place.read("out/model.toml");
     assert!(model.contains("coulomb_friction") && model.contains("level_N"), "{model}");
     // With the findings in the model the same recording is consistent.
@@ -69,10 +69,10 @@ fn positions_and_torques_give_both_domains() {
     place.file("slide.toml", &slide());
     place.file("both.csv", &recording(true));
     place.succeed(&["diagnose", "--model", "slide.toml", "--out", "out", "both.csv"]);
-    let said: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();
-    let domains: Vec<&Value> = said["domains"].as_array().unwrap().iter().collect();
+    let result: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();
+    let domains: Vec<&Value> = result["domains"].as_array().unwrap().iter().collect();
     let names: Vec<&Value> = domains.iter().map(|one| &one["domain"]).collect();
     assert_eq!(names, ["position", "torque"]);
-    assert_eq!(said["schema"], "trued.diagnosis/1");
+    assert_eq!(result["schema"], "trued.diagnosis/1");
     assert_eq!(domains[1]["findings"][0]["effect"], "coulomb_friction");
 }

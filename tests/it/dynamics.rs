@@ -12,26 +12,26 @@ use glam::{DMat3, DVec3};
 use physics::dynamics::inverse_dynamics;
 use physics::{Arm, Body, Inputs, JOINTS_MAX, Joint, JointKind, Tool, Wrench};
 use serde_json::json;
-use tests::chance::Chance;
 use tests::clients::skipped;
 use tests::python::environment;
+use tests::rng::TestRng;
 
 const CASES: usize = 200;
 
-fn vector(chance: &mut Chance, size: f64) -> DVec3 {
-    DVec3::from_array([0; 3].map(|_| size * (2.0 * chance.unit() - 1.0)))
+fn vector(rng: &mut TestRng, size: f64) -> DVec3 {
+    DVec3::from_array([0; 3].map(|_| size * (2.0 * rng.uniform() - 1.0)))
 }
 
-fn body(chance: &mut Chance) -> Body {
-    let turn = DMat3::from_euler(glam::EulerRot::XYZ, chance.unit(), chance.unit(), chance.unit());
-    let mass = 0.5 + 20.0 * chance.unit();
-    let [x, y, z] = [0; 3].map(|_| mass * (0.02 + 0.3 * chance.unit()).powi(2));
+fn body(rng: &mut TestRng) -> Body {
+    let turn = DMat3::from_euler(glam::EulerRot::XYZ, rng.uniform(), rng.uniform(), rng.uniform());
+    let mass = 0.5 + 20.0 * rng.uniform();
+    let [x, y, z] = [0; 3].map(|_| mass * (0.02 + 0.3 * rng.uniform()).powi(2));
     let principal = DMat3::from_diagonal(DVec3::new(y + z, x + z, x + y));
-    Body { mass, centre: vector(chance, 0.8), inertia: turn * principal * turn.transpose() }
+    Body { mass, centre: vector(rng, 0.8), inertia: turn * principal * turn.transpose() }
 }
 
-fn arm(chance: &mut Chance) -> Arm {
-    let joint = |chance: &mut Chance| Joint {
+fn arm(rng: &mut TestRng) -> Arm {
+    let joint = |chance: &mut TestRng| Joint {
         kind: [JointKind::Revolute, JointKind::Prismatic][usize::from(chance.below(3) == 0)],
         axis: (vector(chance, 1.0) + DVec3::splat(1e-3)).normalize(),
         point: vector(chance, 0.7),
@@ -39,23 +39,20 @@ fn arm(chance: &mut Chance) -> Arm {
         max_speed: 9.0,
         link: Some(body(chance)),
     };
-    let count = 1 + chance.below(JOINTS_MAX as u64);
-    let joints: Vec<Joint> = (0..count).map(|_| joint(chance)).collect();
-    let tool = Tool {
-        tcp: vector(chance, 1.0),
-        base_from_tool: DMat3::IDENTITY,
-        body: Some(body(chance)),
-    };
-    Arm::new(&joints, tool, vector(chance, 10.0)).unwrap()
+    let count = 1 + rng.below(JOINTS_MAX as u64);
+    let joints: Vec<Joint> = (0..count).map(|_| joint(rng)).collect();
+    let tool =
+        Tool { tcp: vector(rng, 1.0), base_from_tool: DMat3::IDENTITY, body: Some(body(rng)) };
+    Arm::new(&joints, tool, vector(rng, 10.0)).unwrap()
 }
 
-fn motion(chance: &mut Chance) -> Inputs {
+fn motion(rng: &mut TestRng) -> Inputs {
     let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
     for i in 0..JOINTS_MAX {
-        let [q, v, a] = vector(chance, 2.0).to_array();
+        let [q, v, a] = vector(rng, 2.0).to_array();
         (inputs.q[i], inputs.velocity[i], inputs.acceleration[i]) = (q, v, a);
     }
-    inputs.wrench_base = Wrench { force: vector(chance, 200.0), moment: vector(chance, 30.0) };
+    inputs.wrench_base = Wrench { force: vector(rng, 200.0), moment: vector(rng, 30.0) };
     inputs
 }
 
@@ -92,7 +89,7 @@ fn drive_torques_equal_pinocchios() {
         Ok(python) => python,
         Err(why) => return skipped(scratch, "rigid-body dynamics against Pinocchio", &why),
     };
-    let mut chance = Chance::new(8);
+    let mut chance = TestRng::new(8);
     let cases: Vec<(Arm, Inputs)> =
         (0..CASES).map(|_| (arm(&mut chance), motion(&mut chance))).collect();
     let mut text = String::new();

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use xtask::evidence::{Asked, make, set_names};
+use xtask::evidence::{EvidenceSettings, generate, set_names};
 
 use crate::program::Place;
 
@@ -28,8 +28,8 @@ fn experiment(seconds: u32, phase: f64) -> String {
     text
 }
 
-fn asked(place: &Place, out: &str) -> Asked {
-    Asked {
+fn asked(place: &Place, out: &str) -> EvidenceSettings {
+    EvidenceSettings {
         program: PathBuf::from(crate::TRUED),
         data: place.path("data"),
         out: place.path(out),
@@ -46,7 +46,7 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
     fs::create_dir_all(place.path("data/emps")).unwrap();
     place.file("data/emps/DATA_EMPS.csv", &experiment(24, 0.0));
     place.file("data/emps/DATA_EMPS_PULSES.csv", &experiment(20, 0.7));
-    make(&asked(&place, "docs")).unwrap();
+    generate(&asked(&place, "docs")).unwrap();
     let text = place.read("docs/evidence.md");
     // Result of the program for a slide with 20 N of concealed dry friction.
     assert!(text.contains("coulomb friction 1"), "{text}");
@@ -66,7 +66,7 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
     // The program's answers are kept apart from the data, which stays as it was.
     assert_eq!(fs::read_dir(place.path("data/emps")).unwrap().count(), 2);
 
-    make(&asked(&place, "again")).unwrap();
+    generate(&asked(&place, "again")).unwrap();
     assert_eq!(text, place.read("again/evidence.md"));
     assert_eq!(plot, place.read("again/evidence/emps.svg"));
 }
@@ -74,15 +74,15 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
 #[test]
 fn a_set_that_nobody_knows_and_a_run_beyond_its_time_are_reported() {
     let place = Place::new();
-    let unknown = Asked { only: Some("emsp".to_owned()), ..asked(&place, "docs") };
-    let why = make(&unknown).unwrap_err();
+    let unknown = EvidenceSettings { only: Some("emsp".to_owned()), ..asked(&place, "docs") };
+    let why = generate(&unknown).unwrap_err();
     assert!(why.contains("emsp") && why.contains("emps"), "{why}");
 
     fs::create_dir_all(place.path("data/emps")).unwrap();
     place.file("data/emps/DATA_EMPS.csv", &experiment(24, 0.0));
     place.file("data/emps/DATA_EMPS_PULSES.csv", &experiment(20, 0.7));
-    let hasty = Asked { limit_s: 0.0, ..asked(&place, "docs") };
-    assert_eq!(make(&hasty), Ok(false));
+    let hasty = EvidenceSettings { limit_s: 0.0, ..asked(&place, "docs") };
+    assert_eq!(generate(&hasty), Ok(false));
     assert!(place.read("docs/evidence.md").contains("no answer within 0 s"));
 }
 

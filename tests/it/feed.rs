@@ -8,9 +8,9 @@ use corrector::Mode;
 use shm_schema::{FeedReason, FeedState};
 use std::time::{Duration, Instant};
 use tests::cell_loop::path;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
-use tests::simulation::feed::{Event, Plan, STIFFNESS_N_M, Sensor, Tick, run};
+use tests::simulation::feed::{Event, FeedScenario, STIFFNESS_N_M, Sensor, Tick, run};
 use tests::simulation::run::Run;
 use trued_client::{Client, Health, Setpoint, WrenchFrame, monotonic_ns};
 
@@ -24,8 +24,8 @@ fn feed(mode: &str, keys: &str) -> String {
     format!("{TABLES}[feed]\nmode = \"{mode}\"\nlatency_ms = 60\nair_percent = 30\n{keys}\n")
 }
 
-fn plan() -> Plan {
-    Plan {
+fn plan() -> FeedScenario {
+    FeedScenario {
         tables: feed("adapt", "force_limit_N = 40"),
         mode: "full",
         constant: 1.0,
@@ -43,7 +43,7 @@ fn said(run: &Run<Tick>, tick: usize) -> (FeedState, FeedReason) {
 
 /// The time of a constant slow feed with this largest deviation, s.
 fn constant(worst_m: f64, uncontrolled_m: f64) -> Run<Tick> {
-    run(Plan {
+    run(FeedScenario {
         tables: TABLES.to_owned(),
         constant: worst_m / uncontrolled_m,
         bounds: [1.0, 2.0, 0.2],
@@ -53,12 +53,13 @@ fn constant(worst_m: f64, uncontrolled_m: f64) -> Run<Tick> {
 
 #[test]
 fn a_depth_that_varies_two_to_one_bends_the_robot_by_a_tenth_of_a_millimetre_at_most() {
-    let programmed = run(Plan { tables: TABLES.to_owned(), bounds: [1.0, 2.0, 0.2], ..plan() });
+    let programmed =
+        run(FeedScenario { tables: TABLES.to_owned(), bounds: [1.0, 2.0, 0.2], ..plan() });
     let uncontrolled_m = programmed.worst_m();
     println!("programmed feed: {:.3} mm, {:.1} s", 1e3 * uncontrolled_m, programmed.time_s());
     assert!(programmed.is_through() && (uncontrolled_m - 5e-4).abs() < 1e-5, "{uncontrolled_m}");
     for seed in 1..=3 {
-        let adapted = run(Plan { seed, ..plan() });
+        let adapted = run(FeedScenario { seed, ..plan() });
         assert_eq!(adapted.broken, None, "seed {seed}");
         assert!(adapted.is_through());
         let worst_m = adapted.worst_m();
@@ -81,7 +82,7 @@ fn in_shadow_mode_and_where_it_only_observes_the_programmed_feed_goes_out() {
         (feed("observe", "force_limit_N = 40"), "full"),
         (feed("adapt", "force_limit_N = 40"), "shadow"),
     ] {
-        let run = run(Plan { tables, mode, ..plan() });
+        let run = run(FeedScenario { tables, mode, ..plan() });
         assert_eq!(run.broken, None);
         assert!(run.ticks.iter().all(|tick| tick.feed_override == 1.0), "{mode}");
         assert_eq!(said(&run, 2000), (FeedState::Observing, FeedReason::None));
@@ -91,7 +92,7 @@ fn in_shadow_mode_and_where_it_only_observes_the_programmed_feed_goes_out() {
 #[test]
 fn a_deflection_limit_is_kept_by_the_compliance_of_the_model() {
     let tables = feed("adapt", "deflection_limit_mm = 0.08");
-    let run = run(Plan { tables, is_full_model: true, ticks: 8000, ..plan() });
+    let run = run(FeedScenario { tables, is_full_model: true, ticks: 8000, ..plan() });
     assert_eq!(run.broken, None);
     let tick = run.ticks[7999];
     assert_eq!(said(&run, 7999), (FeedState::Adapting, FeedReason::None));
@@ -109,7 +110,7 @@ fn whatever_befalls_the_sensor_the_override_holds_then_goes_to_the_one_for_a_los
         (Sensor::Absurd, FeedReason::NotFinite),
     ] {
         let events = vec![(4000, Event::Sensor(sensor)), (5000, Event::Sensor(Sensor::Good))];
-        let run = run(Plan { events, ticks: 8000, ..plan() });
+        let run = run(FeedScenario { events, ticks: 8000, ..plan() });
         assert_eq!(run.broken, None, "{sensor:?}");
         let before = run.ticks[3999].feed_override;
         assert!(before > 0.2, "{before}");
@@ -126,9 +127,9 @@ fn whatever_befalls_the_sensor_the_override_holds_then_goes_to_the_one_for_a_los
 #[test]
 fn single_blocks_that_are_ten_times_as_large_make_it_slower_and_never_faster() {
     let events = vec![(4000, Event::Sensor(Sensor::Spiky))];
-    let spiky = run(Plan { events, ticks: 6000, ..plan() });
+    let spiky = run(FeedScenario { events, ticks: 6000, ..plan() });
     assert_eq!(spiky.broken, None);
-    let plain = run(Plan { ticks: 6000, ..plan() });
+    let plain = run(FeedScenario { ticks: 6000, ..plan() });
     assert!(spiky.ticks[5999].at_m <= plain.ticks[5999].at_m);
     assert!(spiky.worst_m() <= 1e-4);
 }
@@ -147,7 +148,7 @@ fn restart_mode_bypass_reload_and_a_stop_make_no_step() {
         (10_000, Event::Stop(false)),
         (11_000, Event::Mode(Mode::Limited)),
     ];
-    let run = run(Plan { events, ticks: 13_000, ..plan() });
+    let run = run(FeedScenario { events, ticks: 13_000, ..plan() });
     assert_eq!(run.broken, None);
     let adapting = (FeedState::Adapting, FeedReason::None);
     assert_eq!(said(&run, 2999), adapting);
@@ -188,9 +189,9 @@ fn go_on(client: &mut Client, force_n: Option<f64>, is_so: impl Fn(f64) -> bool)
 fn a_client_of_a_real_daemon_slows_with_the_force_and_continues_alone_when_the_daemon_is_killed() {
     let tables = "[wrench]\nsource = \"command\"\n[feed]\nmode = \"adapt\"\nforce_limit_N = 100\n\
                   lost_percent = 40\nup_percent_s = 100\nlatency_ms = 20\n";
-    let place = Place::new("full", tables);
+    let place = TestDirectory::new("full", tables);
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     assert_eq!(go_on(&mut client, None, |_| true), Some(0.4), "no force is known");
     assert!(go_on(&mut client, Some(1.0), |o| o == 1.0).is_some(), "in the air");

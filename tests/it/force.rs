@@ -5,22 +5,22 @@ use crate::TRUED;
 use shm_schema::{Cell, SensorFault, Status, Verdict, VibrationState, WatchState, monotonic_ns};
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
-use tests::chance::Chance;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::rng::TestRng;
 use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::{ForceSamples, ForceSource, Monitor, Samples, WrenchFrame};
 
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// A daemon that monitors a stream with that rate and number of channels.
-fn watching(rate_hz: f64, channels: u32) -> (Place, Process) {
+fn watching(rate_hz: f64, channels: u32) -> (TestDirectory, Process) {
     let tables = format!(
         "[force]\nrate_Hz = {rate_hz}\nchannels = {channels}\n{ANY_CLOCK}[vibration]\nenabled = true\n"
     );
-    let place = Place::new("shadow", &tables);
+    let place = TestDirectory::new("shadow", &tables);
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     (place, daemon)
 }
 
@@ -40,8 +40,8 @@ fn has(status: &Status, fault: SensorFault) -> bool {
 }
 
 /// The last confirmed line.
-fn confirmed(said: &[Verdict]) -> Option<&Verdict> {
-    said.iter().rfind(|verdict| verdict.state() == Ok(VibrationState::Confirmed))
+fn confirmed(verdicts: &[Verdict]) -> Option<&Verdict> {
+    verdicts.iter().rfind(|verdict| verdict.state() == Ok(VibrationState::Confirmed))
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn six_channels_at_51_2_khz_are_taken_to_the_last_block() {
     assert_eq!((status.force_blocks, status.force_gaps, status.force_refused), (sensor.sent, 0, 0));
     assert_eq!(status.force_faults().count(), 0, "{}", status.message);
     assert_eq!(status.watch(), Ok(WatchState::Watching));
-    assert!((confirmed(&sensor.said).unwrap().frequency_hz - 684.0).abs() < 1.0);
+    assert!((confirmed(&sensor.verdicts).unwrap().frequency_hz - 684.0).abs() < 1.0);
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn every_number_of_channels_and_every_rate_is_watched() {
         assert_eq!(learned.watch(), Ok(WatchState::Watching), "{rate_hz} Hz: {}", learned.message);
         sensor.run(1.5, tone(frequency_hz, 4.0));
         let status = sensor.settled();
-        let line = confirmed(&sensor.said).expect("the tone is confirmed");
+        let line = confirmed(&sensor.verdicts).expect("the tone is confirmed");
         assert!((line.frequency_hz - frequency_hz).abs() < 0.5, "{rate_hz} Hz: {line}");
         assert!((line.amplitude - 4.0).abs() < 0.5 && line.axis == 1, "{rate_hz} Hz: {line}");
         assert_eq!(status.verdict.event, line.event);
@@ -100,11 +100,11 @@ fn a_gap_is_counted_to_the_block_and_the_watch_continues() {
     let status = sensor.settled();
     assert_eq!((status.force_gaps, status.force_blocks), (7, sensor.sent));
     assert!(has(&status, SensorFault::Gaps), "{}", status.message);
-    assert!(sensor.said.is_empty(), "a gap is no line: {:?}", sensor.said);
+    assert!(sensor.verdicts.is_empty(), "a gap is no line: {:?}", sensor.verdicts);
     sensor.run(2.0, tone(72.0, 4.0));
     let status = sensor.settled();
     assert!(!has(&status, SensorFault::Gaps), "over after a second: {}", status.message);
-    assert!((confirmed(&sensor.said).unwrap().frequency_hz - 72.0).abs() < 0.5);
+    assert!((confirmed(&sensor.verdicts).unwrap().frequency_hz - 72.0).abs() < 0.5);
 }
 
 #[test]
@@ -119,7 +119,7 @@ fn a_sender_that_restarts_is_no_gap() {
     let status = sensor.settled();
     assert_eq!((status.force_gaps, status.force_refused), (0, 0));
     assert_eq!(status.force_faults().count(), 0, "{}", status.message);
-    assert!((confirmed(&sensor.said).unwrap().frequency_hz - 72.0).abs() < 0.5);
+    assert!((confirmed(&sensor.verdicts).unwrap().frequency_hz - 72.0).abs() < 0.5);
 }
 
 #[test]
@@ -137,21 +137,22 @@ fn blocks_that_come_twice_or_too_late_are_refused_and_change_nothing() {
     let status = sensor.settled();
     assert_eq!((status.force_refused, status.force_gaps), (40, 0));
     assert!(has(&status, SensorFault::OutOfOrder), "{}", status.message);
-    assert!((confirmed(&sensor.said).unwrap().frequency_hz - 72.0).abs() < 0.5);
+    assert!((confirmed(&sensor.verdicts).unwrap().frequency_hz - 72.0).abs() < 0.5);
 }
 
 /// The verdicts on samples of that precision, sent through the client library.
 fn said_of(cell: &Cell, single: bool) -> Vec<Verdict> {
     let mut source = ForceSource::connect_to(cell, LIMIT).unwrap();
     let mut monitor = Monitor::connect_to(cell, LIMIT).unwrap();
-    let mut chance = Chance::new(11);
+    let mut chance = TestRng::new(11);
     let start_ns = monotonic_ns();
     let mut said = Vec::new();
     for k in 0..350_u64 {
         let t_s = |i: u64| (100 * k + i) as f64 * 1e-4;
         let sample = |i: u64| if i % 3 == 1 { 4.0 * (TAU * 72.0 * t_s(i / 3)).sin() } else { 0.0 };
-        let samples: Vec<f64> =
-            (0..300).map(|i| chance.unit() - 0.5 + if k > 200 { sample(i) } else { 0.0 }).collect();
+        let samples: Vec<f64> = (0..300)
+            .map(|i| chance.uniform() - 0.5 + if k > 200 { sample(i) } else { 0.0 })
+            .collect();
         // Both runs begin with the same bits.
         let rounded: Vec<f32> = samples.iter().map(|x| *x as f32).collect();
         let samples = if single { Samples::F32(&rounded) } else { Samples::F64(&samples) };
@@ -233,9 +234,9 @@ fn verdicts(stalled_reader: bool) -> Vec<(u32, u32, u64, u64)> {
     sensor.run(1.0, tone(72.0, 4.0));
     let status = sensor.settled();
     assert_eq!((status.force_blocks, status.force_gaps, status.force_refused), (sensor.sent, 0, 0));
-    assert!(confirmed(&sensor.said).is_some());
+    assert!(confirmed(&sensor.verdicts).is_some());
     let of = |v: &Verdict| (v.state, v.class, v.frequency_hz.to_bits(), v.amplitude.to_bits());
-    sensor.said.iter().map(of).collect()
+    sensor.verdicts.iter().map(of).collect()
 }
 
 #[test]

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use tests::cell_loop::{CellLoop, MIDDLE};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use tests::sensor::Sensor;
 use trued_client::{Client, Setpoint};
@@ -32,7 +32,7 @@ type Change = fn(&mut ForceBlock);
 
 /// A moving robot with a force sensor that sends at its own rate.
 struct Bench {
-    _place: Place,
+    _place: TestDirectory,
     daemon: Process,
     sensor: Sensor,
     /// When the next block is complete, at the sensor's own rate.
@@ -43,7 +43,7 @@ struct Bench {
 
 impl Bench {
     fn new(wrench: &str) -> Self {
-        let place = Place::new(
+        let place = TestDirectory::new(
             "full",
             &format!(
                 "[cycle]\nstale_ms = 500.0\n[wrench]\nsource = \"force\"\nframe = \"base\"\n\
@@ -52,7 +52,7 @@ impl Bench {
             ),
         );
         let daemon = Process::daemon(TRUED, &place);
-        assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+        assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
         let sensor = Sensor::join(&place, RATE_HZ, 3);
         let over = Arc::new(AtomicBool::new(false));
         let (end, at) = (Arc::clone(&over), place.cell());
@@ -89,23 +89,27 @@ impl Bench {
     }
 
     /// The fault closes the gate, is named, and ends when the cause ends.
-    fn strike(&mut self, change: Change, fault: SensorFault, channel: Option<usize>, words: &str) {
+    fn strike(&mut self, change: Change, fault: SensorFault, channel: Option<usize>, text: &str) {
         let is_open = |status: &Status| status.wrench_gate == WrenchGate::Open.code();
         self.until("an open gate", |_| {}, is_open);
         let status = self.until("a closed gate", change, |status| {
             let set = channel.map_or(status.stream_faults, |at| status.channel_faults[at]);
             status.wrench_gate == WrenchGate::SensorFault.code() && set & fault.bit() != 0
         });
-        assert!(status.message.as_str().contains(words), "{}", status.message);
+        assert!(status.message.as_str().contains(text), "{}", status.message);
         assert_eq!(status.health(), Ok(Health::Degraded));
         self.until(
             "an open gate again",
             |_| {},
             |status| is_open(status) && status.force_faults().next().is_none(),
         );
-        assert!(self.daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", self.daemon.lines());
         assert!(
-            self.daemon.says(&format!("cleared: {words}"), LIMIT),
+            self.daemon.wait_for_output(&format!("WARN {text}"), LIMIT),
+            "{:#?}",
+            self.daemon.lines()
+        );
+        assert!(
+            self.daemon.wait_for_output(&format!("cleared: {text}"), LIMIT),
             "{:#?}",
             self.daemon.lines()
         );
@@ -198,12 +202,13 @@ fn drive(client: &mut Client, time: Duration, setpoint: fn(Setpoint) -> Setpoint
 
 #[test]
 fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
-    let place = Place::new("full", "[cycle]\nstale_ms = 500.0\n[temperature]\nstale_s = 1.0\n");
+    let place =
+        TestDirectory::new("full", "[cycle]\nstale_ms = 500.0\n[temperature]\nstale_s = 1.0\n");
     let model = std::fs::read_to_string(place.file("model.toml")).unwrap();
     let warm = "\n[[effect]]\nkind = \"thermal_growth\"\njoint = 2\ngrowth_um_per_K = 20.0\n";
     place.write("model.toml", &format!("{model}{warm}"));
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     let second = Duration::from_secs(1);
     drive(&mut client, 3 * second, |setpoint| setpoint.temperatures(60.0, &[]));
@@ -222,11 +227,11 @@ fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
     assert_eq!(status.health(), Ok(Health::Degraded));
     let words = "temperatures are stale and treated as unknown: ambient";
     assert!(status.message.as_str().contains(words), "{}", status.message);
-    assert!(daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
     let changed = apart(wanted(&mut client), warm);
     assert!(changed > 1e-4, "the growth is no longer corrected: {changed}");
     assert!(step < 0.5 * changed, "ramped: {step} of {changed}");
     drive(&mut client, second, |setpoint| setpoint.temperatures(60.0, &[]));
     assert_eq!(client.status().unwrap().stale_temperatures, 0);
-    assert!(daemon.says("temperatures are no longer stale: ambient", LIMIT));
+    assert!(daemon.wait_for_output("temperatures are no longer stale: ambient", LIMIT));
 }

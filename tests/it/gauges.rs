@@ -8,7 +8,7 @@ use physics::{Inputs, JOINTS_MAX, Memories, Model};
 use recording::model::RobotModel;
 use recording::model::presets::preset;
 use serde_json::Value;
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 use crate::program::Place;
 
@@ -46,23 +46,23 @@ fn tip(truth: &Model, q: &Joints) -> DVec3 {
     truth.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool.origin
 }
 
-fn any_pose(chance: &mut Chance) -> Joints {
+fn any_pose(rng: &mut TestRng) -> Joints {
     let mut q = [0.0; JOINTS_MAX];
     for (slot, swing) in q.iter_mut().zip([60.0_f64, 35.0, 35.0, 90.0, 70.0, 120.0]) {
-        *slot = swing.to_radians() * (2.0 * chance.unit() - 1.0);
+        *slot = swing.to_radians() * (2.0 * rng.uniform() - 1.0);
     }
     q
 }
 
 /// A normally distributed number, as the sum of twelve uniform ones.
-fn normal(chance: &mut Chance) -> f64 {
-    (0..12).map(|_| chance.unit()).sum::<f64>() - 6.0
+fn normal(rng: &mut TestRng) -> f64 {
+    (0..12).map(|_| rng.uniform()).sum::<f64>() - 6.0
 }
 
 /// A pose with the real tip at `at`: minimum-norm Newton steps from a random pose.
-fn pose_at(truth: &Model, at: DVec3, chance: &mut Chance) -> Joints {
+fn pose_at(truth: &Model, at: DVec3, rng: &mut TestRng) -> Joints {
     loop {
-        let mut q = any_pose(chance);
+        let mut q = any_pose(rng);
         for _ in 0..30 {
             let off = at - tip(truth, &q);
             if off.length() < 1e-9 {
@@ -136,7 +136,7 @@ fn middle(found: &Value, of: &str, number: usize) -> DVec3 {
 
 #[test]
 fn a_ballbar_between_unknown_points_calibrates_and_its_own_offset_is_found() {
-    let (truth, mut chance) = (truth(), Chance::new(5));
+    let (truth, mut chance) = (truth(), TestRng::new(5));
     let anchors =
         [DVec3::new(0.9, 0.5, 0.1), DVec3::new(0.7, -0.6, 0.2), DVec3::new(0.2, 0.1, 1.9)];
     let rows: Vec<_> = (0..130)
@@ -172,15 +172,15 @@ fn a_ballbar_between_unknown_points_calibrates_and_its_own_offset_is_found() {
 }
 
 /// A row that touches a ball of unknown place from above.
-fn touch_ball(truth: &Model, ball: DVec3, chance: &mut Chance) -> Joints {
-    let side = DVec3::new(normal(chance), normal(chance), normal(chance).abs()).normalize();
-    let away = BALL_M + PROBE_M + NOISE_M * normal(chance);
-    pose_at(truth, ball + side * away, chance)
+fn touch_ball(truth: &Model, ball: DVec3, rng: &mut TestRng) -> Joints {
+    let side = DVec3::new(normal(rng), normal(rng), normal(rng).abs()).normalize();
+    let away = BALL_M + PROBE_M + NOISE_M * normal(rng);
+    pose_at(truth, ball + side * away, rng)
 }
 
 #[test]
 fn three_balls_of_unknown_place_calibrate() {
-    let (truth, mut chance) = (truth(), Chance::new(6));
+    let (truth, mut chance) = (truth(), TestRng::new(6));
     let balls = [DVec3::new(0.9, -0.4, 0.5), DVec3::new(0.8, 0.45, 0.9), DVec3::new(1.1, 0.1, 0.4)];
     let rows: Vec<_> = (0..150)
         .map(|k| (touch_ball(&truth, balls[k % 3], &mut chance), format!("{}", k % 3 + 1)))
@@ -206,11 +206,11 @@ fn three_balls_of_unknown_place_calibrate() {
 
 #[test]
 fn touches_of_a_plate_and_few_points_go_together() {
-    let (truth, mut chance) = (truth(), Chance::new(7));
+    let (truth, mut chance) = (truth(), TestRng::new(7));
     let normal_up = DVec3::new(0.03, -0.02, 1.0).normalize();
     let plate: Vec<_> = (0..90)
         .map(|_| {
-            let on = DVec3::new(0.7 + 0.5 * chance.unit(), 1.2 * chance.unit() - 0.6, 0.0);
+            let on = DVec3::new(0.7 + 0.5 * chance.uniform(), 1.2 * chance.uniform() - 0.6, 0.0);
             let height = 0.35 + PROBE_M + NOISE_M * normal(&mut chance) - normal_up.dot(on);
             let at = on + DVec3::Z * height / normal_up.z;
             (pose_at(&truth, at, &mut chance), "1".to_owned())
@@ -247,7 +247,7 @@ fn touches_of_a_plate_and_few_points_go_together() {
 #[test]
 fn recordings_that_contradict_each_other_are_refused_in_words() {
     let place = Place::new();
-    let mut chance = Chance::new(8);
+    let mut chance = TestRng::new(8);
     let rows: Vec<_> = (0..9).map(|_| (any_pose(&mut chance), "700.0".to_owned())).collect();
     for (name, x) in [("one", 900.0), ("two", 901.0)] {
         place.file(&format!("{name}.csv"), &csv("distance1_mm", &rows));

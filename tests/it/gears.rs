@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use serde_json::Value;
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 use crate::program::Place;
 use crate::spectrum::geared_cut;
@@ -77,12 +77,12 @@ fn towards_the_base_both_links_move_and_joint_one_is_at_rest() {
 
 /// A cut of 100 mm across the arm: the teeth of joint 1's motor, and noise, µm over µm.
 fn profile(amplitude_um: f64) -> String {
-    let mut chance = Chance::new(11);
+    let mut chance = TestRng::new(11);
     let mut text = String::from("x_um,z_um\n");
     for i in 0..10_000 {
         let y_mm = 0.01 * f64::from(i);
         let q1_rad = (y_mm / WRIST_MM).atan();
-        let z_um = amplitude_um * (10.0 * RATIO[0] * q1_rad).sin() + 0.2 * (chance.unit() - 0.5);
+        let z_um = amplitude_um * (10.0 * RATIO[0] * q1_rad).sin() + 0.2 * (chance.uniform() - 0.5);
         writeln!(text, "{},{z_um:.6}", 10 * i).unwrap();
     }
     text

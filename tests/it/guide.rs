@@ -5,7 +5,7 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::process::Command;
 use tests::clients::root;
-use tests::place::Place;
+use tests::place::TestDirectory;
 
 /// Content of the blocks in that language.
 pub(crate) fn blocks(text: &str, language: &str) -> String {
@@ -19,7 +19,7 @@ fn the_guide_leads_from_an_empty_machine_to_a_calibrated_cell_in_shadow() {
     let guide = fs::read_to_string(root().join("docs/guide.md")).unwrap();
     let script = blocks(&guide, "sh");
     assert!(script.matches("\ntrued ").count() >= 12, "the guide's commands are found");
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let (bin, work) = (place.file("bin"), place.file("work"));
     fs::create_dir(&bin).unwrap();
     fs::create_dir(&work).unwrap();

@@ -14,9 +14,9 @@ use joint_dynamics::plant::Plants;
 use physics::{Arm, Chain, Joints};
 use recording::model::RobotModel;
 use shm_schema::LeadState;
-use tests::chance::Chance;
 use tests::clients::root;
-use tests::simulation::lead::{self, Outcome, Trouble};
+use tests::rng::TestRng;
+use tests::simulation::lead::{self, Outcome, RandomFaults};
 
 use crate::TRUED;
 use crate::guide::blocks;
@@ -199,7 +199,7 @@ struct Cell {
     place: Place,
     arm: Arm,
     path: Path6,
-    chance: Chance,
+    chance: TestRng,
 }
 
 impl Cell {
@@ -209,7 +209,7 @@ impl Cell {
         let place = Place::new();
         let times_s: Vec<f64> = (0..path[0].len()).map(|k| k as f64 * STEP_S).collect();
         place.file("path.csv", &csv(&times_s, "q", &path));
-        Self { place, arm, path, chance: Chance::new(11) }
+        Self { place, arm, path, chance: TestRng::new(11) }
     }
 
     /// Runs the robot on commands; `lead`: rows before the path's first.
@@ -249,7 +249,7 @@ impl Cell {
         let lead = times_s.iter().filter(|t_s| **t_s < -1e-9).count();
         let (error, mut reached) = self.error(&commanded, lead);
         for value in reached.iter_mut().flatten() {
-            let uniform: f64 = (0..12).map(|_| self.chance.unit()).sum();
+            let uniform: f64 = (0..12).map(|_| self.chance.uniform()).sum();
             *value += NOISE_RAD * (uniform - 6.0);
         }
         self.place.file(measured, &csv(&times_s, "ql", &reached));
@@ -324,7 +324,7 @@ impl Cell {
     }
 
     /// The daemon with a model whose parameters are off so; at each command the next `known` setpoints are known.
-    fn lead(&self, off: [f64; 4], known: usize, trouble: Trouble, seed: u64) -> Outcome {
+    fn lead(&self, off: [f64; 4], known: usize, trouble: RandomFaults, seed: u64) -> Outcome {
         self.place.file("robot.toml", &model_text(off, 0.02));
         self.place.file("other.toml", &model_text(off.map(|off| off + 0.1), 0.02));
         let model = |name: &str| RobotModel::read(&self.place.path(name)).unwrap();
@@ -347,7 +347,7 @@ fn the_daemon_leaves_a_quarter_of_the_path_error_where_it_knows_a_tenth_of_a_sec
         let off = [0.02 * sign, -0.02 * sign, 0.02 * sign, 0.02];
         let mut left = Vec::new();
         for known in [0, 5, 10, 25, 125] {
-            let outcome = cell.lead(off, known, Trouble::default(), 1);
+            let outcome = cell.lead(off, known, RandomFaults::default(), 1);
             let after = cell.error_of(&outcome);
             println!(
                 "{known} setpoints ahead: from the path {:.3} then {:.3} mm at most, in time {:.3} then {:.3} mm rms",
@@ -383,7 +383,7 @@ fn a_lead_by_a_model_that_is_off_by_thirty_percent_makes_no_path_worse_in_time()
     let before = cell.uncompensated();
     for off in [[0.3; 4], [-0.3; 4], [0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.3, -0.3]] {
         for known in [0, 10, 25, 125] {
-            let after = cell.error_of(&cell.lead(off, known, Trouble::default(), 1));
+            let after = cell.error_of(&cell.lead(off, known, RandomFaults::default(), 1));
             println!(
                 "{off:?}, {known} ahead: {:.3} then {:.3} mm rms",
                 before.in_time_rms_m * 1e3,
@@ -400,7 +400,7 @@ fn a_lead_breaks_no_bound_whatever_is_lost_or_changed() {
     let mut states = [0; 5];
     let mut refused = 0;
     for seed in 0..40 {
-        let trouble = Trouble { lost: 0.05, changes: 0.02 };
+        let trouble = RandomFaults { lost: 0.05, changes: 0.02 };
         let outcome = cell.lead([0.0; 4], 40, trouble, seed);
         assert_eq!(outcome.broken, None, "seed {seed}");
         states.iter_mut().zip(outcome.states).for_each(|(sum, state)| *sum += state);

@@ -5,17 +5,17 @@
 use crate::TRUED;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, ForceBlock, Horizon, JointBounds, PeerControl,
-    PeerPublisher, PeerSubscriber, Reason, RobotState, Role, Seat, SendOutcome, Status,
+    PeerPublisher, PeerSubscriber, Reason, RobotState, Role, RoleClaim, SendOutcome, Status,
     monotonic_ns,
 };
 use std::collections::BTreeMap;
 use std::fs;
 use std::time::{Duration, Instant};
 use tests::cell_loop::JOINTS;
-use tests::gauge::Gauge;
-use tests::hostile::{Due, KINDS, Sender};
-use tests::place::Place;
+use tests::invalid_messages::{CommandSource, Expected, KINDS};
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::rate_check::RateCheck;
 
 const LIMIT: Duration = Duration::from_secs(10);
 const MESSAGES: u64 = 3000;
@@ -23,7 +23,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// A client that bypasses the client library.
 struct Cell {
-    _seats: [Seat; 2],
+    _seats: [RoleClaim; 2],
     commands: PeerPublisher<Command>,
     answers: PeerSubscriber<Corrected>,
     states: PeerPublisher<RobotState>,
@@ -32,18 +32,18 @@ struct Cell {
     control: PeerControl,
     forces: PeerPublisher<ForceBlock>,
     bounds: JointBounds,
-    sender: Sender,
+    sender: CommandSource,
     block: Box<ForceBlock>,
     horizon: Box<Horizon>,
-    gauge: Gauge,
+    gauge: RateCheck,
     published: u64,
     tally: BTreeMap<String, u64>,
     last: Option<Corrected>,
 }
 
 impl Cell {
-    fn join(place: &Place, seed: u64) -> Self {
-        let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
+    fn join(place: &TestDirectory, seed: u64) -> Self {
+        let mut seats = [Role::Cell, Role::Force].map(|role| RoleClaim::new(&place.cell(), role));
         let [cell, force] = [0, 1].map(|i| seats[i].join().expect("a daemon that is ready"));
         let mut statuses = cell.subscriber::<Status>().unwrap();
         let bounds = wait(LIMIT, || statuses.take_newest()).expect("a status").bounds;
@@ -56,9 +56,9 @@ impl Cell {
             forces: force.publisher().unwrap(),
             statuses,
             _seats: seats,
-            gauge: Gauge::new(&bounds.rate[..JOINTS]),
+            gauge: RateCheck::new(&bounds.rate[..JOINTS]),
             bounds,
-            sender: Sender::new(seed),
+            sender: CommandSource::new(seed),
             block: Box::default(),
             horizon: Box::default(),
             published: 0,
@@ -110,35 +110,35 @@ impl Cell {
     }
 
     fn good(&mut self) -> Corrected {
-        let command = self.sender.good();
+        let command = self.sender.next_valid();
         let said = self.ask(&command, LIMIT).expect("a good command is answered");
         assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{said:?}");
         said
     }
 
     fn bad(&mut self, kind: u64) {
-        let (command, due, of_use) = self.sender.bad(kind);
+        let (command, due, of_use) = self.sender.next_invalid(kind);
         let about = |said: &Corrected| format!("kind {kind}: {:?} for {command:?}", named(said));
         match due {
-            Due::Taken => {
+            Expected::Taken => {
                 let said = self.ask(&command, LIMIT).expect("an answer");
                 assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{}", about(&said));
             }
-            Due::Refused(reason) => {
+            Expected::Refused(reason) => {
                 let said = self.ask(&command, LIMIT).expect("an answer");
                 let refused = (CorrectionStatus::Rejected, reason);
                 assert_eq!(named(&said), refused, "{}", about(&said));
             }
-            Due::Malformed => {
+            Expected::Malformed => {
                 let said = self.ask(&command, Duration::from_millis(4));
                 assert!(said.is_none(), "{}", about(&said.unwrap()));
             }
-            Due::Anything => {
+            Expected::Anything => {
                 self.ask(&command, Duration::from_millis(4));
             }
         }
         if !of_use {
-            self.sender.start_anew();
+            self.sender.start_session();
         }
     }
 
@@ -146,33 +146,34 @@ impl Cell {
     fn burst(&mut self) {
         for _ in 0..40 {
             let kind = self.sender.chance.below(KINDS);
-            let (command, _, _) = self.sender.bad(kind);
+            let (command, _, _) = self.sender.next_invalid(kind);
             self.send(&command);
             self.hear();
         }
-        self.sender.start_anew();
+        self.sender.start_session();
     }
 
     fn everything_else(&mut self) {
         for _ in 0..4 {
-            self.sender.force(&mut self.block);
+            self.sender.fill_force_block(&mut self.block);
             self.forces.send(&self.block);
         }
-        let state = self.sender.state();
+        let state = self.sender.any_state();
         self.states.send(&state);
-        self.sender.horizon(&mut self.horizon);
+        self.sender.fill_horizon(&mut self.horizon);
         self.horizons.send(&self.horizon);
         if self.sender.chance.below(20) == 0 {
-            let request = self.sender.request();
-            let pending = self.control.ask(&request);
-            let answered = wait(LIMIT, || pending.as_ref().and_then(shm_schema::Pending::answer));
+            let request = self.sender.harmless_request();
+            let pending = self.control.send_request(&request);
+            let answered =
+                wait(LIMIT, || pending.as_ref().and_then(shm_schema::PendingResponse::answer));
             assert!(answered.is_some(), "{request:?}");
         }
     }
 }
 
-fn named(said: &Corrected) -> (CorrectionStatus, Reason) {
-    (said.status().unwrap(), said.reason().unwrap())
+fn named(answer: &Corrected) -> (CorrectionStatus, Reason) {
+    (answer.status().unwrap(), answer.reason().unwrap())
 }
 
 fn wait<T>(limit: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
@@ -216,13 +217,13 @@ fn campaign(wrench: &str, more: &str, accepted: &[CorrectionStatus]) {
         "[cycle]\nstale_ms = 300.0\n[wrench]\nsource = \"{wrench}\"\n\
          [force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n{more}"
     );
-    let place = Place::new("full", &tables);
+    let place = TestDirectory::new("full", &tables);
     let model = fs::read_to_string(place.file("model.toml")).expect("a model");
     place.write("model.toml", &(model + LAGS));
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut cell = Cell::join(&place, seed);
-    cell.sender.start_anew();
+    cell.sender.start_session();
     for number in 0..number("TRUED_HOSTILE").unwrap_or(MESSAGES) {
         // Two, so that there is something to be older than.
         cell.good();
@@ -241,7 +242,7 @@ fn campaign(wrench: &str, more: &str, accepted: &[CorrectionStatus]) {
 
 /// Afterwards valid commands are corrected as before.
 fn goes_on(cell: &mut Cell, accepted: &[CorrectionStatus]) {
-    cell.sender.start_anew();
+    cell.sender.start_session();
     let end = Instant::now() + LIMIT;
     let mut in_a_row = 0;
     while in_a_row < 200 {

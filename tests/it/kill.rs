@@ -7,27 +7,35 @@
 use crate::{PROGRAMS, TRUED};
 use std::time::{Duration, Instant};
 use tests::cell_loop::CellLoop;
-use tests::chance::Chance;
-use tests::pair::{JAM, Pair, Who};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::rng::TestRng;
+use tests::served_cell::{AWAIT_LIMIT, CellProcess, ServedCell};
 use trued_client::{Connection, ConnectionEvent, Health, Monitor, Source, monotonic_ns};
 
 const ROUNDS: u64 = 20;
 
 /// One round: a victim falls in steady state, then up to three times in its first 30 ms.
-fn round(pair: &mut Pair<'_>, number: u64, chance: &mut Chance) -> Duration {
-    let orders: [&[Who]; 4] =
-        [&[Who::Cell], &[Who::Daemon], &[Who::Cell, Who::Daemon], &[Who::Daemon, Who::Cell]];
-    let order = orders[chance.below(4) as usize];
-    pair.strike(order, chance);
+fn round(pair: &mut ServedCell<'_>, number: u64, rng: &mut TestRng) -> Duration {
+    let orders: [&[CellProcess]; 4] = [
+        &[CellProcess::Cell],
+        &[CellProcess::Daemon],
+        &[CellProcess::Cell, CellProcess::Daemon],
+        &[CellProcess::Daemon, CellProcess::Cell],
+    ];
+    let order = orders[rng.below(4) as usize];
+    pair.kill_and_restart(order, rng);
     for _ in 0..(number % 4) {
-        std::thread::sleep(Duration::from_micros(chance.below(30_000)));
-        pair.strike(order, chance);
+        std::thread::sleep(Duration::from_micros(rng.below(30_000)));
+        pair.kill_and_restart(order, rng);
     }
-    let time = pair.back();
+    let time = pair.wait_answered();
     let joined = format!("Connected {{ pid: {}", pair.daemon.id());
-    assert!(pair.cell.says(&joined, JAM), "the cell says who it joined: {:#?}", pair.cell.lines());
+    assert!(
+        pair.cell.wait_for_output(&joined, AWAIT_LIMIT),
+        "the cell says who it joined: {:#?}",
+        pair.cell.lines()
+    );
     time
 }
 
@@ -37,9 +45,9 @@ fn the_others_continue_after_kill_9_at_any_time() {
     let seed = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
     let seed = seed.unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
-    let mut chance = Chance::new(seed);
-    let mut pair = Pair::start(PROGRAMS);
-    pair.back();
+    let mut chance = TestRng::new(seed);
+    let mut pair = ServedCell::start(PROGRAMS);
+    pair.wait_answered();
     let mut times = Vec::new();
     for number in 0..asked.unwrap_or(ROUNDS) {
         times.push(round(&mut pair, number, &mut chance));
@@ -64,21 +72,21 @@ fn told(times: &mut [Duration]) {
 
 #[test]
 fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_reports_it() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let mut cell = CellLoop::join(&place.cell(), Duration::from_millis(5)).unwrap();
     let corrects = |_: &mut CellLoop, tick: &tests::cell_loop::Tick| {
         tick.source == Source::Corrected && tick.largest() > 1e-4
     };
-    assert!(cell.tick_until(JAM, corrects));
+    assert!(cell.tick_until(AWAIT_LIMIT, corrects));
     // Until the correction has ramped in completely.
     assert!(!cell.tick_until(Duration::from_secs(1), |_, _| false));
     while cell.client.next_event().is_some() {}
 
     daemon.kill();
     let mut ramping = 0;
-    let plain = cell.tick_until(JAM, |_, tick| {
+    let plain = cell.tick_until(AWAIT_LIMIT, |_, tick| {
         ramping += u32::from(tick.source == Source::Ramping);
         tick.source == Source::Plain
     });
@@ -88,7 +96,7 @@ fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_reports_it()
 
     let daemon = Process::daemon(TRUED, &place);
     let start = Instant::now();
-    assert!(cell.tick_until(JAM, corrects));
+    assert!(cell.tick_until(AWAIT_LIMIT, corrects));
     println!("corrected again {:?} after the daemon's restart", start.elapsed());
     // Beside why there was none for a while.
     let event = std::iter::from_fn(|| cell.client.next_event()).last();
@@ -99,37 +107,39 @@ fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_reports_it()
 
 #[test]
 fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
-    let mut pair = Pair::start(PROGRAMS);
-    pair.back();
+    let mut pair = ServedCell::start(PROGRAMS);
+    pair.wait_answered();
     std::thread::sleep(Duration::from_millis(300));
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     pair.cell.kill();
     let mut last = None;
-    let idle = wait_for(JAM, || {
+    let idle = wait_for(AWAIT_LIMIT, || {
         last = monitor.status();
         last.is_some_and(|status| status.health() == Ok(Health::Idle) && status.stale > 0)
     });
     assert!(idle, "{last:?}");
-    assert!(pair.daemon.says("cleaned up after terminated clients", JAM));
+    assert!(pair.daemon.wait_for_output("cleaned up after terminated clients", AWAIT_LIMIT));
 
-    pair.start_anew(Who::Cell);
-    pair.back();
+    pair.restart(CellProcess::Cell);
+    pair.wait_answered();
     let before = last.unwrap();
-    assert!(wait_for(JAM, || monitor.status().is_some_and(|s| s.commands > before.commands)));
+    assert!(wait_for(AWAIT_LIMIT, || monitor
+        .status()
+        .is_some_and(|s| s.commands > before.commands)));
     assert_eq!(monitor.status().unwrap().pid, pair.daemon.id());
 }
 
 #[test]
 fn remains_of_two_killed_processes_are_removed_by_the_next_daemon() {
-    let mut pair = Pair::start(PROGRAMS);
-    pair.back();
+    let mut pair = ServedCell::start(PROGRAMS);
+    pair.wait_answered();
     pair.daemon.kill();
     pair.cell.kill();
-    assert!(!pair.place.left().is_empty());
-    pair.start_anew(Who::Daemon);
-    assert!(pair.daemon.says("ready", JAM), "{:?}", pair.daemon.lines());
+    assert!(!pair.place.remaining_names().is_empty());
+    pair.restart(CellProcess::Daemon);
+    assert!(pair.daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", pair.daemon.lines());
     assert!(pair.daemon.end().success());
-    assert_eq!(pair.place.left(), Vec::<String>::new());
+    assert_eq!(pair.place.remaining_names(), Vec::<String>::new());
 }
 
 fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {

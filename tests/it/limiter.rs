@@ -5,8 +5,8 @@
 use envelope::{Intervals, Limiters, Limits};
 use shm_schema::{JOINTS_MAX, JointBounds};
 use tests::cell_loop::JOINTS;
-use tests::chance::Chance;
 use tests::oracle::Oracle;
+use tests::rng::TestRng;
 use trued_client::monotonic_ns;
 
 const RUNS: u64 = 300;
@@ -31,7 +31,7 @@ fn bounds() -> JointBounds {
 }
 
 /// Corrections that are wanted: a sine of each joint, in part held, jumping, missing or noisy.
-struct Wanted {
+struct RequestedCorrection {
     sines: [(f64, f64); JOINTS],
     offset: [f64; JOINTS],
     held: Option<[f64; JOINTS]>,
@@ -39,31 +39,31 @@ struct Wanted {
     seldom: u64,
 }
 
-impl Wanted {
-    fn new(chance: &mut Chance) -> Self {
-        let sine = |chance: &mut Chance| {
-            let rad_s = 0.2 * 60.0_f64.powf(chance.unit());
+impl RequestedCorrection {
+    fn new(rng: &mut TestRng) -> Self {
+        let sine = |chance: &mut TestRng| {
+            let rad_s = 0.2 * 60.0_f64.powf(chance.uniform());
             let most = ANGLE.min(RATE / rad_s).min(JERK / rad_s.powi(3));
-            (0.4 * chance.unit() * most, rad_s)
+            (0.4 * chance.uniform() * most, rad_s)
         };
-        let sines = std::array::from_fn(|_| sine(chance));
-        let seldom = [16, 40, 120][chance.below(3) as usize];
+        let sines = std::array::from_fn(|_| sine(rng));
+        let seldom = [16, 40, 120][rng.below(3) as usize];
         Self { sines, offset: [0.0; JOINTS], held: None, seldom }
     }
 
     /// At this time, after what may happen in a cycle.
-    fn at(&mut self, t_s: f64, chance: &mut Chance) -> [f64; JOINTS] {
+    fn at(&mut self, t_s: f64, rng: &mut TestRng) -> [f64; JOINTS] {
         let now = |joint: usize| {
             let (amplitude, rad_s) = self.sines[joint];
             self.offset[joint] + amplitude * (rad_s * t_s).sin()
         };
         let now: [f64; JOINTS] = std::array::from_fn(now);
-        match chance.below(self.seldom) {
+        match rng.below(self.seldom) {
             // A jump of any size: a refusal, another model, backlash.
             0 => {
-                let joint = chance.below(JOINTS as u64) as usize;
-                let size = 1e-9 * 1e7_f64.powf(chance.unit());
-                self.offset[joint] = size * (chance.unit() - 0.5);
+                let joint = rng.below(JOINTS as u64) as usize;
+                let size = 1e-9 * 1e7_f64.powf(rng.uniform());
+                self.offset[joint] = size * (rng.uniform() - 0.5);
             }
             // No answer: the last value, for a while; later on none, or the present one.
             1..3 => self.held = Some(now),
@@ -76,13 +76,13 @@ impl Wanted {
 }
 
 /// The time to the next output, ns: a cycle of 1 ms with jitter, missed cycles, two outputs at once, silences.
-fn interval_ns(chance: &mut Chance, jitter_ns: u64) -> u64 {
-    let jitter = chance.below(jitter_ns + 1);
-    match chance.below(100) {
-        0 => 500 + chance.below(60_000),
+fn interval_ns(rng: &mut TestRng, jitter_ns: u64) -> u64 {
+    let jitter = rng.below(jitter_ns + 1);
+    match rng.below(100) {
+        0 => 500 + rng.below(60_000),
         1..4 => 2_000_000 + jitter,
-        4..7 => 1_000_000 + chance.below(18_000_000),
-        7 if chance.below(8) == 0 => 25_000_000 + chance.below(50_000_000),
+        4..7 => 1_000_000 + rng.below(18_000_000),
+        7 if rng.below(8) == 0 => 25_000_000 + rng.below(50_000_000),
         _ => 1_000_000 + jitter - jitter_ns / 2,
     }
 }
@@ -92,9 +92,10 @@ fn whatever_is_wanted_and_however_uneven_the_times_the_outputs_are_judged_smooth
     let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
     let limits = Limits::new(ANGLE, RATE, JERK).expect("positive");
     for run in 0..number("TRUED_LIMITER_RUNS").unwrap_or(RUNS) {
-        let mut chance = Chance::new(seed.wrapping_add(run));
+        let mut chance = TestRng::new(seed.wrapping_add(run));
         let jitter_ns = [0, 2_000, 50_000, 500_000][chance.below(4) as usize];
-        let (mut wanted, mut limiters) = (Wanted::new(&mut chance), Limiters::at_rest());
+        let (mut wanted, mut limiters) =
+            (RequestedCorrection::new(&mut chance), Limiters::at_rest());
         let (mut intervals, mut oracle) = (Intervals::new(), Oracle::new(&bounds(), 0.0));
         let (mut now_ns, mut apart) = (1_000_000_000, false);
         for step in 0..STEPS {
@@ -105,7 +106,7 @@ fn whatever_is_wanted_and_however_uneven_the_times_the_outputs_are_judged_smooth
             let goal = wanted.at(1e-9 * now_ns as f64, &mut chance);
             // A correction that moves by itself is tracked joint by joint.
             let sent = match apart {
-                true => limiters.step_apart(&goal, |_| Some(limits), elapsed),
+                true => limiters.step_independently(&goal, |_| Some(limits), elapsed),
                 false => limiters.step(&goal, |_| Some(limits), elapsed),
             };
             apart ^= chance.below(300) == 0;

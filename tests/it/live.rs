@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 use tests::cell_loop::CellLoop;
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::Monitor;
@@ -27,16 +27,16 @@ struct View {
 }
 
 impl View {
-    fn of(place: &Place) -> Self {
+    fn of(place: &TestDirectory) -> Self {
         Self::of_cell(place, CELL)
     }
 
     /// Started with the cell's name or its file.
-    fn of_cell(place: &Place, cell: &str) -> Self {
+    fn of_cell(place: &TestDirectory, cell: &str) -> Self {
         let any = "127.0.0.1:0";
         let arguments = ["live", cell, "--listen", any, "--foxglove", any];
         let process = Process::start(TRUED, &arguments, place);
-        assert!(process.says("ws://", LIMIT), "{:?}", process.lines());
+        assert!(process.wait_for_output("ws://", LIMIT), "{:?}", process.lines());
         let after = |words: &str| {
             let line = process.lines().into_iter().find_map(|line| {
                 let (_, rest) = line.split_once(words)?;
@@ -119,7 +119,7 @@ fn within(is: impl Fn() -> bool) -> Duration {
 
 #[test]
 fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_return() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     let view = View::of(&place);
@@ -161,7 +161,7 @@ fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_retur
 
 #[test]
 fn a_change_of_state_comes_as_an_event_within_three_tenths_of_a_second() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let view = View::of(&place);
     let mut lines = view.events();
@@ -191,7 +191,7 @@ fn drawing(lines: &mut impl Iterator<Item = String>) -> Value {
 
 #[test]
 fn the_robot_is_drawn_with_its_correction_while_its_file_is_the_model_in_use() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     assert!(robot.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
@@ -224,11 +224,11 @@ fn the_robot_is_drawn_with_its_correction_while_its_file_is_the_model_in_use() {
 }
 
 /// A cell whose force vibrates with 4 N at 72 Hz, until the view has several columns of it. The sensor keeps it alive.
-fn vibrating() -> (Place, Process, Sensor, View) {
+fn vibrating() -> (TestDirectory, Process, Sensor, View) {
     let tables = format!(
         "[force]\nrate_Hz = 10000.0\nchannels = 3\n{ANY_CLOCK}[vibration]\nenabled = true\n"
     );
-    let place = Place::new("full", &tables);
+    let place = TestDirectory::new("full", &tables);
     let daemon = Process::ready_daemon(TRUED, &place);
     let file = place.file("cell.toml");
     let view = View::of_cell(&place, file.to_str().expect("a plain path"));
@@ -338,7 +338,7 @@ fn the_report_has_the_numbers_of_the_status_and_is_saved_under_a_name_of_its_own
 
 #[test]
 fn a_metrics_file_replaces_no_other_file() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     for name in ["cell.toml", "model.toml"] {
         let file = place.file(name);
@@ -363,7 +363,7 @@ fn a_metrics_file_replaces_no_other_file() {
 
 #[test]
 fn foxglove_gets_the_topics_of_the_recordings() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let view = View::of(&place);
     let mut socket = view.stream();
@@ -394,7 +394,7 @@ fn foxglove_gets_the_topics_of_the_recordings() {
 
 #[test]
 fn stalls_errors_and_kills_of_the_view_do_not_affect_the_cell() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     let mut view = View::of(&place);
@@ -430,12 +430,12 @@ fn stalls_errors_and_kills_of_the_view_do_not_affect_the_cell() {
 
 #[test]
 fn an_address_that_others_reach_needs_a_token() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let arguments = ["live", CELL, "--listen", "0.0.0.0:0", "--foxglove", "127.0.0.1:0"];
     let mut open = Process::start(TRUED, &arguments, &place);
     assert_eq!(open.wait().code(), Some(3));
-    assert!(open.says("TRUED_LIVE_TOKEN", LIMIT), "{:?}", open.lines());
+    assert!(open.wait_for_output("TRUED_LIVE_TOKEN", LIMIT), "{:?}", open.lines());
 }
 
 #[test]

@@ -4,7 +4,7 @@
 use crate::TRUED;
 use std::time::{Duration, Instant};
 use tests::cell_loop::MIDDLE;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use trued_client::{Client, Monitor, Setpoint};
 
@@ -22,8 +22,8 @@ fn command(client: &mut Client, q: &[f64], commands: u32) {
 }
 
 /// The lines that hold `words`.
-fn with<'a>(lines: &'a [String], words: &str) -> Vec<&'a String> {
-    lines.iter().filter(|line| line.contains(words)).collect()
+fn with<'a>(lines: &'a [String], text: &str) -> Vec<&'a String> {
+    lines.iter().filter(|line| line.contains(text)).collect()
 }
 
 /// The number after `key` in a line.
@@ -37,15 +37,15 @@ fn number(line: &str, key: &str) -> u64 {
 
 #[test]
 fn refused_commands_and_the_health_that_they_make_are_logged_and_summed_up_at_the_end() {
-    let place = Place::new("full", "[cycle]\nstale_ms = 500.0\n");
+    let place = TestDirectory::new("full", "[cycle]\nstale_ms = 500.0\n");
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     command(&mut client, &MIDDLE, 200);
     let outside = [OUTSIDE_RAD, MIDDLE[1], MIDDLE[2], MIDDLE[3], MIDDLE[4], MIDDLE[5]];
     command(&mut client, &outside, 998);
     let words = "WARN a commanded joint is outside the model's limits";
-    assert!(daemon.says(words, LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output(words, LIMIT), "{:#?}", daemon.lines());
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(10_500) {
         command(&mut client, &outside, 20);
@@ -73,10 +73,10 @@ fn refused_commands_and_the_health_that_they_make_are_logged_and_summed_up_at_th
 
 #[test]
 fn requests_and_changes_of_the_model_are_logged_and_a_stream_of_the_same_is_not() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
-    assert!(daemon.says("robot=ABB IRB 1600-6/1.45", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("robot=ABB IRB 1600-6/1.45", LIMIT), "{:?}", daemon.lines());
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     for on in [true, false] {
         monitor.bypass(on, LIMIT).unwrap();

@@ -70,7 +70,7 @@ mod trim;
 mod waves;
 mod width;
 
-use tests::pair::Programs;
+use tests::served_cell::Programs;
 
 /// The program itself.
 const TRUED: &str = env!("CARGO_BIN_EXE_trued-under-test");

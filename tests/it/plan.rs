@@ -1,11 +1,11 @@
 //! `trued plan`: reachable and measurable poses, guided capture with a stopping rule, a check that
 //! identifies damage, ISO 9283.
 
-use diagnosis::{Fitted, from_recording, simulate};
+use diagnosis::{FitParameter, campaign_import, campaign_simulation};
 use glam::{DMat3, DVec3};
-use physics::{AnyEffect, Given, Model};
+use physics::{AnyEffect, Model, ParameterValues};
 use recording::model::presets::preset;
-use recording::series::{self, Channel, Need, Recording};
+use recording::series::{self, Channel, Recording, RequiredData};
 use serde_json::Value;
 
 use crate::program::Place;
@@ -41,7 +41,7 @@ fn number(of: &Value, key: &str) -> f64 {
 /// the base frame, otherwise in the tracker's own.
 fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) {
     let path = place.path(&format!("{folder}/poses.csv"));
-    let mut list = series::read(&path, None, Need::Path).expect("the list is a recording");
+    let mut list = series::read(&path, None, RequiredData::Path).expect("the list is a recording");
     let columns: Vec<Channel> = list
         .channels()
         .filter(|c| matches!(c, Channel::Target(..) | Channel::Position(_)))
@@ -50,17 +50,17 @@ fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) 
     // Any value: the readings are replaced.
     columns.iter().for_each(|column| list.set(*column, vec![1.0; list.len()]));
     let mut campaign =
-        from_recording::campaign(&truth.arm, std::slice::from_ref(&list)).expect("a campaign");
+        campaign_import::campaign(&truth.arm, std::slice::from_ref(&list)).expect("a campaign");
     let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
     if !known {
         station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
         station.origin = DVec3::new(1.5, -2.0, 0.3);
     }
     for target in &mut campaign.surroundings.targets {
-        *target = Fitted::known(DVec3::new(0.05, 0.0, 0.1));
+        *target = FitParameter::known(DVec3::new(0.05, 0.0, 0.1));
     }
     let around = campaign.surroundings.clone();
-    let made = simulate::readings(&campaign, truth, &around, sigma, 11);
+    let made = campaign_simulation::simulate_readings(&campaign, truth, &around, sigma, 11);
     let made = &made;
     let seen = |axis: usize| {
         made.poses.iter().map(move |pose| match pose.seen.first().map(|seen| seen.reading) {
@@ -104,7 +104,8 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
         );
     }
     assert!(found["not_checked"].as_array().is_some_and(|open| !open.is_empty()));
-    let list = series::read(&place.path("d/poses.csv"), None, Need::Path).expect("a recording");
+    let list =
+        series::read(&place.path("d/poses.csv"), None, RequiredData::Path).expect("a recording");
     assert_eq!(list.len(), 16, "each pose from below and from above");
     let directions = list.column(Channel::Direction(2)).expect("d3");
     assert!(directions.chunks(2).all(|pair| pair == [1.0, -1.0]));
@@ -131,12 +132,12 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
     plan(&place, &[&begin[..], &probe].concat());
     let read = |folder: &str| {
         let path = place.path(&format!("{folder}/poses.csv"));
-        series::read(&path, None, Need::Path).expect("a recording")
+        series::read(&path, None, RequiredData::Path).expect("a recording")
     };
     let bar = read("bar");
     assert!(bar.channels().any(|column| column == Channel::Distance(0)));
     assert_eq!(bar.sigma(Channel::Distance(0)).map(|sigma| (1e6 * sigma).round()), Some(2.0));
-    let said = bar.about.gauges.distances[&0];
+    let said = bar.metadata.gauges.distances[&0];
     assert_eq!(
         (said.anchor_m, said.offset_m),
         (None, Some(0.0)),
@@ -157,7 +158,7 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
     for column in [Channel::TouchPlane, Channel::TouchSphere] {
         assert!(probe.channels().any(|found| found == column), "{column:?}");
     }
-    let said = &probe.about.gauges;
+    let said = &probe.metadata.gauges;
     assert_eq!(said.probe.and_then(|probe| probe.sigma_m).map(|s| (1e6 * s).round()), Some(2.0));
     assert_eq!((said.planes[&0].normal, said.planes[&0].offset_m), ([0.0, 0.0, 1.0], None));
     assert_eq!(said.spheres[&0].radius_m, Some(0.025));
@@ -209,8 +210,11 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
     assert!(blind.out.contains("not judged") && !blind.out.contains("still holds"), "{blind:?}");
     let mut bent = sound;
     let given: &[(&str, &[f64])] = &[("offset", &[2e-3])];
-    bent.push(AnyEffect::build("joint_offset", &bent.arm, Some(2), Given(given)).expect("built"))
-        .expect("room");
+    bent.push(
+        AnyEffect::build("joint_offset", &bent.arm, Some(2), ParameterValues(given))
+            .expect("built"),
+    )
+    .expect("room");
     measure(&place, "d", &bent, false, 1.0);
     let judged =
         place.run(&["plan", "--check", "--model", CALIBRATED, "d/seen.csv", "--json", "j.json"]);
@@ -230,8 +234,10 @@ fn a_check_without_known_targets_says_that_a_bent_tool_does_not_show_and_that_th
     plan(&place, &begin);
     let mut bent = model(CALIBRATED);
     let given: &[(&str, &[f64])] = &[("shift", &[1e-3, 0.0, 0.0])];
-    bent.push(AnyEffect::build("tool_offset", &bent.arm, None, Given(given)).expect("built"))
-        .expect("room");
+    bent.push(
+        AnyEffect::build("tool_offset", &bent.arm, None, ParameterValues(given)).expect("built"),
+    )
+    .expect("room");
     measure(&place, "d", &bent, false, 0.2);
     let judged = place.succeed(&[
         "plan",
@@ -277,7 +283,10 @@ fn iso_9283_is_planned_and_evaluated() {
     let mut truth = model(NOMINAL);
     let given: &[(&str, &[f64])] = &[("offset", &[2e-4])];
     truth
-        .push(AnyEffect::build("joint_offset", &truth.arm, Some(1), Given(given)).expect("built"))
+        .push(
+            AnyEffect::build("joint_offset", &truth.arm, Some(1), ParameterValues(given))
+                .expect("built"),
+        )
         .expect("room");
     // The list states 0.05 mm: noise of 0.01 mm.
     measure(&place, "d", &truth, true, 0.2);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::JOINTS;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::{Answer, Client, InCut, ProcessState, Setpoint};
@@ -19,12 +19,12 @@ const RATIO: f64 = 131.0 / 10.0 * 129.0 / 13.0;
 /// Distance of the TCP from the axis of joint 1 in the pose below, mm: flange centre of the preset.
 const RADIUS_MM: f64 = 815.0;
 
-fn watching(tables: &str) -> (Place, Process, Sensor) {
+fn watching(tables: &str) -> (TestDirectory, Process, Sensor) {
     let force =
         format!("[force]\nrate_Hz = {RATE_HZ}\nchannels = 3\n{ANY_CLOCK}[vibration]\n{tables}");
-    let place = Place::new("shadow", &force);
+    let place = TestDirectory::new("shadow", &force);
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let sensor = Sensor::join(&place, RATE_HZ, 3);
     (place, daemon, sensor)
 }
@@ -50,12 +50,12 @@ fn tell(sensor: &mut Sensor, process: &ProcessState) {
     sensor.wait("the process", |status| status.in_cut == in_cut);
 }
 
-fn confirmed(said: &[Verdict], near_hz: f64) -> Verdict {
+fn confirmed(verdicts: &[Verdict], near_hz: f64) -> Verdict {
     let fits = |v: &&Verdict| {
         v.state() == Ok(VibrationState::Confirmed) && (v.frequency_hz - near_hz).abs() < 1.0
     };
-    let found = said.iter().rfind(fits).copied();
-    assert!(found.is_some(), "{near_hz} Hz is not confirmed: {said:?}");
+    let found = verdicts.iter().rfind(fits).copied();
+    assert!(found.is_some(), "{near_hz} Hz is not confirmed: {verdicts:?}");
     found.unwrap()
 }
 
@@ -73,19 +73,19 @@ fn what_would_help_stands_in_verdict_status_and_log() {
         sensor.run(2.0, quiet);
         sensor.run(2.0, tone(frequency_hz));
         let status = sensor.settled();
-        let line = confirmed(&sensor.said, frequency_hz);
+        let line = confirmed(&sensor.verdicts, frequency_hz);
         assert_eq!(Advice::try_from(line.advice), Ok(advice), "{line}");
         assert_eq!(status.verdict.advice, line.advice);
         for said in [status.message.to_string(), line.to_string()] {
             assert!(said.contains(words) && said.contains("confirmed"), "{words}: {said}");
         }
-        assert!(daemon.says("WARN alarm ", LIMIT), "{:#?}", daemon.lines());
-        assert!(daemon.says(words, LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output("WARN alarm ", LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output(words, LIMIT), "{:#?}", daemon.lines());
         sensor.run(1.5, quiet);
         let status = sensor.settled();
         assert_eq!(status.verdict.state(), Ok(VibrationState::Over));
         assert!(!status.message.as_str().contains(words), "{}", status.message);
-        assert!(daemon.says("INFO over ", LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output("INFO over ", LIMIT), "{:#?}", daemon.lines());
     }
 }
 
@@ -94,7 +94,7 @@ fn a_report_with_a_time_limit_expires() {
     let (_place, daemon, mut sensor) = watching("spindle_rpm = 6000.0\nteeth = 3\n");
     assert_eq!(sensor.status().spindle_rpm, 6000.0, "as configured");
     tell(&mut sensor, &cutting(28_000.0, Some(Duration::from_millis(300))));
-    assert!(daemon.says("the reported process state has expired", LIMIT));
+    assert!(daemon.wait_for_output("the reported process state has expired", LIMIT));
     let status = sensor.status();
     assert_eq!((status.spindle_rpm, status.in_cut), (6000.0, InCut::Unknown.code()));
     let wrong = ProcessState { spindle_rpm: -5.0, ..ProcessState::default() };
@@ -142,7 +142,7 @@ fn a_line_that_turns_with_a_wheel_at_two_feeds_is_named_with_its_joint_and_shaft
         sensor.wait("the feed", moves);
         sensor.run(2.5, tone(wheel_hz));
         last = sensor.settled().verdict;
-        for said in [last, confirmed(&sensor.said, wheel_hz)] {
+        for said in [last, confirmed(&sensor.verdicts, wheel_hz)] {
             assert_eq!(said.class(), Ok(VibrationClass::Gear), "{said}");
             assert_eq!((said.gear_joint, said.gear_shaft), (1, 1), "{said}");
             assert_eq!(said.advice, Advice::CheckGear.code());
@@ -150,7 +150,7 @@ fn a_line_that_turns_with_a_wheel_at_two_feeds_is_named_with_its_joint_and_shaft
     }
     assert!((last.frequency_hz - 29.5).abs() < 0.2, "{last}");
     assert_eq!(last.rivals, 0, "it followed the feed: {last}");
-    assert!(daemon.says("gear shaft 1 of joint 1", LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output("gear shaft 1 of joint 1", LIMIT), "{:#?}", daemon.lines());
     over.store(true, Relaxed);
     runner.join().unwrap();
     let stands = sensor.wait("the end of the feed", |status| status.feed_mm_s.is_nan());

@@ -4,17 +4,17 @@
 //! `TRUED_SOAK_ROUNDS` sets the number of kills.
 
 use crate::TRUED;
-use recording::blackbox::{self, Contents, End, Record};
-use recording::series::{Need, read};
+use recording::mcap_recording::{self, Contents, FileState, Record};
+use recording::series::{RequiredData, read};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tests::cell_loop::CellLoop;
-use tests::chance::Chance;
 use tests::clients::{root, skipped};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use tests::python::environment;
+use tests::rng::TestRng;
 use trued_client::{Answer, Monitor, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(10);
@@ -25,14 +25,14 @@ const KILLS: u64 = 12;
 const LOST_MAX: Duration = Duration::from_secs(1);
 
 /// The files of that place, oldest first.
-fn files(place: &Place) -> Vec<PathBuf> {
+fn files(place: &TestDirectory) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(place.file("recordings")).unwrap();
     let mut files: Vec<_> = entries.map(|entry| entry.unwrap().path()).collect();
     files.sort();
     files
 }
 
-fn trued(place: &Place, arguments: &[&str], files: &[&Path]) -> Output {
+fn trued(place: &TestDirectory, arguments: &[&str], files: &[&Path]) -> Output {
     let mut command = Command::new(TRUED);
     command.args(arguments).args(files).env(shm_schema::RUNTIME_DIR_ENV, place.root());
     command.output().unwrap()
@@ -76,8 +76,8 @@ fn counted_by_python(files: &[PathBuf]) -> Option<Vec<serde_json::Value>> {
 #[test]
 fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
     let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
-    let mut chance = Chance::new(monotonic_ns());
-    let place = Place::new("full", RECORDER);
+    let mut chance = TestRng::new(monotonic_ns());
+    let place = TestDirectory::new("full", RECORDER);
     let mut worst = Duration::ZERO;
     let kills = asked.unwrap_or(KILLS);
     for _ in 0..kills {
@@ -92,7 +92,7 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
         daemon.kill();
         let newest = files(&place).pop().unwrap();
         // A file that was killed before anything was written is empty.
-        let recorded_ns = blackbox::read(&newest).map_or(0, |contents| last_ns(&contents));
+        let recorded_ns = mcap_recording::read(&newest).map_or(0, |contents| last_ns(&contents));
         let lost = Duration::from_nanos(answered_ns.saturating_sub(recorded_ns)).min(until);
         assert!(lost < LOST_MAX, "{lost:?} are missing");
         worst = worst.max(lost);
@@ -103,13 +103,13 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
     assert!(done.status.success() && said(&done).contains("repaired"), "{}", said(&done));
     let files = files(&place);
     for file in &files {
-        let info = blackbox::info(file).unwrap();
-        assert_eq!(info.end, End::Closed, "{}", file.display());
+        let info = mcap_recording::info(file).unwrap();
+        assert_eq!(info.end, FileState::Closed, "{}", file.display());
     }
     println!("{kills} kills, {} files, at most {worst:?} missing", files.len());
     let Some(found) = counted_by_python(&files) else { return };
     for (file, found) in files.iter().zip(found) {
-        let ours = blackbox::read(file).unwrap().records.len() as u64;
+        let ours = mcap_recording::read(file).unwrap().records.len() as u64;
         let sum = |key: &str| {
             found[key].as_object().unwrap().values().filter_map(serde_json::Value::as_u64).sum()
         };
@@ -121,7 +121,7 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
 
 #[test]
 fn a_recording_holds_wall_clock_times_states_and_the_log() {
-    let place = Place::new("full", RECORDER);
+    let place = TestDirectory::new("full", RECORDER);
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     for on in [true, false] {
@@ -133,7 +133,7 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
     std::thread::sleep(Duration::from_millis(1100));
     assert!(daemon.end().success());
     let file = files(&place).pop().unwrap();
-    let info = blackbox::info(&file).unwrap();
+    let info = mcap_recording::info(&file).unwrap();
     let now_ns = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
     let of = |topic: &str| info.channels.iter().find(|channel| channel.topic == topic).unwrap();
     for topic in ["/trued/status", "/trued/log"] {
@@ -142,7 +142,7 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
         assert!(channel.first_ns <= channel.last_ns && channel.last_ns <= now_ns, "{channel:?}");
         assert!(now_ns - channel.first_ns < 60_000_000_000, "{channel:?}");
     }
-    let contents = blackbox::read(&file).unwrap();
+    let contents = mcap_recording::read(&file).unwrap();
     let states = contents.records.iter().filter_map(|record| match record {
         Record::Status(status) => Some(status.bypassed),
         _ => None,
@@ -175,7 +175,7 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
 }
 
 /// The message of the answer to a request, which ends with this exit code.
-fn asks(place: &Place, arguments: &[&str], code: i32) -> String {
+fn asks(place: &TestDirectory, arguments: &[&str], code: i32) -> String {
     let done = trued(place, arguments, &[]);
     assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", said(&done));
     said(&done)
@@ -185,7 +185,7 @@ fn asks(place: &Place, arguments: &[&str], code: i32) -> String {
 fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_removed() {
     let recorder =
         "[recorder]\ndir = \"recordings\"\nstart = false\nkeep_files = 1\nkept_files_max = 1\n";
-    let place = Place::new("full", recorder);
+    let place = TestDirectory::new("full", recorder);
     let mut daemon = Process::ready_daemon(TRUED, &place);
     assert!(!place.file("recordings").exists(), "nothing is recorded yet");
     assert!(asks(&place, &["status"], 0).contains("stopped"));
@@ -200,9 +200,9 @@ fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_remove
     let stopped = asks(&place, &["record", "stop"], 0);
     assert!(stopped.contains(".kept.mcap is closed"), "{stopped}");
     let first = files(&place).pop().unwrap();
-    let info = blackbox::info(&first).unwrap();
-    assert_eq!(info.end, End::Closed, "closed when the command returns");
-    let marks = blackbox::read(&first).unwrap();
+    let info = mcap_recording::info(&first).unwrap();
+    assert_eq!(info.end, FileState::Closed, "closed when the command returns");
+    let marks = mcap_recording::read(&first).unwrap();
     let is_mark = |record: &&Record| matches!(record, Record::Log(line) if line.level == "mark");
     assert_eq!(marks.records.iter().filter(is_mark).count(), 1);
 
@@ -221,7 +221,7 @@ fn recording_starts_and_stops_when_it_is_asked_to_and_what_is_kept_is_not_remove
 
 #[test]
 fn a_cell_without_a_recorder_states_the_remedy() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert!(asks(&place, &["record", "start"], 1).contains("[recorder]"));
 }
@@ -234,7 +234,7 @@ fn last(recording: &recording::series::Recording, name: &str) -> f64 {
 
 #[test]
 fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
-    let place = Place::new("full", RECORDER);
+    let place = TestDirectory::new("full", RECORDER);
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let settle = Duration::from_millis(1500);
@@ -251,13 +251,13 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
     assert!(done.status.success(), "{}", said(&done));
     for (name, model) in [("made", "made-model.toml"), ("made-2", "made-2-model.toml")] {
         let csv = place.file(&format!("{name}.csv"));
-        let recorded = read(&csv, None, Need::Path).unwrap();
-        assert_eq!(recorded.about.model.as_deref(), Some(model));
+        let recorded = read(&csv, None, RequiredData::Path).unwrap();
+        assert_eq!(recorded.metadata.model.as_deref(), Some(model));
         let again = place.file(&format!("{name}-again.csv"));
         let arguments = ["replay", "--corrections", again.to_str().unwrap()];
         let done = trued(&place, &arguments, &[&csv]);
         assert!(done.status.success(), "{}", said(&done));
-        let replayed = read(&again, None, Need::Path).unwrap();
+        let replayed = read(&again, None, RequiredData::Path).unwrap();
         for joint in 1..=3 {
             let live = last(&recorded, &format!("c{joint}_rad"));
             let again = last(&replayed, &format!("c{joint}_deg")).to_radians();
@@ -271,7 +271,7 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
 
 #[test]
 fn a_folder_that_is_removed_is_created_again_and_written_on() {
-    let place = Place::new("full", RECORDER);
+    let place = TestDirectory::new("full", RECORDER);
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     let has_file = || {
@@ -280,14 +280,14 @@ fn a_folder_that_is_removed_is_created_again_and_written_on() {
     };
     assert!(super::faults::wait_for(LIMIT, has_file));
     std::fs::remove_dir_all(place.file("recordings")).unwrap();
-    assert!(daemon.says("the recording was removed", LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output("the recording was removed", LIMIT), "{:#?}", daemon.lines());
     assert!(super::faults::wait_for(Duration::from_secs(2), has_file), "{:#?}", daemon.lines());
     assert_eq!(monitor.ping(LIMIT).unwrap().answer(), Ok(Answer::Done));
     assert!(daemon.end().success());
     let [file] = &files(&place)[..] else { panic!("one file") };
-    let info = blackbox::info(file).unwrap();
-    assert_eq!(info.end, End::Closed);
-    let contents = blackbox::read(file).unwrap();
+    let info = mcap_recording::info(file).unwrap();
+    assert_eq!(info.end, FileState::Closed);
+    let contents = mcap_recording::read(file).unwrap();
     let told = contents.records.iter().any(|record| {
         matches!(record, Record::Log(line) if line.says.contains("the recording was removed"))
     });

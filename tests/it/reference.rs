@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use physics::JointKind;
 use physics::effects::{CUTTING, DRIVES, OVER_PATHS, SPECS};
-use physics::spec::{Place as Belongs, Spec};
+use physics::spec::{EffectScope as Belongs, Spec};
 use shm_schema::{
     Advice, Answer, CorrectionStatus, Health, InCut, Mode, Operation, Reason, RecorderAction,
     RecorderState, SensorFault, VibrationClass, VibrationState, WatchState, WrenchGate,
@@ -79,7 +79,7 @@ fn the_reference_names_every_effect_with_all_its_keys() {
     let both = [JointKind::Revolute, JointKind::Prismatic];
     let all: Vec<&Spec> = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING).collect();
     for spec in &all {
-        let may_slide = matches!(spec.place, Belongs::Joint | Belongs::JointOrBase);
+        let may_slide = matches!(spec.scope, Belongs::Joint | Belongs::JointOrBase);
         let kinds = if may_slide { &both[..] } else { &both[..1] };
         let keys: Vec<String> = kinds
             .iter()

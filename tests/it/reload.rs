@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use tests::cell_loop::{CellLoop, Tick};
-use tests::place::{MODEL, Place};
+use tests::place::{MODEL, TestDirectory};
 use tests::process::Process;
 use trued_client::{Answer, Monitor, Response, Source};
 
@@ -16,7 +16,7 @@ const LIMIT: Duration = Duration::from_secs(10);
 const SWAPS: u64 = 40;
 
 /// Result of a second of the loop.
-pub(crate) struct Seen {
+pub(crate) struct ObservedTicks {
     pub(crate) ticks: u64,
     pub(crate) unanswered: u64,
     epochs: u64,
@@ -27,17 +27,21 @@ pub(crate) struct Seen {
 }
 
 /// Runs the loop in another thread while `meanwhile` sends requests to the daemon.
-pub(crate) fn beside<R>(at: &Cell, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen, R) {
+pub(crate) fn beside<R>(
+    at: &Cell,
+    meanwhile: impl FnOnce(&mut Monitor) -> R,
+) -> (ObservedTicks, R) {
     let mut cell = CellLoop::join(at, LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-3), "the correction comes in");
     let over = Arc::new(AtomicBool::new(false));
     let end = over.clone();
     let runner = std::thread::spawn(move || {
         let (ticks, unanswered, epochs, broken) = (0, 0, 0, Vec::new());
-        let mut seen = Seen { ticks, unanswered, epochs, broken, last: None, corrected: None };
+        let mut seen =
+            ObservedTicks { ticks, unanswered, epochs, broken, last: None, corrected: None };
         let (mut epoch, since) = (0, Instant::now());
         // On a busy machine answers are late and blended in: it continues until one is in time.
-        let is_over = |seen: &Seen| {
+        let is_over = |seen: &ObservedTicks| {
             let fresh = seen.last.as_ref().is_some_and(|tick| tick.source == Source::Corrected);
             end.load(Relaxed) && (fresh || since.elapsed() > 2 * LIMIT)
         };
@@ -72,11 +76,11 @@ pub(crate) fn status(monitor: &mut Monitor) -> Status {
     monitor.status().unwrap()
 }
 
-fn running(mode: &str) -> (Place, Process) {
+fn running(mode: &str) -> (TestDirectory, Process) {
     // Late commands are not tested here.
-    let place = Place::new(mode, "[cycle]\nstale_ms = 500.0\n");
+    let place = TestDirectory::new(mode, "[cycle]\nstale_ms = 500.0\n");
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     (place, daemon)
 }
 
@@ -232,16 +236,16 @@ fn the_command_line_refuses_another_robot_and_loads_it_in_shadow_by_name() {
 
 #[test]
 fn robot_and_models_stand_in_the_black_box() {
-    let place = Place::new("full", "[recorder]\ndir = \"recordings\"\n");
+    let place = TestDirectory::new("full", "[recorder]\ndir = \"recordings\"\n");
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     let now = status(&mut monitor);
     let plain = place.model("plain.toml", "irb1600-6-145");
     assert_eq!(ask(&mut monitor, Some(&plain)).answer(), Ok(Answer::Done));
     assert!(daemon.end().success());
     let file = std::fs::read_dir(place.file("recordings")).unwrap().next().unwrap().unwrap();
-    let contents = recording::blackbox::read(&file.path()).unwrap();
+    let contents = recording::mcap_recording::read(&file.path()).unwrap();
     let header = &contents.header;
     assert_eq!(header.robot, "ABB IRB 1600-6/1.45");
     assert_eq!((header.model_hash, header.geometry_hash), (now.model_hash, now.geometry_hash));
@@ -276,9 +280,9 @@ fn many_reloads_at_once_are_all_counted() {
 
 #[test]
 fn a_daemon_that_waits_for_commands_takes_a_model_however_long_they_stay_fresh() {
-    let place = Place::new("full", "[cycle]\nstale_ms = 10000.0\n");
+    let place = TestDirectory::new("full", "[cycle]\nstale_ms = 10000.0\n");
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     for _ in 0..3 {
         let said = ask(&mut monitor, None);

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use tests::clients::{run, skipped};
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 use trued_client::Client;
 
@@ -44,7 +44,7 @@ fn program_for_all(program: &str) -> PathBuf {
 }
 
 /// Parts of a cell in shared folders: its directory, which protects its contents, and its blocks.
-fn in_memory(place: &Place) -> Vec<PathBuf> {
+fn in_memory(place: &TestDirectory) -> Vec<PathBuf> {
     let mut found = vec![place.cell().dir().to_path_buf()];
     let prefix = place.cell().shared_memory_prefix();
     let blocks = fs::read_dir("/dev/shm").unwrap().flatten();
@@ -55,7 +55,8 @@ fn in_memory(place: &Place) -> Vec<PathBuf> {
 
 #[test]
 fn the_daemon_opens_no_network_socket() {
-    let place = Place::new("full", "[force]\nrate_Hz = 1000.0\n[vibration]\nband_Hz = [5, 400]\n");
+    let place =
+        TestDirectory::new("full", "[force]\nrate_Hz = 1000.0\n[vibration]\nband_Hz = [5, 400]\n");
     let daemon = Process::ready_daemon(TRUED, &place);
     let process = PathBuf::from(format!("/proc/{}", daemon.id()));
     let links = fs::read_dir(process.join("fd")).unwrap().flatten();
@@ -77,7 +78,7 @@ fn the_daemon_opens_no_network_socket() {
 
 #[test]
 fn the_shared_memory_of_a_cell_is_closed_to_other_users() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     // A later client creates further memory.
     let _client = Client::connect_to(&place.cell(), LIMIT).unwrap();
@@ -94,11 +95,12 @@ fn another_user_is_refused_with_the_reason_and_can_open_nothing() {
     if !may_become_others("a cell is closed to other users") {
         return;
     }
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let program = program_for_all(PROGRAMS.rig);
     let refused = Process::spawn(as_nobody().arg(&program), &place);
-    let named = refused.says("user 0", LIMIT) && refused.says(&NOBODY.to_string(), LIMIT);
+    let named = refused.wait_for_output("user 0", LIMIT)
+        && refused.wait_for_output(&NOBODY.to_string(), LIMIT);
     fs::remove_file(&program).unwrap();
     assert!(named, "{:?}", refused.lines());
     let may = |operator, path: &Path| {
@@ -118,7 +120,7 @@ fn a_directory_that_another_user_made_first_is_refused_and_the_user_is_named() {
     if !may_become_others("a squatted directory is refused") {
         return;
     }
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let squatted = place.cell().dir().to_path_buf();
     fs::create_dir(&squatted).unwrap();
     fs::set_permissions(&squatted, fs::Permissions::from_mode(0o700)).unwrap();

@@ -5,7 +5,7 @@ use crate::TRUED;
 use shm_schema::{ForceBlock, Health, SensorFault, Status, VibrationState, WatchState};
 use std::f64::consts::TAU;
 use std::time::Duration;
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use tests::sensor::{ANY_CLOCK, Sensor};
 
@@ -18,14 +18,14 @@ const FULL_SCALE_N: f64 = 50.0;
 /// A fault, its message, and its cause.
 type Case = (SensorFault, &'static str, fn(&mut ForceBlock));
 
-fn daemon(tables: &str) -> (Place, Process) {
-    let place = Place::new("shadow", tables);
+fn daemon(tables: &str) -> (TestDirectory, Process) {
+    let place = TestDirectory::new("shadow", tables);
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     (place, daemon)
 }
 
-fn watching() -> (Place, Process, Sensor) {
+fn watching() -> (TestDirectory, Process, Sensor) {
     let tables = format!(
         "[force]\nrate_Hz = {RATE_HZ}\nchannels = 3\nfull_scale_N = {FULL_SCALE_N}\n\
          {ANY_CLOCK}[vibration]\nenabled = true\n"
@@ -53,10 +53,10 @@ fn on_z(block: &mut ForceBlock, bad: impl Fn(usize, f64) -> f64) {
 }
 
 /// The status reports the fault of the channel (`None`: of the stream), as bits and as text.
-fn names(status: &Status, channel: Option<usize>, fault: SensorFault, words: &str) {
+fn names(status: &Status, channel: Option<usize>, fault: SensorFault, text: &str) {
     let set = channel.map_or(status.stream_faults, |channel| status.channel_faults[channel]);
     assert_ne!(set & fault.bit(), 0, "{fault}: {}", status.message);
-    assert!(status.message.as_str().contains(words), "{words}: {}", status.message);
+    assert!(status.message.as_str().contains(text), "{text}: {}", status.message);
     assert_eq!(status.health(), Ok(Health::Degraded), "{}", status.message);
 }
 
@@ -95,21 +95,25 @@ fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
     sensor.run(2.0, quiet);
     assert!(is_good(&sensor.settled()));
     for (fault, words, broken) in faults {
-        sensor.said.clear();
+        sensor.verdicts.clear();
         sensor.run_broken(1.2, quiet, broken);
         sensor.run_broken(1.2, tone, broken);
         names(&sensor.settled(), Some(Z), fault, words);
-        assert!(daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
         let alarm =
             |v: &&shm_schema::Verdict| v.state() == Ok(VibrationState::Alarm) && v.axis == 1;
-        assert!(sensor.said.iter().any(|v| alarm(&v)), "{fault}: {:?}", sensor.said);
+        assert!(sensor.verdicts.iter().any(|v| alarm(&v)), "{fault}: {:?}", sensor.verdicts);
         // The line fades, the channel is clean for a second, and its noise is learned again.
         sensor.run(4.0, quiet);
         let status = sensor.settled();
         assert!(is_good(&status), "after {fault}: {}", status.message);
-        assert!(daemon.says(&format!("cleared: {words}"), LIMIT), "{:#?}", daemon.lines());
-        let on_z = sensor.said.iter().filter(|v| v.axis as usize == Z).count();
-        assert_eq!(on_z, 0, "no line where the channel failed: {:?}", sensor.said);
+        assert!(
+            daemon.wait_for_output(&format!("cleared: {words}"), LIMIT),
+            "{:#?}",
+            daemon.lines()
+        );
+        let on_z = sensor.verdicts.iter().filter(|v| v.axis as usize == Z).count();
+        assert_eq!(on_z, 0, "no line where the channel failed: {:?}", sensor.verdicts);
     }
 }
 
@@ -124,15 +128,19 @@ fn a_channel_that_recovers_is_learned_again_without_an_alarm() {
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Learning), "its noise");
     sensor.run_broken(0.5, tone, loud);
     sensor.settled();
-    assert!(sensor.said.iter().any(|v| v.axis == 1), "the others do not wait: {:?}", sensor.said);
+    assert!(
+        sensor.verdicts.iter().any(|v| v.axis == 1),
+        "the others do not wait: {:?}",
+        sensor.verdicts
+    );
     sensor.run_broken(4.0, quiet, loud);
     let status = sensor.settled();
     assert!(is_good(&status) && status.watch() == Ok(WatchState::Watching), "{}", status.message);
-    assert!(sensor.said.iter().all(|v| v.axis == 1), "{:?}", sensor.said);
+    assert!(sensor.verdicts.iter().all(|v| v.axis == 1), "{:?}", sensor.verdicts);
     let on_z = |channel: u32, t_s: f64| 2.0 * tone(channel.wrapping_sub(1), t_s);
     sensor.run_broken(1.5, on_z, loud);
     sensor.settled();
-    assert!(sensor.said.iter().any(|v| v.axis as usize == Z), "its own lines are seen again");
+    assert!(sensor.verdicts.iter().any(|v| v.axis as usize == Z), "its own lines are seen again");
 }
 
 #[test]
@@ -160,7 +168,7 @@ fn a_stream_that_fails_is_named() {
         assert!(is_good(&sensor.settled()), "before {fault}");
         sensor.run_broken(0.5, quiet, broken);
         names(&sensor.settled(), None, fault, words);
-        assert!(daemon.says(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
         sensor.run(2.5, quiet);
     }
     assert!(is_good(&sensor.settled()));
@@ -195,7 +203,11 @@ fn silence_is_named_from_the_first_second_on_and_ends_with_the_first_block() {
     assert_eq!(status.verdict.state(), Ok(VibrationState::Confirmed));
     let status = sensor.wait("silence in between", silent);
     assert_eq!(status.verdict.state(), Ok(VibrationState::Over), "what rang then is not known now");
-    assert!(daemon.says("cleared: force stream delivers no data", LIMIT), "{:#?}", daemon.lines());
+    assert!(
+        daemon.wait_for_output("cleared: force stream delivers no data", LIMIT),
+        "{:#?}",
+        daemon.lines()
+    );
 }
 
 #[test]

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use tests::clients::{has, root, run, skipped};
-use tests::place::Place;
+use tests::place::TestDirectory;
 
 const LIMIT: Duration = Duration::from_secs(20);
 /// The largest exposure of a service, by `systemd-analyze security`, times ten.
@@ -33,14 +33,14 @@ fn can(tool: &str, claim: &str) -> bool {
 
 #[test]
 fn the_daemon_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     // Without a single command: the cycle lives all the same.
     attended(&place, &["run", "--config"], "cell.toml");
 }
 
 #[test]
 fn a_bridge_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
-    let place = Place::new("shadow", "[cycle]\nperiod_ms = 4.0\nstale_ms = 100.0\n");
+    let place = TestDirectory::new("shadow", "[cycle]\nperiod_ms = 4.0\nstale_ms = 100.0\n");
     // Without a controller, an application, a daemon: its loop turns all the same.
     let application = tests::egm::socket().local_addr().ok();
     place.write("bridge.toml", &tests::egm::config("off", "joints", application, ""));
@@ -48,7 +48,7 @@ fn a_bridge_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
 }
 
 /// A process notifies a simulated service manager that it is ready, alive, and ending.
-fn attended(place: &Place, arguments: &[&str], config: &str) {
+fn attended(place: &TestDirectory, arguments: &[&str], config: &str) {
     let path = place.file("notify");
     let manager = UnixDatagram::bind(&path).unwrap();
     manager.set_read_timeout(Some(LIMIT)).unwrap();
@@ -116,7 +116,7 @@ fn user_and_folders_are_made_as_the_unit_needs_them() {
     if !can("systemd-sysusers", "the user `trued`") || !can("systemd-tmpfiles", "its folders") {
         return;
     }
-    let scratch = Place::new("shadow", "");
+    let scratch = TestDirectory::new("shadow", "");
     let at = format!("--root={}", scratch.root().display());
     fs::create_dir(scratch.root().join("etc")).unwrap();
     run(Command::new("systemd-sysusers").arg(&at).arg(deploy("systemd/trued.sysusers")));

@@ -4,7 +4,7 @@ use crate::TRUED;
 use shm_schema::Cell;
 use std::fs;
 use std::time::Duration;
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 use trued_client::{Client, CorrectionStatus, Setpoint};
 
@@ -14,7 +14,7 @@ const OTHER: &str = "other";
 const POSE: [f64; 6] = [0.1, 0.2, -0.3, 0.2, 0.5, 0.1];
 
 /// The place's own cell, and another one with this error.
-fn two(place: &Place, wrong: (&str, &str)) -> Process {
+fn two(place: &TestDirectory, wrong: (&str, &str)) -> Process {
     let first = place.file("cell.toml");
     let text = fs::read_to_string(&first).unwrap();
     let other = text.replace(&format!("cell = \"{CELL}\""), &format!("cell = \"{OTHER}\""));
@@ -38,15 +38,15 @@ fn is_served(client: &mut Client) -> bool {
     false
 }
 
-fn client(place: &Place, cell: &str) -> Client {
+fn client(place: &TestDirectory, cell: &str) -> Client {
     Client::connect_to(&Cell::at(place.root(), cell).unwrap(), LIMIT).unwrap()
 }
 
 #[test]
 fn one_daemon_serves_two_cells_and_ends_both() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = two(&place, ("", ""));
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut clients = [CELL, OTHER].map(|cell| client(&place, cell));
     for _ in 0..2 {
         assert!(clients.iter_mut().all(is_served), "{:?}", daemon.lines());
@@ -63,22 +63,22 @@ fn one_daemon_serves_two_cells_and_ends_both() {
             |words: &str| lines.iter().any(|line| line.contains(&named) && line.contains(words));
         assert!(said("health starting -> idle") && said("ended"), "{cell}: {lines:#?}");
     }
-    assert_eq!(place.left(), Vec::<String>::new());
+    assert_eq!(place.remaining_names(), Vec::<String>::new());
 }
 
 #[test]
 fn a_cell_that_cannot_start_is_named_and_none_is_served() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = two(&place, ("model.toml", "no-such-model.toml"));
     assert_eq!(daemon.wait().code(), Some(2), "{:?}", daemon.lines());
     let said = daemon.lines().join("\n");
     assert!(said.contains("no-such-model.toml"), "{said}");
-    assert_eq!(place.left(), Vec::<String>::new(), "the first cell was served already");
+    assert_eq!(place.remaining_names(), Vec::<String>::new(), "the first cell was served already");
 }
 
 #[test]
 fn one_cell_twice_is_bad_input() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = two(&place, (OTHER, CELL));
     assert_eq!(daemon.wait().code(), Some(2), "{:?}", daemon.lines());
     let said = daemon.lines().join("\n");

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use glam::DVec3;
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{Channel, Need, Recording, read};
+use recording::series::{Channel, Recording, RequiredData, read};
 
 use crate::program::Place;
 
@@ -38,7 +38,7 @@ fn simulated(place: &Place, out: &str, more: &[&str]) -> Recording {
     let mut arguments = vec!["simulate", "--model", "robot.toml", "--out", out, "path.csv"];
     arguments.extend(more);
     place.succeed(&arguments);
-    read(&place.path(&format!("{out}.csv")), None, Need::Measurement).expect("a recording")
+    read(&place.path(&format!("{out}.csv")), None, RequiredData::Measurement).expect("a recording")
 }
 
 fn point(recording: &Recording, row: usize) -> DVec3 {
@@ -98,7 +98,7 @@ fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_reported() {
     let arguments =
         ["simulate", "--model", "robot.toml", "--out", "made", "--noise", "0.04", "path.csv"];
     let said = place.succeed(&arguments).err;
-    let made = read(&place.path("made.csv"), None, Need::Measurement).expect("a recording");
+    let made = read(&place.path("made.csv"), None, RequiredData::Measurement).expect("a recording");
     let sigma = [0, 1, 2].map(|axis| made.sigma(Channel::Position(axis)));
     assert_eq!(sigma, [Some(1.5e-4), Some(1e-5), Some(4e-5)]);
     assert!(said.contains("which is kept: y\n"), "{said}");
@@ -147,7 +147,7 @@ fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base
     // The same, measured by a tracker at another position.
     let turn = glam::DMat3::from_rotation_z(2.0) * glam::DMat3::from_rotation_x(0.05);
     let mut moved = exact.clone();
-    moved.about.measured_in_base = false;
+    moved.metadata.measured_in_base = false;
     for k in 0..3 {
         let column =
             (0..400).map(|row| (turn * point(&exact, row) + DVec3::new(1.0, -2.0, 0.5))[k]);
@@ -158,14 +158,14 @@ fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base
     for row in (10..400).step_by(2) {
         assert!((point(&made, row) - point(&moved, row)).length() < 1e-8, "row {row}");
     }
-    assert!(!made.about.measured_in_base);
+    assert!(!made.metadata.measured_in_base);
     assert!(place.json("said.json")["recorded_rms_mm"].as_f64().expect("said") < 1e-5);
     for k in 0..3 {
         moved.set(Channel::Position(k), vec![f64::NAN; 400]);
     }
     recording::series::write(&place.path("path.csv"), &moved).expect("written");
     let made = simulated(&place, "again", &[]);
-    assert!(made.about.measured_in_base, "the frame is said");
+    assert!(made.metadata.measured_in_base, "the frame is said");
     assert!((point(&made, 0) - point(&made, 399)).length() > 0.01, "every row is measured");
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
-use recording::series::{Channel, Need, Recording, read};
+use recording::series::{Channel, Recording, RequiredData, read};
 
 use crate::program::Place;
 
@@ -40,7 +40,7 @@ fn simulated(place: &Place, more: &[&str]) -> Recording {
     let mut arguments = vec!["simulate", "--overwrite", "--out", "made", "cut.csv"];
     arguments.extend(more);
     place.succeed(&arguments);
-    read(&place.path("made.csv"), None, Need::Samples).expect("a recording")
+    read(&place.path("made.csv"), None, RequiredData::Samples).expect("a recording")
 }
 
 /// The mean of a channel over nine turns of cut, N.

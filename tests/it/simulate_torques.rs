@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use recording::series::{Channel, Need, Recording, read};
+use recording::series::{Channel, Recording, RequiredData, read};
 
 use crate::program::Place;
 
@@ -58,7 +58,7 @@ fn simulated(place: &Place, out: &str, more: &[&str]) -> Recording {
     let mut arguments = vec!["simulate", "--model", "slide.toml", "--out", out, "path.csv"];
     arguments.extend(more);
     place.succeed(&arguments);
-    read(&place.path(&format!("{out}.csv")), None, Need::Measurement).expect("a recording")
+    read(&place.path(&format!("{out}.csv")), None, RequiredData::Measurement).expect("a recording")
 }
 
 fn column(recording: &Recording, channel: Channel) -> Vec<f64> {

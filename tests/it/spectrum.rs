@@ -4,19 +4,19 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use serde_json::Value;
-use spectrum::{Block, ProcessState, Watch, WatchConfig};
-use tests::chance::Chance;
+use spectrum::{Block, MonitorConfig, ProcessState, VibrationMonitor};
+use tests::rng::TestRng;
 
 use crate::program::{Place, real_data};
 
 /// A recording of columns over time, written as CSV.
-pub(crate) struct Made {
+pub(crate) struct TestRecording {
     rate_hz: f64,
     heads: Vec<&'static str>,
     columns: Vec<Vec<f64>>,
 }
 
-impl Made {
+impl TestRecording {
     fn new(rate_hz: f64) -> Self {
         Self { rate_hz, heads: Vec::new(), columns: Vec::new() }
     }
@@ -44,8 +44,8 @@ impl Made {
 
 /// Noise of a standard deviation, nearly normal.
 fn noise(sigma: f64, seed: u64) -> impl FnMut() -> f64 {
-    let mut chance = Chance::new(seed);
-    move || sigma * ((0..12).map(|_| chance.unit()).sum::<f64>() - 6.0)
+    let mut chance = TestRng::new(seed);
+    move || sigma * ((0..12).map(|_| chance.uniform()).sum::<f64>() - 6.0)
 }
 
 fn spectrum(place: &Place, arguments: &[&str]) -> Value {
@@ -62,13 +62,13 @@ fn number(of: &Value, key: &str) -> f64 {
 }
 
 /// Two tones, the second of which begins at 4 s.
-pub(crate) fn tones(rate_hz: f64) -> Made {
+pub(crate) fn tones(rate_hz: f64) -> TestRecording {
     let (mut x, mut y) = (noise(0.5, 1), noise(0.5, 2));
-    Made::new(rate_hz).with("fx_N", 10.0, move |t| x() + 2.0 * (TAU * 35.3 * t).sin()).with(
-        "fy_N",
-        10.0,
-        move |t| y() + if t < 4.0 { 0.0 } else { 5.0 * (TAU * 71.37 * t).sin() },
-    )
+    TestRecording::new(rate_hz)
+        .with("fx_N", 10.0, move |t| x() + 2.0 * (TAU * 35.3 * t).sin())
+        .with("fy_N", 10.0, move |t| {
+            y() + if t < 4.0 { 0.0 } else { 5.0 * (TAU * 71.37 * t).sin() }
+        })
 }
 
 #[test]
@@ -99,9 +99,13 @@ fn the_command_reports_the_same_verdicts_as_the_daemon() {
     let made = tones(2000.0);
     place.file("run.csv", &made.csv());
     let found = spectrum(&place, &["run.csv", "--spindle-rpm", "2400", "--teeth", "2"]);
-    let config = WatchConfig { rate_hz: 2000.0, channels: 2, ..WatchConfig::default() };
-    let mut watch = Watch::new(config).unwrap();
-    watch.process_state(ProcessState { spindle_rpm: 2400.0, teeth: 2, ..ProcessState::default() });
+    let config = MonitorConfig { rate_hz: 2000.0, channels: 2, ..MonitorConfig::default() };
+    let mut watch = VibrationMonitor::new(config).unwrap();
+    watch.set_process_state(ProcessState {
+        spindle_rpm: 2400.0,
+        teeth: 2,
+        ..ProcessState::default()
+    });
     let mut said = Vec::new();
     // Blocks of another length than the command's: the verdicts do not depend on it.
     for (seq, from) in (0..20_000).step_by(64).enumerate() {
@@ -143,21 +147,21 @@ fn waviness_is_one_line_over_the_path_whatever_the_feed() {
     let (mut force, mut tracker) = (noise(0.5, 3), noise(0.02, 4));
     let force_of =
         move |t: f64| force() + 3.0 * (TAU * 0.3 * path(t)).sin() + 2.0 * (TAU * 50.0 * t).sin();
-    let recorded = Made::new(1000.0).with("fx_N", 36.0, force_of);
+    let recorded = TestRecording::new(1000.0).with("fx_N", 36.0, force_of);
     place.file("feed.csv", &recorded.csv());
-    let by_feed = Made { heads: vec!["fx_N", "feed_mm_s"], ..recorded };
+    let by_feed = TestRecording { heads: vec!["fx_N", "feed_mm_s"], ..recorded };
     let columns = vec![
         by_feed.columns[0].clone(),
         (0..36_000).map(|i| feed(f64::from(i) / 1000.0)).collect(),
     ];
-    let by_feed = Made { columns, ..by_feed };
+    let by_feed = TestRecording { columns, ..by_feed };
     place.file("feed.csv", &by_feed.csv());
-    let by_place = Made { heads: vec!["fx_N", "x_mm", "y_mm"], ..by_feed };
+    let by_place = TestRecording { heads: vec!["fx_N", "x_mm", "y_mm"], ..by_feed };
     let mut along = |part: f64| -> Vec<f64> {
         (0..36_000).map(|i| part * path(f64::from(i) / 1000.0) + tracker()).collect()
     };
     let columns = vec![by_place.columns[0].clone(), along(0.6), along(0.8)];
-    place.file("place.csv", &Made { columns, ..by_place }.csv());
+    place.file("place.csv", &TestRecording { columns, ..by_place }.csv());
     for (file, known_by) in
         [("feed.csv", "the recorded feed"), ("place.csv", "the measured positions")]
     {
@@ -173,7 +177,7 @@ fn waviness_is_one_line_over_the_path_whatever_the_feed() {
 
 /// The joints of a cut by joint 1 alone, at three speeds, and a force line of the teeth of its
 /// first gear pair.
-pub(crate) fn geared_cut() -> Made {
+pub(crate) fn geared_cut() -> TestRecording {
     let q1_rad = |t: f64| match t {
         t if t < 10.0 => 0.012 * t,
         t if t < 20.0 => 0.12 + 0.024 * (t - 10.0),
@@ -182,7 +186,7 @@ pub(crate) fn geared_cut() -> Made {
     // Table A III-1: the motor's pinion of 10 teeth turns 131/10 · 129/13 times as often as the joint.
     let teeth = move |t: f64| (10.0 * 131.0 / 10.0 * 129.0 / 13.0 * q1_rad(t)).sin();
     let (mut x, mut y) = (noise(0.5, 5), noise(0.5, 6));
-    let mut made = Made::new(1000.0)
+    let mut made = TestRecording::new(1000.0)
         .with("q1_deg", 30.0, move |t| q1_rad(t).to_degrees())
         .with("fx_N", 30.0, move |t| x() + 3.0 * teeth(t))
         .with("fy_N", 30.0, move |t| y() + teeth(t));
@@ -220,7 +224,7 @@ fn the_folded_tooth_passing_is_a_suspect_alias_and_no_chatter() {
     let place = Place::new();
     let (mut x, mut y) = (noise(0.3, 7), noise(0.3, 8));
     let tooth = |t: f64| if t < 4.0 { 0.0 } else { (TAU * 28_000.0 / 60.0 * 2.0 * t).sin() };
-    let made = Made::new(1000.0).with("fx_N", 8.0, move |t| x() + 2.0 * tooth(t)).with(
+    let made = TestRecording::new(1000.0).with("fx_N", 8.0, move |t| x() + 2.0 * tooth(t)).with(
         "fy_N",
         8.0,
         move |t| y() + 4.0 * tooth(t),
@@ -281,7 +285,7 @@ fn a_gap_makes_two_records_and_a_slow_recording_has_spectra_only() {
     assert!(list(&found, "notes").iter().any(|note| note.as_str().unwrap().contains("gap")));
     assert!(list(&found, "events").iter().any(|event| event["record"] == 2), "both are watched");
     let mut y = noise(0.1, 9);
-    let slow = Made::new(100.0).with("fx_N", 20.0, move |t| y() + (TAU * 13.0 * t).sin());
+    let slow = TestRecording::new(100.0).with("fx_N", 20.0, move |t| y() + (TAU * 13.0 * t).sin());
     place.file("slow.csv", &slow.csv());
     let found = spectrum(&place, &["slow.csv"]);
     assert!(list(&found, "events").is_empty());

@@ -3,11 +3,11 @@
 
 use crate::TRUED;
 use rustix::process::Signal;
-use shm_schema::{Command, Corrected, CorrectionStatus, Reason, Role, Seat};
+use shm_schema::{Command, Corrected, CorrectionStatus, Reason, Role, RoleClaim};
 use std::fs;
 use std::time::Duration;
 use tests::cell_loop::{CellLoop, JOINTS, Tick};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 use trued_client::{Answer, Client, ConnectError, Mode, Source};
 
@@ -16,7 +16,7 @@ const SYSTEM_FAILED: Option<i32> = Some(3);
 
 #[test]
 fn another_contract_is_refused_at_once_and_both_versions_are_named() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let daemon = Process::ready_daemon(TRUED, &place);
     // A running daemon would restore what is changed here.
     daemon.signal(Signal::STOP);
@@ -37,7 +37,7 @@ fn another_contract_is_refused_at_once_and_both_versions_are_named() {
 
 #[test]
 fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut first = Process::ready_daemon(TRUED, &place);
     let mut second = Process::daemon(TRUED, &place);
     let code = second.wait().code();
@@ -50,7 +50,7 @@ fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
 
 #[test]
 fn a_daemon_without_a_usable_runtime_directory_fails_and_reports_where() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let missing = place.root().join("missing").join("deep");
     let long = place.root().join("x".repeat(120));
     let disk = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
@@ -85,7 +85,7 @@ fn bits(q: &[f64]) -> Vec<u64> {
 
 #[test]
 fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_reported() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let mut answers = 0;
@@ -126,7 +126,7 @@ fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
 
 #[test]
 fn arming_and_bypass_ramp_the_correction_in_and_out() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     until(&mut cell, CorrectionStatus::Corrected, false);
@@ -143,7 +143,7 @@ fn arming_and_bypass_ramp_the_correction_in_and_out() {
 
 #[test]
 fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_states_the_remedy() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     until(&mut cell, CorrectionStatus::Shadow, true);
@@ -157,7 +157,7 @@ fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_states_the_remed
 
 #[test]
 fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
-    let place = Place::new("limited", "");
+    let place = TestDirectory::new("limited", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     for on in [false, true] {
@@ -171,10 +171,10 @@ fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
 
 #[test]
 fn a_role_that_is_taken_is_refused_with_the_process_that_has_it() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     let _first = Client::connect_to(&place.cell(), LIMIT).unwrap();
-    let mut second = Seat::new(&place.cell(), Role::Cell);
+    let mut second = RoleClaim::new(&place.cell(), Role::Cell);
     let refused = second.join().and_then(|joined| Ok(joined.publisher::<Command>()?));
     let words = refused.err().unwrap().to_string();
     assert!(words.contains(&format!("process {}", std::process::id())), "{words}");

@@ -5,10 +5,10 @@ use crate::program::Place as Folder;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 use tests::cell_loop::CellLoop;
-use tests::chance::Chance;
 use tests::clients::root;
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
+use tests::rng::TestRng;
 use trued_client::{Mode, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(10);
@@ -22,7 +22,7 @@ pub(crate) struct Done {
     pid: u32,
 }
 
-pub(crate) fn trued(place: &Place, arguments: &[&str]) -> Done {
+pub(crate) fn trued(place: &TestDirectory, arguments: &[&str]) -> Done {
     let mut command = Command::new(TRUED);
     command.args(arguments).env(shm_schema::RUNTIME_DIR_ENV, place.root());
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -34,7 +34,7 @@ pub(crate) fn trued(place: &Place, arguments: &[&str]) -> Done {
 
 #[test]
 fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_the_shell() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
@@ -66,12 +66,12 @@ fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_t
 
 #[test]
 fn modes_change_without_a_restart_and_the_robot_never_steps() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let seed = monotonic_ns();
     println!("seed {seed}");
-    let mut chance = Chance::new(seed);
+    let mut chance = TestRng::new(seed);
     let root = place.root().to_owned();
     for round in 0..12 {
         let word = ["limited", "full", "shadow"][chance.below(3) as usize];
@@ -110,7 +110,7 @@ fn modes_change_without_a_restart_and_the_robot_never_steps() {
 
 #[test]
 fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not() {
-    let place = Place::new("limited", "");
+    let place = TestDirectory::new("limited", "");
     let daemon = Process::ready_daemon(TRUED, &place);
     let refused = trued(&place, &["mode", "full"]);
     assert_eq!(refused.code, Some(1), "{}", refused.said);
@@ -120,7 +120,7 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
     assert_eq!(trued(&place, &["mode", "shadow"]).code, Some(0));
     drop(daemon);
     // A cell that starts in shadow mode and may go further.
-    let place = Place::new("shadow\"\nmode_max = \"full", "");
+    let place = TestDirectory::new("shadow\"\nmode_max = \"full", "");
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["arm"]).code, Some(1), "the configured mode is shadow");
     assert_eq!(trued(&place, &["mode", "full"]).code, Some(0));
@@ -133,7 +133,7 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
 
 #[test]
 fn a_cell_needs_no_name_where_it_is_the_only_one() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let none = trued(&place, &["status"]);
     assert_eq!(none.code, Some(3), "{}", none.said);
     assert!(none.said.contains("no running cell found"), "{}", none.said);
@@ -144,7 +144,7 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     place.write("second.toml", &text.replace(&format!("\"{CELL}\""), "\"second\""));
     let config = place.file("second.toml");
     let mut second = Process::start(TRUED, &["run", "--config", config.to_str().unwrap()], &place);
-    assert!(second.says("ready", LIMIT), "{:?}", second.lines());
+    assert!(second.wait_for_output("ready", LIMIT), "{:?}", second.lines());
     let several = trued(&place, &["bypass", "on"]);
     assert_eq!(several.code, Some(2), "{}", several.said);
     assert!(several.said.contains(&format!("{CELL}, second")), "{}", several.said);
@@ -165,7 +165,8 @@ fn keys(value: &serde_json::Value) -> Vec<String> {
 
 #[test]
 fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
-    let place = Place::new("full", "[force]\nrate_Hz = 10000.0\n[vibration]\nenabled = true\n");
+    let place =
+        TestDirectory::new("full", "[force]\nrate_Hz = 10000.0\n[vibration]\nenabled = true\n");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let shown = trued(&place, &["status"]);
     assert!(shown.said.lines().all(|line| line.chars().count() <= 80), "{}", shown.said);
@@ -181,9 +182,9 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
     }
     // A monitor watches while the daemon ends.
     let watch = Process::start(TRUED, &["status", "--watch", CELL], &place);
-    assert!(watch.says("health    idle", LIMIT), "{:?}", watch.lines());
+    assert!(watch.wait_for_output("health    idle", LIMIT), "{:?}", watch.lines());
     daemon.kill();
-    assert!(watch.says("NOT RUNNING", LIMIT), "{:?}", watch.lines());
+    assert!(watch.wait_for_output("NOT RUNNING", LIMIT), "{:?}", watch.lines());
     watch.signal(rustix::process::Signal::INT);
     let mut watch = watch;
     assert_eq!(watch.wait().code(), Some(0));

@@ -16,9 +16,9 @@ pub(crate) fn profile(header: &str, row: impl Fn(usize, f64) -> String) -> Strin
     text
 }
 
-fn refused(done: &Done, words: &[&str]) {
+fn refused(done: &Done, arguments: &[&str]) {
     assert_eq!(done.code, Some(2), "{done:#?}");
-    for word in words {
+    for word in arguments {
         assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
     }
 }

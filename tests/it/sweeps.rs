@@ -3,13 +3,13 @@
 
 use std::fmt::Write as _;
 
-use diagnosis::{Fitted, Reading, from_recording, simulate};
+use diagnosis::{FitParameter, Reading, campaign_import, campaign_simulation};
 use glam::{DMat3, DVec3};
 use recording::model::RobotModel;
 use recording::model::presets::preset;
-use recording::series::{Need, read_text};
+use recording::series::{RequiredData, read_text};
 use serde_json::Value;
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 use crate::program::Place;
 
@@ -68,20 +68,21 @@ fn csv(rows: &[Row], seen: &[[DVec3; 3]]) -> String {
 fn seen(rows: &[Row]) -> Vec<[DVec3; 3]> {
     let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
     let truth = RobotModel::parse("truth", &text).expect("sound").physics;
-    let about = recording::series::About::parse("a.toml", ABOUT).expect("sound");
+    let about = recording::series::RecordingMetadata::parse("a.toml", ABOUT).expect("sound");
     let mut seen = vec![[DVec3::ZERO; 3]; rows.len()];
     let table = csv(rows, &seen);
-    let recording = read_text("a.csv", &table, None, Some(about), Need::Measurement).expect("read");
-    let mut campaign = from_recording::campaign(&truth.arm, &[recording]).expect("a campaign");
+    let recording =
+        read_text("a.csv", &table, None, Some(about), RequiredData::Measurement).expect("read");
+    let mut campaign = campaign_import::campaign(&truth.arm, &[recording]).expect("a campaign");
     let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
     station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
     station.origin = DVec3::new(1.5, -2.0, 0.3);
     let places = [[0.15, 0.0, 0.06], [-0.08, 0.12, 0.05], [-0.07, -0.13, 0.1]];
     for (target, place) in campaign.surroundings.targets.iter_mut().zip(places) {
-        *target = Fitted::known(DVec3::from_array(place));
+        *target = FitParameter::known(DVec3::from_array(place));
     }
     let around = campaign.surroundings.clone();
-    let made = simulate::readings(&campaign, &truth, &around, 1.0, 11);
+    let made = campaign_simulation::simulate_readings(&campaign, &truth, &around, 1.0, 11);
     for (slots, pose) in seen.iter_mut().zip(&made.poses) {
         for (slot, seen) in slots.iter_mut().zip(&pose.seen) {
             if let Reading::Point { at, .. } = seen.reading {
@@ -108,11 +109,11 @@ fn sweeps() -> Vec<Row> {
 
 /// Random poses, each without and then with a force.
 fn loaded() -> Vec<Row> {
-    let mut chance = Chance::new(3);
+    let mut chance = TestRng::new(3);
     let mut pair = || {
-        let q =
-            [70.0, 35.0, 35.0, 90.0, 70.0, 120.0].map(|swing| swing * (2.0 * chance.unit() - 1.0));
-        let force = [0; 3].map(|_| 500.0 * (2.0 * chance.unit() - 1.0));
+        let q = [70.0, 35.0, 35.0, 90.0, 70.0, 120.0]
+            .map(|swing| swing * (2.0 * chance.uniform() - 1.0));
+        let force = [0; 3].map(|_| 500.0 * (2.0 * chance.uniform() - 1.0));
         [(q, [0.0; 3]), (q, force)]
     };
     (0..40).flat_map(|_| pair()).collect()
@@ -197,7 +198,7 @@ fn with_links() -> String {
     let truth = RobotModel::parse("truth", &text).expect("sound").physics;
     let table = csv(&rows, &seen(&rows));
     let station = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
-    let mut chance = Chance::new(5);
+    let mut chance = TestRng::new(5);
     let mut lines = table.lines();
     let mut head = lines.next().expect("a head").to_owned();
     for target in 4..=6 {
@@ -214,7 +215,7 @@ fn with_links() -> String {
             let base = link.checked_sub(1).map_or(at, |joint: usize| real.body(joint).point(at));
             let seen = station * base + DVec3::new(1.5, -2.0, 0.3);
             for x in seen.to_array() {
-                write!(head, ",{:.5}", x * 1e3 + 0.002 * (chance.unit() - 0.5)).unwrap();
+                write!(head, ",{:.5}", x * 1e3 + 0.002 * (chance.uniform() - 0.5)).unwrap();
             }
         }
     }

@@ -75,9 +75,9 @@ pub(crate) fn four_hits() -> String {
     )
 }
 
-fn refused(done: &Done, words: &[&str]) {
+fn refused(done: &Done, arguments: &[&str]) {
     assert_eq!(done.code, Some(2), "{done:#?}");
-    for word in words {
+    for word in arguments {
         assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
     }
 }

@@ -6,7 +6,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use tests::cell_loop::CellLoop;
 use tests::clients::skipped;
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 use trued_client::Monitor;
 
@@ -19,7 +19,7 @@ struct Terminal {
 }
 
 impl Terminal {
-    fn running(place: &Place, command: &str) -> Self {
+    fn running(place: &TestDirectory, command: &str) -> Self {
         let socket = format!("trued-test-{}", std::process::id());
         let terminal = Self { socket };
         let runtime = format!("TRUED_RUNTIME_DIR={}", place.root().display());
@@ -89,7 +89,7 @@ fn keys_do_what_they_say_and_the_screen_fits_80_by_24_and_smaller() {
         skipped(scratch, "`trued top` by keys", "no `tmux`");
         return;
     }
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");

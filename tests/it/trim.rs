@@ -10,9 +10,9 @@ use physics::{Inputs, JOINTS_MAX, Memories, Model};
 use recording::model::RobotModel;
 use std::time::Duration;
 use tests::cell_loop::{CellLoop, JOINTS};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
-use tests::simulation::instrument::{Event, Tick, Truth, run};
+use tests::simulation::instrument::{Event, SimulatedErrors, Tick, run};
 use tests::simulation::run::Run;
 use trued_client::{Answer, Health, Instrument, Status, TrimReason, TrimState, monotonic_ns};
 
@@ -34,7 +34,7 @@ fn said(run: &Run<Tick>, tick: usize) -> (TrimState, TrimReason) {
 fn an_instrument_as_it_is_takes_the_static_error_below_30_um_within_two_seconds() {
     for seed in 1..=5 {
         // The correction of the model alone has ramped in by then; the trim begins with it.
-        let run = run(&measured("trim"), Truth::stated(), 12_000, Vec::new(), seed);
+        let run = run(&measured("trim"), SimulatedErrors::stated(), 12_000, Vec::new(), seed);
         assert_eq!(run.broken, None, "seed {seed}");
         let (first, after) = (run.ticks[0].off_m.length(), run.worst_m(2000..12_000));
         println!(
@@ -52,7 +52,7 @@ fn an_instrument_as_it_is_takes_the_static_error_below_30_um_within_two_seconds(
 #[test]
 fn the_error_along_a_path_is_halved_at_least_beyond_the_model() {
     for period_s in [16.0, 8.0, 6.0] {
-        let truth = Truth { swing_rad: 0.3, period_s, ..Truth::stated() };
+        let truth = SimulatedErrors { swing_rad: 0.3, period_s, ..SimulatedErrors::stated() };
         let of = |mode| {
             let run = run(&measured(mode), truth, 30_000, Vec::new(), 7);
             assert_eq!(run.broken, None, "{mode}");
@@ -72,13 +72,13 @@ fn the_error_along_a_path_is_halved_at_least_beyond_the_model() {
 fn delays_up_to_twice_the_stated_ones_do_not_oscillate() {
     // An instrument without its own stamps: the daemon uses the values stated by the cell.
     for (latency_ms, reaction_ms) in [(0, 0), (10, 5), (20, 10), (40, 20), (50, 20)] {
-        let truth = Truth {
+        let truth = SimulatedErrors {
             latency_ms,
             reaction_ms,
             stamps: false,
             noise_m: 0.0,
             jumps: 0.0,
-            ..Truth::stated()
+            ..SimulatedErrors::stated()
         };
         // The beam is interrupted until the model's own correction has ramped in: with a wrong
         // delay its motion would cause an error.
@@ -114,7 +114,8 @@ fn loss_return_jump_mode_bypass_and_reload_make_no_step() {
         (30_000, Event::Mode(Mode::Limited)),
         (33_000, Event::Mode(Mode::Full)),
     ];
-    let truth = Truth { swing_rad: 0.1, period_s: 16.0, jumps: 0.0, ..Truth::stated() };
+    let truth =
+        SimulatedErrors { swing_rad: 0.1, period_s: 16.0, jumps: 0.0, ..SimulatedErrors::stated() };
     let run = run(&measured("trim"), truth, 36_000, events, 11);
     assert_eq!(run.broken, None);
     let trimming = (TrimState::Trimming, TrimReason::None);
@@ -143,7 +144,7 @@ fn loss_return_jump_mode_bypass_and_reload_make_no_step() {
 
 #[test]
 fn observing_finds_the_error_and_sends_what_the_model_alone_would() {
-    let truth = Truth::stated();
+    let truth = SimulatedErrors::stated();
     let observed = run(&measured("observe"), truth, 4000, Vec::new(), 5);
     let plain = run("", truth, 4000, Vec::new(), 5);
     assert_eq!((observed.broken.as_ref(), plain.broken.as_ref()), (None, None));
@@ -203,9 +204,9 @@ fn a_jump_is_followed_once_it_is_armed(
 fn a_running_daemon_trims_by_the_points_that_a_client_publishes_and_lets_go_without_them() {
     let tables = "[measured]\nmode = \"trim\"\nrate_Hz = 100\nlatency_ms = 30\nreaction_ms = 0\n\
                   noise_mm = 0.1\njump_mm = 1\n[recorder]\ndir = \"box\"\n";
-    let place = Place::new("full", tables);
+    let place = TestDirectory::new("full", tables);
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     let mut cell = CellLoop::join(&place.cell(), Duration::from_millis(5)).unwrap();
     let mut instrument = Instrument::connect_to(&place.cell(), LIMIT).unwrap();
     let second = Instrument::connect_to(&place.cell(), Duration::from_millis(100));

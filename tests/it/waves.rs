@@ -2,7 +2,7 @@
 
 use crate::program::Place;
 use std::f64::consts::TAU;
-use tests::chance::Chance;
+use tests::rng::TestRng;
 
 /// Interleaved 16-bit samples at 20 kHz with one line in every channel, and another in the last
 /// tenth of the last channel only.
@@ -20,10 +20,10 @@ fn long_wav(channels: u16, seconds: u32, line_hz: f64, late_hz: f64) -> Vec<u8> 
     file.extend([16, 0]);
     file.extend(b"data");
     file.extend(bytes.to_le_bytes());
-    let mut chance = Chance::new(1);
+    let mut chance = TestRng::new(1);
     for sample in 0..RATE_HZ * seconds {
         let wave = |hz: f64| (TAU * hz * f64::from(sample) / f64::from(RATE_HZ)).sin();
-        let value = 2000.0 * wave(line_hz) + 1000.0 * (chance.unit() - 0.5);
+        let value = 2000.0 * wave(line_hz) + 1000.0 * (chance.uniform() - 0.5);
         let is_late = sample >= RATE_HZ * seconds / 10 * 9;
         for channel in 1..=channels {
             let late = if is_late && channel == channels { 4000.0 * wave(late_hz) } else { 0.0 };

@@ -5,15 +5,15 @@
 
 use crate::heap_of;
 use bridge::Counts;
+use bridge::corrections::Corrections;
+use bridge::daemon_link::DaemonLink;
 use bridge::egm::forwarder::{Forwarder, Settings};
-use bridge::egm::joints::Order;
+use bridge::egm::joints::JointOrder;
 use bridge::egm::messages::{Header, PathCorrMessage, SensorMessage};
-use bridge::feed::Feed;
-use bridge::joining::Joining;
 use bridge::rsi::answer::Answerer;
 use bridge::settings::RunRules;
 use prost::Message;
-use recording::bridge::{Ethernet, Guidance, RsiConfig};
+use recording::bridge::{EthernetConfig, Guidance, RsiConfig};
 use recording::model::presets::preset;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -31,10 +31,12 @@ fn at() -> SocketAddr {
 }
 
 /// No daemon of that name runs.
-fn feed() -> Feed {
+fn feed() -> Corrections {
     let (news, _) = channel();
     let fresh = Duration::from_millis(10);
-    Feed::over(Joining::start("no-heap-nobody", Duration::ZERO, fresh, 1.0, news).unwrap())
+    Corrections::with_link(
+        DaemonLink::start("no-heap-nobody", Duration::ZERO, fresh, 1.0, news).unwrap(),
+    )
 }
 
 #[test]
@@ -45,7 +47,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
         robot_port: None,
         application: Some(at()),
         guidance: Guidance::Joints,
-        order: Order { count: 6, seventh_after: None },
+        order: JointOrder { count: 6, seventh_after: None },
         is_shadow: false,
         path_period_ns: 48 * MS,
         runs: RunRules::default(),
@@ -59,14 +61,14 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
     let counted = heap_of(|| {
         for (k, (feedback, target)) in (0..).zip(feedback.iter().zip(&mut targets)) {
             let now_ns = k * 4 * MS;
-            forwarder.of_robot(feedback, at(), now_ns);
-            if let Some(screened) = forwarder.of_application(target, at(), now_ns) {
+            forwarder.receive_from_robot(feedback, at(), now_ns);
+            if let Some(screened) = forwarder.receive_from_application(target, at(), now_ns) {
                 sent += u32::from(forwarder.answer(target, &screened).is_some());
             }
             if let Ok(message) = SensorMessage::read(target) {
-                message.planned.joints.put(target, &POSE);
+                message.planned.joints.write(target, &POSE);
             }
-            forwarder.idle();
+            forwarder.check_connection();
             let mut own = [0; 128];
             let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
             PathCorrMessage::write(&mut own, header, [0.0, 1.0, 2.0], 1);
@@ -79,7 +81,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
 fn an_rsi_cycle_takes_nothing_from_the_heap() {
     let arm = preset(MODEL).unwrap().model().unwrap().physics.arm;
     let xml = include_str!("../../deploy/rsi-ethernet.xml");
-    let ethernet = Ethernet::parse("ethernet.xml", xml).unwrap();
+    let ethernet = EthernetConfig::parse("ethernet.xml", xml).unwrap();
     let text = include_str!("../../deploy/bridge-rsi.toml").replace("192.168.1.2", "127.0.0.1");
     let config = RsiConfig::parse("bridge.toml", &text, ethernet).unwrap();
     let mut answerer = Answerer::new(config, arm, feed(), Arc::new(Counts::default()));
@@ -94,7 +96,7 @@ fn an_rsi_cycle_takes_nothing_from_the_heap() {
     let (mut sent, mut buffer) = (0, [0; 1000]);
     let counted = heap_of(|| {
         for telegram in &telegrams {
-            if let Some(asked) = answerer.of_robot(telegram.as_bytes(), at()) {
+            if let Some(asked) = answerer.receive(telegram.as_bytes(), at()) {
                 sent += u32::from(answerer.answer(&asked, &mut buffer).is_some());
             }
         }

@@ -5,7 +5,7 @@ use allocation_counter::AllocationInfo;
 use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
-use daemon::pacer::{Pacer, Wait};
+use daemon::pacer::{Pacer, WaitMode};
 use daemon::process::MonitorInputs;
 use daemon::robot::Robot;
 use daemon::sensor_inputs::{SensorInputs, WrenchSource};
@@ -13,15 +13,18 @@ use daemon::vibration::{ForceProcessor, VibrationThread};
 use envelope::Limits;
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, DaemonPorts, DaemonSide, ForceBlock, JOINTS_MAX, Joined, Role,
-    SPECTRUM_BINS_MAX, Seat, Spectrum, Verdict, monotonic_ns,
+    Command, Corrected, DaemonPorts, DaemonSide, ForceBlock, JOINTS_MAX, JoinedEpoch, Role,
+    RoleClaim, SPECTRUM_BINS_MAX, Spectrum, Verdict, monotonic_ns,
 };
-use spectrum::{MODES_MAX, Overview, ProcessState, WHEELS_MAX, Watch, WatchConfig, Wheel};
+use spectrum::{
+    DisplaySpectrum, GEAR_FREQUENCIES_MAX, GearFrequency, MODES_MAX, MonitorConfig, ProcessState,
+    VibrationMonitor,
+};
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::{JOINTS, path};
-use tests::place::{MODEL, Place};
+use tests::place::{MODEL, TestDirectory};
 
 const WARM_UP: u64 = 50;
 const MESSAGES: u64 = 2_000;
@@ -36,7 +39,7 @@ fn cycle(ports: &DaemonPorts) -> Cycle {
     let settings = Settings { stale_ns: 3_000_000, ..Settings::with_envelope(limits) };
     let physics = preset(MODEL).unwrap().model().unwrap().physics;
     Cycle {
-        robot: Robot::join(ports, Pacer::new(Wait::Sleep, settings.period_ns)).unwrap(),
+        robot: Robot::join(ports, Pacer::new(WaitMode::Sleep, settings.period_ns)).unwrap(),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel::new(physics, 1)),
         sensor_inputs: SensorInputs::new(WrenchSource::Force),
@@ -76,8 +79,8 @@ struct CellEnd {
     seq: u64,
 }
 
-fn joined(place: &Place, role: Role) -> (Seat, Joined) {
-    let mut seat = Seat::new(&place.cell(), role);
+fn joined(place: &TestDirectory, role: Role) -> (RoleClaim, JoinedEpoch) {
+    let mut seat = RoleClaim::new(&place.cell(), role);
     let joined = seat.join().unwrap();
     (seat, joined)
 }
@@ -94,7 +97,7 @@ fn counted<T>(
 
 #[test]
 fn the_cycle_takes_one_block_per_published_target_and_gives_it_back() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let domain = DaemonSide::create(&place.cell()).unwrap();
     let ports = domain.ports();
     let [warm, exchange] = [0, 1].map(|_| Exchange::new(Mode::Full, true));
@@ -127,7 +130,7 @@ fn the_cycle_takes_one_block_per_published_target_and_gives_it_back() {
 
 #[test]
 fn the_vibration_thread_takes_one_block_per_verdict_and_spectrum_and_gives_it_back() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let domain = DaemonSide::create(&place.cell()).unwrap();
     let ports = domain.ports();
     let [warm, exchange] = [0, 1].map(|_| Exchange::new(Mode::Full, false));
@@ -135,9 +138,11 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_spectrum_and_gives_it_ba
     let spectra = AtomicU64::new(0);
     let heap = std::thread::scope(|scope| {
         let subject = scope.spawn(|| {
-            let config = WatchConfig { rate_hz: 10_000.0, channels: 3, ..WatchConfig::default() };
-            let overview = Some(Box::new(Overview::new(&config, SPECTRUM_BINS_MAX)));
-            let force_processor = ForceProcessor::Watch(Box::new(Watch::new(config).unwrap()));
+            let config =
+                MonitorConfig { rate_hz: 10_000.0, channels: 3, ..MonitorConfig::default() };
+            let overview = Some(Box::new(DisplaySpectrum::new(&config, SPECTRUM_BINS_MAX)));
+            let force_processor =
+                ForceProcessor::Watch(Box::new(VibrationMonitor::new(config).unwrap()));
             let mut vibration_thread =
                 VibrationThread::join(&ports, force_processor, overview).unwrap();
             made.store(true, Relaxed);
@@ -222,9 +227,13 @@ fn known(seq: u64) -> MonitorInputs {
         feed_mm_s: 5.0 + (seq / 200) as f64,
         in_cut: SPOILED.contains(&seq).then_some(seq % 20 > 10),
     };
-    let wheel = Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0165 };
+    let wheel = GearFrequency { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0165 };
     let mode = spectrum::Mode::at_hz(72.0);
-    MonitorInputs { state, wheels: [Some(wheel); WHEELS_MAX], modes: [Some(mode); MODES_MAX] }
+    MonitorInputs {
+        state,
+        wheels: [Some(wheel); GEAR_FREQUENCIES_MAX],
+        modes: [Some(mode); MODES_MAX],
+    }
 }
 
 /// Ten milliseconds of force, that rings in the third and the eighth second.

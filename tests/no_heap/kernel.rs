@@ -4,15 +4,15 @@
 //! from `/proc`. A round trip is a cycle; `TRUED_QUIET_CYCLES` sets their number: a million in
 //! `.ci/run`, with nothing else running.
 
-use shm_schema::{Command, Corrected, JOINTS_MAX, Role, Seat, monotonic_ns};
+use shm_schema::{Command, Corrected, JOINTS_MAX, Role, RoleClaim, monotonic_ns};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 use tests::cell_loop::{JOINTS, path};
 use tests::clients::{has, skipped};
-use tests::pair::{JAM, recorder};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::served_cell::{AWAIT_LIMIT, recorder};
 
 const TRUED: &str = env!("CARGO_BIN_EXE_trued-under-test");
 const SPUN: u64 = 50_000;
@@ -67,7 +67,7 @@ struct Trace {
 
 impl Trace {
     /// `None` if tracing is not permitted.
-    fn start(place: &Place, thread: u32) -> Option<Self> {
+    fn start(place: &TestDirectory, thread: u32) -> Option<Self> {
         let file = place.file("trace");
         let mut strace = std::process::Command::new("strace")
             .args(["-o", file.to_str()?, "-p", &thread.to_string()])
@@ -82,7 +82,7 @@ impl Trace {
         };
         let start = Instant::now();
         while !traced() {
-            if start.elapsed() > JAM || !matches!(strace.try_wait(), Ok(None)) {
+            if start.elapsed() > AWAIT_LIMIT || !matches!(strace.try_wait(), Ok(None)) {
                 return None;
             }
             std::thread::sleep(Duration::from_millis(5));
@@ -104,16 +104,16 @@ impl Trace {
 }
 
 /// A client that sends commands and awaits answers, back-to-back or with a pause after each.
-struct Asker {
-    _seat: Seat,
+struct LatencyClient {
+    _seat: RoleClaim,
     commands: shm_schema::PeerPublisher<Command>,
     answers: shm_schema::PeerSubscriber<Corrected>,
     seq: u64,
 }
 
-impl Asker {
-    fn join(place: &Place) -> Self {
-        let mut seat = Seat::new(&place.cell(), Role::Cell);
+impl LatencyClient {
+    fn join(place: &TestDirectory) -> Self {
+        let mut seat = RoleClaim::new(&place.cell(), Role::Cell);
         let joined = seat.join().unwrap();
         let (commands, answers) = (joined.publisher().unwrap(), joined.subscriber().unwrap());
         Self { _seat: seat, commands, answers, seq: 0 }
@@ -152,11 +152,11 @@ impl Asker {
 /// none of these if tracing is not permitted.
 fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String>>) {
     let tables = format!("[cycle]\nwait = \"{wait}\"\nstale_ms = 5000.0\n{}", recorder("box"));
-    let place = Place::new("full", &tables);
+    let place = TestDirectory::new("full", &tables);
     let daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let thread = daemon.thread("cycle").expect("a thread of that name");
-    let mut asker = Asker::join(&place);
+    let mut asker = LatencyClient::join(&place);
     asker.ask(WARM_UP.min(2 * rounds), pause);
     let trace = has("strace").then(|| Trace::start(&place, thread)).flatten();
     if trace.is_none() {

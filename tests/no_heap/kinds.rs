@@ -1,11 +1,11 @@
 //! The corrector, with every kind of effect.
 
 use crate::heap_of;
-use corrector::{Command, Corrector, Mode, Outcome, Settings, World, WrenchSample};
+use corrector::{Command, Corrector, CycleInputs, Mode, Outcome, Settings, WrenchSample};
 use envelope::Limits;
 use glam::DVec3;
-use physics::spec::{Count, Parameter, Place, Range, Role, Spec};
-use physics::{AnyEffect, Arm, Given, Model, Wrench};
+use physics::spec::{Count, EffectScope, Parameter, Range, Role, Spec};
+use physics::{AnyEffect, Arm, Model, ParameterValues, Wrench};
 use recording::model::presets::preset;
 use tests::cell_loop::{JOINTS, TICK_NS, path};
 
@@ -50,7 +50,7 @@ fn effect(spec: &Spec, arm: &Arm) -> Option<AnyEffect> {
     let all: Vec<&Parameter> = spec.parameters.iter().collect();
     let mut sets: Vec<u32> = (0..1 << all.len()).collect();
     sets.sort_by_key(|set| std::cmp::Reverse(set.count_ones()));
-    let joint = (spec.place != Place::Robot).then_some(JOINT);
+    let joint = (spec.scope != EffectScope::Robot).then_some(JOINT);
     [1e-5, 1.0, 0.0].into_iter().find_map(|setting| {
         sets.iter().find_map(|set| {
             let chosen = all.iter().enumerate().filter(|(i, _)| set >> i & 1 == 1);
@@ -58,7 +58,7 @@ fn effect(spec: &Spec, arm: &Arm) -> Option<AnyEffect> {
                 chosen.map(|(_, p)| (p.stem, values(spec, p, arm, setting))).collect();
             let given: Vec<(&str, &[f64])> =
                 entries.iter().map(|(stem, values)| (*stem, values.as_slice())).collect();
-            AnyEffect::build(spec.kind, arm, joint, Given(&given)).ok()
+            AnyEffect::build(spec.kind, arm, joint, ParameterValues(&given)).ok()
         })
     })
 }
@@ -80,11 +80,11 @@ fn models() -> Vec<(String, Model)> {
     models
 }
 
-fn world(k: u64) -> World {
+fn world(k: u64) -> CycleInputs {
     let force = DVec3::new(20.0 + (k % 7) as f64, -5.0, 3.0);
     let wrench = Wrench { force, moment: DVec3::new(0.1, 0.2, 0.3) };
     let in_base = k.is_multiple_of(3);
-    World {
+    CycleInputs {
         wrench: (k % 1000 < 900).then_some(WrenchSample {
             wrench,
             in_base,
@@ -94,7 +94,7 @@ fn world(k: u64) -> World {
         ambient_celsius: 25.0,
         joint_celsius: [35.0; physics::JOINTS_MAX],
         spindle_rpm: 12_000.0,
-        ..World::default()
+        ..CycleInputs::default()
     }
 }
 
@@ -133,7 +133,7 @@ fn run(corrector: &mut Corrector, model: &Model, cycles: u64) -> Outcome {
             continue;
         }
         let wanted = corrector.correct(model, &command(k), &world(k), now_ns);
-        last = corrector.bound(model, &wanted);
+        last = corrector.limit(model, &wanted);
         corrector.prepare(model);
     }
     last

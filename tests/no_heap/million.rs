@@ -7,8 +7,8 @@ use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::{Link, Robot};
 use daemon::setup;
 use envelope::Limits;
-use joint_dynamics::plant::{Plant, Plants, Uncertain};
-use joint_dynamics::{Filter, Taps, TapsSettings};
+use joint_dynamics::plant::{Plant, Plants, UncertainValue};
+use joint_dynamics::{Filter, FilterTaps, TapsSettings};
 use physics::Model;
 use recording::cell::CellConfig;
 use recording::model::presets::preset;
@@ -25,7 +25,7 @@ const CYCLES: u64 = 1_000_000;
 
 /// Commands at an even pace, some of them invalid, with occasional pauses; models and orders as
 /// from the supervisor.
-struct Even {
+struct SteadyLink {
     exchange: Arc<Exchange>,
     now_ns: u64,
     seq: u64,
@@ -34,7 +34,7 @@ struct Even {
     models: [Option<Box<LoadedModel>>; 2],
 }
 
-impl Link for Even {
+impl Link for SteadyLink {
     fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -111,7 +111,7 @@ impl Link for Even {
     }
 }
 
-impl Even {
+impl SteadyLink {
     /// Actions of the other threads on a cycle, with boxes allocated before.
     fn trouble(&mut self) {
         if self.seq % 10_000 == 777 {
@@ -138,10 +138,10 @@ impl Even {
 
 /// Joints with a delay of 4 ms and a lag of 12 ms.
 fn filter() -> Box<Filter> {
-    let of = |value| vec![Uncertain { value, sigma: 0.0 }];
+    let of = |value| vec![UncertainValue { value, sigma: 0.0 }];
     let plant = Plant { delays_s: of(0.004), lags_s: of(0.012), modes: Vec::new() };
     let plants = Plants { joints: vec![plant; JOINTS], left_out: Vec::new() };
-    let taps = Taps::new(&plants, 1e-9 * TICK_NS as f64, &TapsSettings::default()).unwrap();
+    let taps = FilterTaps::new(&plants, 1e-9 * TICK_NS as f64, &TapsSettings::default()).unwrap();
     Box::new(Filter::new(taps, [f64::INFINITY; JOINTS_MAX]))
 }
 
@@ -156,7 +156,8 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     };
     let models = [Some(loaded(Model::nominal(physics.arm), 2)), Some(loaded(physics, 3))];
     let (exchange_of_link, now_ns) = (Arc::clone(&exchange), 1 << 40);
-    let link = Even { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };
+    let link =
+        SteadyLink { exchange: exchange_of_link, now_ns, seq: 0, sent: 0, measured: 0, models };
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\n[measured]\nmode = \"trim\"\n\
          rate_Hz = 250\nlatency_ms = 2\nnoise_mm = 0.02\njump_mm = 100\n\
@@ -165,7 +166,7 @@ fn a_million_cycles_take_nothing_from_the_heap() {
     let config = CellConfig::parse("cell.toml", &text).unwrap();
     assert!(setup::deflection_limit_fault(&config, &physics).is_none());
     let mut cycle = Cycle {
-        robot: Robot::over(link),
+        robot: Robot::with_link(link),
         corrector: Corrector::new(settings),
         model: loaded(physics, 1),
         sensor_inputs: setup::sensor_inputs(&config, false).with_lead(Some(Box::default())),
@@ -179,12 +180,12 @@ fn a_million_cycles_take_nothing_from_the_heap() {
         .map(|counter| counter.load(Relaxed));
     assert!(cycles >= CYCLES && rejected > 1000 && stale > 100, "{cycles}, {rejected}, {stale}");
     let mut status = Status::default();
-    counters.trim.put(&mut status);
+    counters.trim.write_status(&mut status);
     assert!(status.trim_measurements > 200_000 && status.trim_refused > 1000, "{status:?}");
-    counters.lead.put(&mut status);
+    counters.lead.write_status(&mut status);
     assert_eq!(status.lead_state(), Ok(LeadState::ShortHorizon));
     assert!(status.horizons_refused > 1000, "{status:?}");
-    counters.feed.put(&mut status);
+    counters.feed.write_status(&mut status);
     assert!(status.feed_refused > 1000 && status.feed_limit_n > 0.0, "{status:?}");
     assert!(counters.model_epoch.load(Relaxed) > 1, "models were swapped");
     assert_eq!((heap.count_total, heap.bytes_total), (0, 0), "{heap:?}");

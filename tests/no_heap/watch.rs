@@ -1,21 +1,21 @@
 //! The vibration monitor, from noise to a line and back, with gaps and broken samples.
 
 use crate::heap_of;
-use spectrum::{Block, State, Watch, WatchConfig};
-use tests::chance::Chance;
+use spectrum::{Block, MonitorConfig, State, VibrationMonitor};
+use tests::rng::TestRng;
 
 const RATE_HZ: f64 = 10_000.0;
 const CHANNELS: usize = 3;
 const FRAMES: usize = 10;
 const BLOCKS: u64 = 6_000;
 
-fn samples(k: u64, chance: &mut Chance) -> [f64; CHANNELS * FRAMES] {
+fn samples(k: u64, rng: &mut TestRng) -> [f64; CHANNELS * FRAMES] {
     let mut samples = [0.0; CHANNELS * FRAMES];
     for (i, sample) in samples.iter_mut().enumerate() {
         let t_s = (k * FRAMES as u64) as f64 / RATE_HZ + (i / CHANNELS) as f64 / RATE_HZ;
         let rings = (2.5..4.5).contains(&t_s);
         let line = if rings { 8.0 * (std::f64::consts::TAU * 72.0 * t_s).sin() } else { 0.0 };
-        *sample = line + chance.unit() - 0.5;
+        *sample = line + rng.uniform() - 0.5;
         if k % 1501 == 1500 {
             *sample = f64::NAN;
         }
@@ -25,9 +25,9 @@ fn samples(k: u64, chance: &mut Chance) -> [f64; CHANNELS * FRAMES] {
 
 #[test]
 fn the_watch_takes_nothing_from_the_heap() {
-    let config = WatchConfig { rate_hz: RATE_HZ, channels: CHANNELS, ..WatchConfig::default() };
-    let mut watch = Watch::new(config).unwrap();
-    let mut chance = Chance::new(7);
+    let config = MonitorConfig { rate_hz: RATE_HZ, channels: CHANNELS, ..MonitorConfig::default() };
+    let mut watch = VibrationMonitor::new(config).unwrap();
+    let mut chance = TestRng::new(7);
     let (mut alarms, mut overs) = (0, 0);
     let heap = heap_of(|| {
         for k in 0..BLOCKS {

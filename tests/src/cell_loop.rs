@@ -5,14 +5,14 @@ use crate::oracle::Oracle;
 use shm_schema::Cell;
 use std::time::Duration;
 use trued_client::{
-    Client, ConnectError, CorrectionStatus, Mode, NotSent, Setpoint, Source, Status, monotonic_ns,
+    Client, ConnectError, CorrectionStatus, Mode, SendError, Setpoint, Source, Status, monotonic_ns,
 };
 
 /// Joints of the arm.
 pub const JOINTS: usize = 6;
 /// Time between commands, ns.
 pub const TICK_NS: u64 = 1_000_000;
-/// Where the sines are zero, rad.
+/// Centre of the sines, rad.
 pub const MIDDLE: [f64; JOINTS] = [0.2, 0.3, -0.2, 0.3, 0.8, 0.1];
 const SWING_RAD: f64 = 0.05;
 const PERIOD_S: f64 = 5.0;
@@ -35,13 +35,13 @@ pub fn path(t_ns: u64) -> [f64; JOINTS] {
 pub struct Tick {
     /// The command, rad.
     pub q_cmd: [f64; JOINTS],
-    /// What the robot is sent, rad.
+    /// The target sent to the robot, rad.
     pub target: [f64; JOINTS],
     /// Target minus command, rad.
     pub correction: [f64; JOINTS],
-    /// What the correction in it is.
+    /// Source of its correction.
     pub source: Source,
-    /// Whether the daemon answered this very command in time.
+    /// Whether the daemon answered this command in time.
     pub answered: bool,
     /// Whether it refused it.
     pub refused: bool,
@@ -106,7 +106,7 @@ impl CellLoop {
         let t_ns = sent_ns.saturating_add_signed(self.clock_set_ns);
         let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
         // The client paces itself by the stamp of the last target sent.
-        if matches!(sent, Ok(_) | Err(NotSent::Lost)) {
+        if matches!(sent, Ok(_) | Err(SendError::Lost)) {
             self.stamp_ns = t_ns;
         }
         let answer = sent.ok().and_then(|seq| self.client.wait_corrected(seq, self.patience));

@@ -5,21 +5,21 @@
 #[path = "../../bridge/tests/proto/mod.rs"]
 pub mod proto;
 
-use crate::place::Place;
+use crate::place::TestDirectory;
 use crate::process::Process;
 use prost::Message;
 use std::ffi::OsStr;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 
-/// How long a datagram is waited for: generous, as the machine may be busy.
+/// Time limit of waiting for a datagram, generous for a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 /// `EgmMCIState` of a robot that is guided.
 pub const RUNNING: i32 = 3;
 /// State of a robot that is not guided.
 pub const STOPPED: i32 = 2;
 
-/// The bridge's configuration towards this robot, and the application where there is one.
+/// The bridge's configuration for this robot and, if given, the application.
 #[must_use]
 pub fn config(
     accuracy: &str,
@@ -40,7 +40,7 @@ pub fn bridge(
     program: &str,
     before: &[&str],
     protocol: &str,
-    place: &Place,
+    place: &TestDirectory,
     config: &str,
 ) -> (Process, SocketAddr) {
     place.write("bridge.toml", config);
@@ -49,7 +49,7 @@ pub fn bridge(
     arguments.extend(["bridge", protocol, "--config"].map(OsStr::new));
     arguments.push(file.as_os_str());
     let process = Process::start(program, &arguments, place);
-    assert!(process.says("ready", PATIENCE), "{:#?}", process.lines());
+    assert!(process.wait_for_output("ready", PATIENCE), "{:#?}", process.lines());
     let at = process
         .lines()
         .iter()
@@ -74,9 +74,9 @@ pub struct EgmRobot {
     pub bridge: SocketAddr,
     /// Number of its next message.
     pub seqno: u32,
-    /// Where it is, degrees.
+    /// Its joint positions, degrees.
     pub joints: Vec<f64>,
-    /// What its force sensor reads, N and Nm.
+    /// Reading of its force sensor, N and Nm.
     pub force: Option<[f64; 6]>,
     /// `EgmMCIState`.
     pub mci_state: i32,
@@ -115,7 +115,7 @@ impl EgmRobot {
         .encode_to_vec()
     }
 
-    /// Says where it is.
+    /// Sends its position.
     pub fn say(&mut self) {
         let message = self.message();
         self.socket.send_to(&message, self.bridge).expect("a datagram goes out");
@@ -165,14 +165,14 @@ pub fn joints(sensor: &proto::Sensor) -> Vec<f64> {
 
 /// Both sides of a bridge.
 #[derive(Debug)]
-pub struct Rig {
+pub struct BridgeRig {
     /// The robot.
     pub robot: EgmRobot,
     /// The application's socket.
     pub application: UdpSocket,
 }
 
-impl Rig {
+impl BridgeRig {
     /// One cycle: the robot sends its position, the application answers, the robot receives the
     /// result and moves there.
     pub fn cycle(&mut self, target_deg: &[f64]) -> Option<Vec<f64>> {

@@ -7,11 +7,11 @@ use rustix::process::{Pid, Signal, kill_process};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// Writes of one thread that hang, until it is let go.
+/// Delays the writes of one thread until it is released.
 #[derive(Debug)]
-pub struct Hang(Child);
+pub struct BlockedWrites(Child);
 
-impl Hang {
+impl BlockedWrites {
     /// Delays each write of the thread with that name from now on; `None` if `strace` is missing or
     /// not permitted.
     #[must_use]
@@ -24,20 +24,20 @@ impl Hang {
             .stderr(Stdio::null())
             .spawn()
             .ok()?;
-        // One that may not trace ends at once.
+        // Without permission to trace, `strace` ends at once.
         std::thread::sleep(Duration::from_millis(300));
         matches!(strace.try_wait(), Ok(None)).then_some(Self(strace))
     }
 
-    /// Lets go of the thread.
+    /// Releases the thread.
     pub fn end(mut self) {
-        // SIGINT: a kill would leave it stopped.
+        // SIGINT, because SIGKILL would leave the thread stopped.
         let _ = kill_process(Pid::from_child(&self.0), Signal::INT);
         let _ = self.0.wait();
     }
 
-    /// Ends at once, if the process ends too: its thread only disappears once its tracer has
-    /// noticed.
+    /// Ends `strace` at once, when the process ends too: a traced thread disappears only after its
+    /// tracer has been notified.
     pub fn kill(mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();

@@ -5,23 +5,23 @@
 #![expect(clippy::expect_used, clippy::panic, reason = "a rig that cannot go on fails its test")]
 
 pub mod cell_loop;
-pub mod chance;
 pub mod clients;
 pub mod egm;
+pub mod fault_injection;
 pub mod fuzz;
-pub mod gauge;
 pub mod hang;
-pub mod hostile;
+pub mod invalid_messages;
 pub mod loop_records;
 pub mod memory;
-pub mod mutate;
+pub mod message_corruptor;
+pub mod mutator;
 pub mod oracle;
-pub mod pair;
 pub mod place;
 pub mod process;
 pub mod python;
+pub mod rate_check;
 pub mod retrofit;
-pub mod scribbler;
+pub mod rng;
 pub mod sensor;
+pub mod served_cell;
 pub mod simulation;
-pub mod strikes;

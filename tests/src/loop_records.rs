@@ -45,7 +45,7 @@ pub fn write(
 
 /// Evaluation of a file of records.
 #[derive(Clone, Debug, Default)]
-pub struct Judged {
+pub struct Evaluation {
     /// Cycles.
     pub cycles: usize,
     /// The largest correction that was sent, rad.
@@ -79,8 +79,8 @@ impl Record<'_> {
 
 /// Judges every record; the last `tail` of them are those in which the daemon's corrections have to be back.
 #[must_use]
-pub fn judge(bytes: &[u8], tail: usize) -> Judged {
-    let mut judged = Judged { cycles: bytes.len() / RECORD, ..Judged::default() };
+pub fn judge(bytes: &[u8], tail: usize) -> Evaluation {
+    let mut judged = Evaluation { cycles: bytes.len() / RECORD, ..Evaluation::default() };
     let mut oracle: Option<Oracle> = None;
     let mut corrected = 0;
     for (at, bytes) in bytes.chunks_exact(RECORD).enumerate() {

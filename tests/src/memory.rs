@@ -4,10 +4,10 @@
 /// Largest ratio of the last third to the previous one that counts as constant. Freed pages are
 /// returned late, and models differ in size.
 pub const FLAT: f64 = 1.02;
-/// With fewer samples in a third, the second third is a start still.
+/// Least number of samples per third; with fewer, the second third still belongs to the start-up.
 const LEAST: usize = 60;
 
-/// The medians of the three thirds, in time; none where there are too few samples.
+/// The medians of the three thirds, in order of time; `None` for too few samples.
 #[must_use]
 pub fn thirds(samples: &[u64]) -> Option<[u64; 3]> {
     let third = samples.len() / 3;

@@ -1,6 +1,6 @@
-//! Checks the targets sent to a robot, from outside: it knows the time, the command, the target
-//! sent, and the limits in force. Every tick is checked, in any state of daemon and client. Its
-//! rules, with `c = sent - command` of each joint:
+//! Independent check of the targets sent to a robot, from the time, the command, the target sent,
+//! and the active limits. Every tick is checked, in any state of daemon and client. Its rules, with
+//! `c = sent - command` of each joint:
 //!
 //! 1. For a command of finite values the target has the same number of finite values.
 //! 2. `|c| ≤ angle`, to rounding.
@@ -24,7 +24,7 @@ use std::collections::VecDeque;
 /// Rounding of a sum and a difference, rad; and per rad of the command.
 const ROUNDING: f64 = 1e-15;
 const RELATIVE: f64 = 1e-15;
-/// Stamps of commands that are further from the clock were set, ns.
+/// Largest difference between command stamps and the clock, ns; beyond it the clock was set.
 const STAMPED_NS: u64 = 20_000_000;
 /// Ticks closer than this are not separate samples of the jerk, s: half the period of the fastest
 /// cycle.
@@ -34,18 +34,18 @@ const SILENCE_S: f64 = 0.02;
 /// continues from rest.
 const STOOD_S: f64 = 4e-3;
 const SILENT_INTERVALS: f64 = 3.0;
-/// Number of intervals whose spread is the uncertainty of time.
+/// Number of intervals used for the timing uncertainty.
 const INTERVALS: usize = 10;
 
 /// The bounds of one joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
+struct CorrectionBounds {
     angle: f64,
     rate: f64,
     jerk: f64,
 }
 
-impl Bounds {
+impl CorrectionBounds {
     fn union(self, other: Self) -> Self {
         Self {
             angle: self.angle.max(other.angle),
@@ -61,7 +61,8 @@ impl Bounds {
         2.0 * (2.0 * angle / rate + 2.0 * (rate / jerk).sqrt() + (64.0 * angle / jerk).cbrt())
     }
 
-    /// The longest that it may take to ramp a correction out that may still move away at the rate, s.
+    /// The longest time to ramp a correction to zero that initially moves away at the rate limit,
+    /// s.
     fn out_s(self, correction: f64) -> f64 {
         let further = self.rate * (self.rate / self.jerk).sqrt();
         Self { angle: self.angle.min(correction + further), ..self }.longest_s()
@@ -70,32 +71,32 @@ impl Bounds {
 
 /// One tick.
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct CheckedTick {
     t_s: f64,
     correction: [f64; JOINTS],
     /// Rounding error of each, rad.
     rounding: [f64; JOINTS],
 }
 
-/// Whoever judges.
+/// The oracle.
 #[derive(Clone, Debug)]
 pub struct Oracle {
-    bounds: [Bounds; JOINTS],
-    /// Bounds that may still be braked from, and until when, s.
-    former: Vec<(f64, [Bounds; JOINTS])>,
+    bounds: [CorrectionBounds; JOINTS],
+    /// Former bounds that still apply during braking, and until when, s.
+    former: Vec<(f64, [CorrectionBounds; JOINTS])>,
     /// The newest nodes, oldest first, and the tick after the last of them.
-    nodes: VecDeque<Node>,
-    last: Option<Node>,
-    /// The correction that a run begins with.
+    nodes: VecDeque<CheckedTick>,
+    last: Option<CheckedTick>,
+    /// The correction at the start of a run.
     first: [f64; JOINTS],
     /// Whether the robot is at rest at the next correction.
     stands: bool,
-    /// Intervals since a silence, s; and the last two, silences among them.
+    /// Intervals since a silence, s; and the last two, including silences.
     intervals: VecDeque<f64>,
     before_s: [f64; 2],
-    /// From when on shadow mode binds, s.
+    /// Time from which the rule of shadow mode applies, s.
     shadow_from_s: Option<f64>,
-    /// How long the sender may not know of a change, s.
+    /// Time for which the sender may not know of a change, s.
     delay_s: f64,
     start_ns: Option<u64>,
     /// The newest stamp, and the offset of the stamps, ns.
@@ -136,7 +137,7 @@ impl Oracle {
         Self { resolution: self.resolution + resolution, ..self }
     }
 
-    /// Other bounds are in force.
+    /// Sets new bounds.
     pub fn set_bounds(&mut self, t_ns: u64, bounds: &JointBounds) {
         let (t_s, new) = (self.seconds(t_ns), of(bounds));
         if new == self.bounds {
@@ -216,13 +217,13 @@ impl Oracle {
             broken = Err(format!("shadow mode sends {sent:?} for {command:?}"));
         }
         let rounding = std::array::from_fn(|i| self.resolution + RELATIVE * command[i].abs());
-        let now = Node { t_s, correction, rounding };
+        let now = CheckedTick { t_s, correction, rounding };
         let judged = self.judge(&now);
         self.remember(now);
         broken.and(judged)
     }
 
-    fn judge(&self, now: &Node) -> Result<(), String> {
+    fn judge(&self, now: &CheckedTick) -> Result<(), String> {
         for i in 0..JOINTS {
             let bounds = self.in_force(i);
             let (c, rounding) = (now.correction[i], 2.0 * now.rounding[i]);
@@ -245,7 +246,7 @@ impl Oracle {
         Ok(())
     }
 
-    fn judge_jerk(&self, now: &Node, i: usize, bound: f64) -> Result<(), String> {
+    fn judge_jerk(&self, now: &CheckedTick, i: usize, bound: f64) -> Result<(), String> {
         let dt_s = self.last.as_ref().map_or(0.0, |last| now.t_s - last.t_s);
         if self.is_silence(dt_s) || self.nodes.len() < 3 {
             return Ok(());
@@ -264,7 +265,7 @@ impl Oracle {
         let uncertain = self.fastest(i) * self.spread_s(dt_s);
         let most = bound * (1.0 + 1e-6) + uncertain * weights + rounding;
         if jerk.abs() > most {
-            let row = |node: &Node| format!("{:.6} s {:e}", node.t_s, node.correction[i]);
+            let row = |node: &CheckedTick| format!("{:.6} s {:e}", node.t_s, node.correction[i]);
             let rows: Vec<String> = self.nodes.iter().chain([now]).map(row).collect();
             let words = format!("jerk of {jerk:e}, bound {bound:e} ({most:e})");
             return Err(format!("joint {i} has a {words}: {}", rows.join(", ")));
@@ -272,7 +273,7 @@ impl Oracle {
         Ok(())
     }
 
-    fn remember(&mut self, now: Node) {
+    fn remember(&mut self, now: CheckedTick) {
         if let Some(last) = self.last {
             let dt_s = now.t_s - last.t_s;
             if self.is_silence(dt_s) {
@@ -332,7 +333,7 @@ impl Oracle {
         mean + 3.0 * changes.fold(0.0, f64::max)
     }
 
-    fn in_force(&self, i: usize) -> Bounds {
+    fn in_force(&self, i: usize) -> CorrectionBounds {
         self.former.iter().fold(self.bounds[i], |all, (_, former)| all.union(former[i]))
     }
 
@@ -343,8 +344,8 @@ impl Oracle {
     }
 }
 
-fn of(bounds: &JointBounds) -> [Bounds; JOINTS] {
-    std::array::from_fn(|i| Bounds {
+fn of(bounds: &JointBounds) -> [CorrectionBounds; JOINTS] {
+    std::array::from_fn(|i| CorrectionBounds {
         angle: bounds.angle[i],
         rate: bounds.rate[i],
         jerk: bounds.jerk[i],

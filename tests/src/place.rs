@@ -1,13 +1,13 @@
 //! A separate cell for one test: runtime directory in memory, configuration, model.
 
 use recording::model::presets::preset;
-use shm_schema::{Cell, new_session, sweep};
+use shm_schema::{Cell, new_session, remove_leftovers};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The cell's name.
 pub const CELL: &str = "cell";
-/// The model that tests correct by.
+/// The model used by the tests.
 pub const MODEL: &str = "irb1600-6-145-thesis";
 
 /// Rate limit of a correction: slow, so that a step is distinguishable from what may be made up for
@@ -16,12 +16,12 @@ const RATE_MRAD_S: f64 = 10.0;
 
 /// A runtime directory, removed at the end with its contents.
 #[derive(Debug)]
-pub struct Place {
+pub struct TestDirectory {
     root: PathBuf,
 }
 
-impl Place {
-    /// A fresh one with `cell.toml`, which ends with `tables`, and the model of [`MODEL`].
+impl TestDirectory {
+    /// A new one with `cell.toml`, to which `tables` is appended, and the model [`MODEL`].
     #[must_use]
     pub fn new(mode: &str, tables: &str) -> Self {
         let root = PathBuf::from(format!("/dev/shm/trued-it-{:016x}", new_session()));
@@ -37,19 +37,19 @@ impl Place {
         place
     }
 
-    /// Where the runtime directory is.
+    /// Path of the runtime directory.
     #[must_use]
     pub fn root(&self) -> &Path {
         &self.root
     }
 
-    /// The cell as clients find it.
+    /// The cell, for clients.
     #[must_use]
     pub fn cell(&self) -> Cell {
         Cell::at(&self.root, CELL).expect("a short path")
     }
 
-    /// A file of this test.
+    /// Path of a file of this test.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {
         self.root.join("files").join(name)
@@ -67,18 +67,18 @@ impl Place {
         self.file(name)
     }
 
-    /// Every name of the cell that is still there, in memory and in the runtime directory.
+    /// All names of the cell that still exist, in shared memory and in the runtime directory.
     #[must_use]
-    pub fn left(&self) -> Vec<String> {
+    pub fn remaining_names(&self) -> Vec<String> {
         let prefix = self.cell().shared_memory_prefix();
         let memory = names(Path::new("/dev/shm")).into_iter().filter(|n| n.starts_with(&prefix));
         names(&self.root).into_iter().filter(|name| name != "files").chain(memory).collect()
     }
 }
 
-impl Drop for Place {
+impl Drop for TestDirectory {
     fn drop(&mut self) {
-        let _ = sweep(&self.cell());
+        let _ = remove_leftovers(&self.cell());
         let _ = fs::remove_dir_all(&self.root);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! It is killed with the test at the latest.
 
-use crate::place::Place;
+use crate::place::TestDirectory;
 use rustix::process::{Pid, Signal, kill_process};
 use shm_schema::{RUNTIME_DIR_ENV, monotonic_ns};
 use std::ffi::OsStr;
@@ -12,12 +12,12 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How long a daemon may take to be ready on a loaded machine.
+/// Time limit for a daemon to become ready on a loaded machine.
 const READY_WITHIN: Duration = Duration::from_secs(10);
 
-/// What was heard of a process.
+/// Captured output of a process.
 #[derive(Debug, Default)]
-struct Heard {
+struct CapturedOutput {
     lines: Vec<String>,
     /// The last `answered NS by PID` of a cell.
     answered: (u64, u32),
@@ -27,24 +27,24 @@ struct Heard {
 #[derive(Debug)]
 pub struct Process {
     child: Child,
-    heard: Arc<Mutex<Heard>>,
+    heard: Arc<Mutex<CapturedOutput>>,
     deaf: Arc<AtomicBool>,
     stalled: Arc<AtomicBool>,
 }
 
 impl Process {
-    /// Starts `program` in that place.
-    pub fn start<I: AsRef<OsStr>>(program: &str, args: &[I], place: &Place) -> Self {
+    /// Starts `program` in a test directory.
+    pub fn start<I: AsRef<OsStr>>(program: &str, args: &[I], place: &TestDirectory) -> Self {
         Self::spawn(Command::new(program).args(args), place)
     }
 
-    /// Starts a command in that place.
-    pub fn spawn(command: &mut Command, place: &Place) -> Self {
+    /// Starts a command in a test directory.
+    pub fn spawn(command: &mut Command, place: &TestDirectory) -> Self {
         Self::with_log(command, place, Stdio::piped())
     }
 
-    /// The same, with its standard error sent there.
-    pub fn with_log(command: &mut Command, place: &Place, log: Stdio) -> Self {
+    /// The same with its standard error redirected to `log`.
+    pub fn with_log(command: &mut Command, place: &TestDirectory, log: Stdio) -> Self {
         let mut child = command
             .env(RUNTIME_DIR_ENV, place.root())
             .stdin(Stdio::piped())
@@ -52,22 +52,22 @@ impl Process {
             .stderr(log)
             .spawn()
             .expect("the program starts");
-        let heard = Arc::<Mutex<Heard>>::default();
+        let heard = Arc::<Mutex<CapturedOutput>>::default();
         let [deaf, stalled] = [(); 2].map(|()| Arc::<AtomicBool>::default());
         listen(child.stdout.take(), &heard, [&deaf, &stalled]);
         listen(child.stderr.take(), &heard, [&deaf, &stalled]);
         Self { child, heard, deaf, stalled }
     }
 
-    /// Starts the daemon of that place and waits until it is ready.
-    pub fn ready_daemon(program: &str, place: &Place) -> Self {
+    /// Starts the daemon of a test directory and waits until it is ready.
+    pub fn ready_daemon(program: &str, place: &TestDirectory) -> Self {
         let daemon = Self::daemon(program, place);
-        assert!(daemon.says("ready", READY_WITHIN), "{:?}", daemon.lines());
+        assert!(daemon.wait_for_output("ready", READY_WITHIN), "{:?}", daemon.lines());
         daemon
     }
 
-    /// Starts the daemon of that place.
-    pub fn daemon(program: &str, place: &Place) -> Self {
+    /// Starts the daemon of a test directory.
+    pub fn daemon(program: &str, place: &TestDirectory) -> Self {
         let config = place.file("cell.toml");
         Self::start(program, &["run".as_ref(), "--config".as_ref(), config.as_os_str()], place)
     }
@@ -89,7 +89,7 @@ impl Process {
         let _ = self.child.wait();
     }
 
-    /// Requests its end, as a service manager does, and waits.
+    /// Sends SIGTERM, as a service manager does, and waits for its end.
     pub fn end(&mut self) -> ExitStatus {
         self.signal(Signal::TERM);
         self.wait()
@@ -101,7 +101,7 @@ impl Process {
         let _ = kill_process(pid, signal);
     }
 
-    /// Its thread of that name.
+    /// Number of the thread with this name.
     #[must_use]
     pub fn thread(&self, name: &str) -> Option<u32> {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.id())).ok()?;
@@ -111,7 +111,8 @@ impl Process {
         tasks.flatten().find(named)?.file_name().to_str()?.parse().ok()
     }
 
-    /// What each of its threads waits for: name, place in the kernel, system call with its arguments.
+    /// State of each thread: name, kernel function in which it waits, system call with its
+    /// arguments.
     #[must_use]
     pub fn waits(&self) -> Vec<String> {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.id()));
@@ -122,8 +123,8 @@ impl Process {
         tasks.into_iter().flatten().flatten().map(of).collect()
     }
 
-    /// How long the thread with that name was runnable without a core; zero if the kernel does not
-    /// report it.
+    /// Time for which the thread with this name was runnable without a core; zero if the kernel
+    /// does not report it.
     #[must_use]
     pub fn waited(&self, name: &str) -> Duration {
         let told = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
@@ -140,8 +141,8 @@ impl Process {
         line.trim().strip_suffix(" kB")?.trim().parse().ok()
     }
 
-    /// Stops reading its output for good.
-    pub fn turn_away(&mut self) {
+    /// Stops reading its output permanently.
+    pub fn stop_reading(&mut self) {
         self.deaf.store(true, Relaxed);
     }
 
@@ -150,14 +151,14 @@ impl Process {
         self.stalled.store(!on, Relaxed);
     }
 
-    /// Says a line to it.
-    pub fn tell(&mut self, line: &str) {
+    /// Writes a line to its standard input.
+    pub fn write_line(&mut self, line: &str) {
         // A process that has ended does not read its input.
         let _ = self.child.stdin.as_mut().map(|stdin| writeln!(stdin, "{line}"));
     }
 
-    /// Closes its standard input, which a rig's cell ends at, and waits.
-    pub fn let_go(&mut self) -> ExitStatus {
+    /// Closes its standard input, at which `rig_cell` ends, and waits.
+    pub fn close_input(&mut self) -> ExitStatus {
         drop(self.child.stdin.take());
         self.wait()
     }
@@ -171,9 +172,9 @@ impl Process {
     }
 
     /// Waits until its output contains `words`; false if it does not within `limit`.
-    pub fn says(&self, words: &str, limit: Duration) -> bool {
+    pub fn wait_for_output(&self, text: &str, limit: Duration) -> bool {
         let start = Instant::now();
-        while !self.lines().iter().any(|line| line.contains(words)) {
+        while !self.lines().iter().any(|line| line.contains(text)) {
             if start.elapsed() > limit {
                 return false;
             }
@@ -188,14 +189,14 @@ impl Process {
         lock(&self.heard).lines.clone()
     }
 
-    /// Whether this cell has had an answer of that daemon since `ns`.
+    /// Whether this cell received an answer of that daemon since `ns`.
     #[must_use]
     pub fn answered_since(&self, ns: u64, daemon: u32) -> bool {
         let (at_ns, by) = lock(&self.heard).answered;
         at_ns > ns && by == daemon
     }
 
-    /// When this cell reported its last answer (`CLOCK_MONOTONIC`, ns).
+    /// Time at which this cell reported its last answer (`CLOCK_MONOTONIC`, ns).
     #[must_use]
     pub fn answered_ns(&self) -> u64 {
         lock(&self.heard).answered.0
@@ -223,7 +224,7 @@ impl Drop for Process {
 
 fn listen(
     stream: Option<impl Read + Send + 'static>,
-    heard: &Arc<Mutex<Heard>>,
+    heard: &Arc<Mutex<CapturedOutput>>,
     [deaf, stalled]: [&Arc<AtomicBool>; 2],
 ) {
     let Some(stream) = stream else { return };
@@ -250,6 +251,6 @@ fn answered(line: &str) -> Option<(u64, u32)> {
     Some((at.parse().ok()?, by.parse().ok()?))
 }
 
-fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+fn lock(heard: &Mutex<CapturedOutput>) -> MutexGuard<'_, CapturedOutput> {
     heard.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -4,8 +4,8 @@
 //! The application streams a path by EGM and is unaware of corrections; the robot is that of
 //! `world`, with targets and measured force sent by EGM. The robot's errors are drawn by seed.
 
-use crate::egm::{EgmRobot, PATIENCE, Rig, bridge, config, socket};
-use crate::place::Place;
+use crate::egm::{BridgeRig, EgmRobot, PATIENCE, bridge, config, socket};
+use crate::place::TestDirectory;
 use crate::process::Process;
 use physics::{JOINTS_MAX, Joints};
 use recording::model::presets::preset;
@@ -34,9 +34,9 @@ pub struct Outcome {
     pub errors_m: Vec<(f64, f64)>,
     /// Cycles without an answer.
     pub missed: usize,
-    /// Answers that took longer than a cycle: this machine's, in this hour.
+    /// Answers that took longer than a cycle, which depends on the load of the machine.
     pub late: usize,
-    /// What the bridge counted.
+    /// Counters of the bridge.
     pub counted: Vec<String>,
 }
 
@@ -56,25 +56,25 @@ impl Outcome {
 /// Mills the demo's short path; `program` with `before` in front of its arguments is `trued`.
 ///
 /// # Panics
-/// Where the rig cannot go on.
+/// If a part of the rig fails.
 #[must_use]
 pub fn run(program: &str, before: &[&str], seed: u64) -> Outcome {
-    let place = Place::new("full", TABLES);
+    let place = TestDirectory::new("full", TABLES);
     let cell_toml = place.file("cell.toml");
     let mut arguments: Vec<&OsStr> = before.iter().map(OsStr::new).collect();
     arguments.extend(["run", "--config"].map(OsStr::new));
     arguments.push(cell_toml.as_os_str());
     let daemon = Process::start(program, &arguments, &place);
-    assert!(daemon.says("ready", PATIENCE), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", PATIENCE), "{:#?}", daemon.lines());
 
     let mut cell = cell(seed);
     let application = socket();
     let config =
         config("off", "joints", application.local_addr().ok(), "[force]\nframe = \"tool\"\n");
     let (mut process, at) = bridge(program, before, "egm", &place, &config);
-    assert!(process.says("connected to the daemon", PATIENCE), "{:#?}", process.lines());
+    assert!(process.wait_for_output("connected to the daemon", PATIENCE), "{:#?}", process.lines());
     let first = cell.next_command().map_or([0.0; JOINTS_MAX], |sample| sample.q);
-    let mut rig = Rig { robot: EgmRobot::new(at, &degrees(&first)), application };
+    let mut rig = BridgeRig { robot: EgmRobot::new(at, &degrees(&first)), application };
     let mut outcome = Outcome { errors_m: Vec::new(), missed: 0, late: 0, counted: Vec::new() };
     let mut due = Instant::now();
     for k in 0..cell.ticks() {
@@ -84,12 +84,12 @@ pub fn run(program: &str, before: &[&str], seed: u64) -> Outcome {
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
     }
     process.end();
-    assert!(process.says("force samples: ", PATIENCE), "{:#?}", process.lines());
+    assert!(process.wait_for_output("force samples: ", PATIENCE), "{:#?}", process.lines());
     outcome.counted = process.lines();
     outcome
 }
 
-fn cycle(cell: &mut Cell, rig: &mut Rig, outcome: &mut Outcome, k: usize) {
+fn cycle(cell: &mut Cell, rig: &mut BridgeRig, outcome: &mut Outcome, k: usize) {
     let Some(q_cmd) = cell.next_command().map(|sample| sample.q) else { return };
     let mut published: Joints = q_cmd;
     match rig.cycle(&degrees(&q_cmd)) {
@@ -125,5 +125,5 @@ fn cell(seed: u64) -> Cell {
     let path = JointPath { samples, ..path };
     let calibration = Calibration { model: &model.physics, sigmas: &model.sigma };
     let truth = draw(&calibration, seed).expect("a true robot");
-    Cell::new(&truth, Setup::quiet(path, seed))
+    Cell::new(&truth, Setup::without_chatter(path, seed))
 }

@@ -4,10 +4,10 @@
 //! tests do not depend on the speed of the machine: the number of blocks in transit is limited to
 //! the capacity of the transport.
 
-use crate::chance::Chance;
-use crate::place::Place;
+use crate::place::TestDirectory;
+use crate::rng::TestRng;
 use shm_schema::{
-    ForceBlock, Joined, PeerPublisher, Role, Seat, SendOutcome, monotonic_ns, new_session,
+    ForceBlock, JoinedEpoch, PeerPublisher, Role, RoleClaim, SendOutcome, monotonic_ns, new_session,
 };
 use std::time::{Duration, Instant};
 use trued_client::{Monitor, Status, Verdict};
@@ -26,14 +26,14 @@ pub struct Sensor {
     /// The daemon's observer.
     pub monitor: Monitor,
     /// Verdicts so far.
-    pub said: Vec<Verdict>,
+    pub verdicts: Vec<Verdict>,
     /// Number of blocks sent.
     pub sent: u64,
     /// The next block, without its samples.
     pub block: Box<ForceBlock>,
     blocks: PeerPublisher<ForceBlock>,
-    _seat: (Seat, Joined),
-    chance: Chance,
+    _seat: (RoleClaim, JoinedEpoch),
+    chance: TestRng,
     frames: u64,
     samples_before: u64,
     start_ns: u64,
@@ -42,20 +42,20 @@ pub struct Sensor {
 impl Sensor {
     /// Joins the daemon of that place; blocks of 10 ms, or of 512 samples where that is less.
     #[must_use]
-    pub fn join(place: &Place, rate_hz: f64, channels: u32) -> Self {
-        let mut seat = Seat::new(&place.cell(), Role::Force);
+    pub fn join(place: &TestDirectory, rate_hz: f64, channels: u32) -> Self {
+        let mut seat = RoleClaim::new(&place.cell(), Role::Force);
         let joined = seat.join().expect("a daemon that is ready");
         let samples = (0.01 * rate_hz).min(512.0) as u32;
         let session = new_session();
         let block = ForceBlock { session, rate_hz, channels, samples, ..ForceBlock::default() };
         Self {
             monitor: Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon that is ready"),
-            said: Vec::new(),
+            verdicts: Vec::new(),
             sent: 0,
             block: Box::new(block),
             blocks: joined.publisher().expect("the place of the force source"),
             _seat: (seat, joined),
-            chance: Chance::new(7),
+            chance: TestRng::new(7),
             frames: 0,
             samples_before: 0,
             start_ns: monotonic_ns(),
@@ -68,7 +68,7 @@ impl Sensor {
         self.run_broken(seconds, signal, |_| {});
     }
 
-    /// The same with blocks that `broken` changes before they go out.
+    /// The same with blocks that are modified by `broken` before they are sent.
     pub fn run_broken(
         &mut self,
         seconds: f64,
@@ -105,7 +105,7 @@ impl Sensor {
         }
         assert_eq!(self.blocks.send(block), SendOutcome::Delivered);
         self.sent += 1;
-        self.said.extend(std::iter::from_fn(|| self.monitor.vibration()));
+        self.verdicts.extend(std::iter::from_fn(|| self.monitor.vibration()));
     }
 
     /// The next status made after this call.
@@ -118,7 +118,7 @@ impl Sensor {
     pub fn wait(&mut self, what: &str, holds: impl Fn(&Status) -> bool) -> Status {
         let start = Instant::now();
         loop {
-            self.said.extend(std::iter::from_fn(|| self.monitor.vibration()));
+            self.verdicts.extend(std::iter::from_fn(|| self.monitor.vibration()));
             let status = self.monitor.status().filter(|status| holds(status));
             if let Some(status) = status {
                 return status;
@@ -148,7 +148,7 @@ impl Sensor {
         block.sent_ns = monotonic_ns();
         for channel in 0..block.channels {
             for s in 0..samples {
-                let noise: f64 = (0..4).map(|_| self.chance.unit() - 0.5).sum();
+                let noise: f64 = (0..4).map(|_| self.chance.uniform() - 0.5).sum();
                 let value = noise + signal(channel, t_s + s as f64 / block.rate_hz);
                 block.data[channel as usize * samples + s] = value;
             }
@@ -162,7 +162,7 @@ impl Sensor {
     }
 }
 
-/// Blocks that the daemon has seen, whatever became of them.
+/// Blocks received by the daemon, accepted or not.
 fn heard(status: &Status) -> u64 {
     status.force_blocks + status.force_refused
 }

@@ -3,6 +3,6 @@
 use std::process::Command;
 
 /// This very program, for a further process of it.
-pub(crate) fn myself() -> std::io::Result<Command> {
+pub(crate) fn this_program() -> std::io::Result<Command> {
     Ok(Command::new(std::env::current_exe()?))
 }

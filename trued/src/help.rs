@@ -44,7 +44,7 @@ const EXIT_CODES: &str = "  0    success
   130  interrupted";
 
 /// The command with its help laid out.
-pub(crate) fn dressed(command: Command) -> Command {
+pub(crate) fn with_help_sections(command: Command) -> Command {
     let commands = tasks(&command) + &examples(&command);
     let template = format!(
         "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{EXIT_CODES}\n\n\
@@ -89,7 +89,7 @@ mod tests {
 
     #[test]
     fn the_arguments_are_consistent() {
-        dressed(Cli::command()).debug_assert();
+        with_help_sections(Cli::command()).debug_assert();
     }
 
     #[test]
@@ -101,7 +101,8 @@ mod tests {
     #[test]
     fn only_what_exists_is_listed_by_task_with_its_examples() {
         let known = ["demo", "model"].map(|name| Command::new(name).about("What it does"));
-        let mut command = dressed(Command::new("trued").about("About").subcommands(known));
+        let mut command =
+            with_help_sections(Command::new("trued").about("About").subcommands(known));
         let help = command.render_help().to_string();
         assert!(
             help.contains(

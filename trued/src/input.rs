@@ -13,8 +13,8 @@ use physics::JointKind;
 use recording::faults::{Faults, nearest};
 use recording::files::FileError;
 use recording::model::{RobotModel, presets};
-use recording::series::{self, Kind, Need, Recording};
-use report::count;
+use recording::series::{self, Recording, RecordingKind, RequiredData};
+use report::pluralise;
 use tracing::{info, warn};
 
 use crate::exit::Failure;
@@ -46,7 +46,7 @@ pub(crate) struct Input {
 }
 
 /// A recording whose content has been inspected.
-pub(crate) enum Looked {
+pub(crate) enum InspectedRecording {
     /// It contains no joints: with the model that is given or named for it, or a placeholder
     /// without an arm.
     WithoutArm(Box<(RobotModel, Recording)>),
@@ -57,25 +57,25 @@ pub(crate) enum Looked {
 /// No model under this name.
 #[derive(Debug, thiserror::Error)]
 #[error("`{}` is neither a model file nor a preset{meant}; `trued model presets` lists the presets", name.display())]
-struct NoModel {
+struct NoModelError {
     name: PathBuf,
     meant: String,
 }
 
 /// A file with faults, all of them.
 #[derive(Debug, thiserror::Error)]
-#[error("{} has {}\n\n{}", .0.file(), count(.0.len(), "fault"), .0.plain())]
-pub(crate) struct Faulty(pub(crate) Faults);
+#[error("{} has {}\n\n{}", .0.file(), pluralise(.0.len(), "fault"), .0.plain())]
+pub(crate) struct FaultyFile(pub(crate) Faults);
 
 /// No model was named.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: no model is stated; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
-struct Unnamed(PathBuf);
+struct NoModelNamed(PathBuf);
 
 /// Recordings of several robots.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: states a different model than the first recording; give --model MODEL if both are of one robot", .0.display())]
-struct Different(PathBuf);
+struct DifferentModels(PathBuf);
 
 impl Reading {
     /// The files that it names besides recordings.
@@ -86,7 +86,7 @@ impl Reading {
     /// Reads a recording of joint positions and the model that it belongs to; `fallback` is the model where neither
     /// the command line nor the recording names one.
     pub(crate) fn read(&self, path: &Path, fallback: Option<&Path>) -> Result<Input, Failure> {
-        self.read_with(Need::Path, path, fallback, None)
+        self.read_with(RequiredData::Path, path, fallback, None)
     }
 
     /// Reads recordings of one robot's measurements, and its model.
@@ -105,65 +105,71 @@ impl Reading {
     ) -> Result<(RobotModel, Vec<Recording>), Failure> {
         let mut inputs = Vec::with_capacity(paths.len());
         for path in paths {
-            inputs.push(self.read_with(Need::Measurement, path, None, read.take())?);
+            inputs.push(self.read_with(RequiredData::Measurement, path, None, read.take())?);
         }
         let first = inputs.first().map(|input| input.model.clone());
         let model = first.ok_or_else(|| Failure::input("no recording was given"))?;
         if let Some(other) = inputs.iter().find(|input| input.model.hash != model.hash) {
-            return Err(Failure::input(Different(other.recording.file.clone())));
+            return Err(Failure::input(DifferentModels(other.recording.file.clone())));
         }
         Ok((model, inputs.into_iter().map(|input| input.recording).collect()))
     }
 
     /// Reads a recording of which it is not known yet whether it contains joints.
-    pub(crate) fn look(&self, path: &Path) -> Result<Looked, Failure> {
+    pub(crate) fn inspect(&self, path: &Path) -> Result<InspectedRecording, Failure> {
         // A read error is reported by the caller that needs joints.
-        let Ok(recording) = series::read(path, self.mapping.as_deref(), Need::Samples) else {
-            return Ok(Looked::OfArm(None));
+        let Ok(recording) = series::read(path, self.mapping.as_deref(), RequiredData::Samples)
+        else {
+            return Ok(InspectedRecording::OfArm(None));
         };
         if recording.joint_count() > 0 {
-            return Ok(Looked::OfArm(Some(Box::new(recording))));
+            return Ok(InspectedRecording::OfArm(Some(Box::new(recording))));
         }
         for note in &recording.notes {
             warn!("{}: {note}", recording.file.display());
         }
-        let named =
-            recording.about.model.as_ref().map(|name| presets::beside(path, Path::new(name)));
+        let named = recording
+            .metadata
+            .model
+            .as_ref()
+            .map(|name| presets::resolve_model_path(path, Path::new(name)));
         let model = match self.model.as_deref().or(named.as_deref()) {
             Some(name) => model(name)?,
             None => RobotModel::parse("no arm", NO_ARM).map_err(Failure::system)?,
         };
-        Ok(Looked::WithoutArm(Box::new((model, recording))))
+        Ok(InspectedRecording::WithoutArm(Box::new((model, recording))))
     }
 
     fn read_with(
         &self,
-        need: Need,
+        need: RequiredData,
         path: &Path,
         fallback: Option<&Path>,
         read: Option<Recording>,
     ) -> Result<Input, Failure> {
         let recording = match read {
             Some(recording) => {
-                recording.check_need(need).map_err(|faults| Failure::input(Faulty(faults)))?;
+                recording.check_need(need).map_err(|faults| Failure::input(FaultyFile(faults)))?;
                 recording
             }
             None => series::read(path, self.mapping.as_deref(), need).map_err(unusable)?,
         };
-        let named = recording.about.model.as_ref();
-        let beside = named.map(|name| presets::beside(path, Path::new(name)));
+        let named = recording.metadata.model.as_ref();
+        let beside = named.map(|name| presets::resolve_model_path(path, Path::new(name)));
         let name = self.model.as_deref().or(fallback).or(beside.as_deref());
-        let model = model(name.ok_or_else(|| Failure::input(Unnamed(path.to_owned())))?)?;
+        let model = model(name.ok_or_else(|| Failure::input(NoModelNamed(path.to_owned())))?)?;
         let joint_kinds = setup::joint_kinds(&model.physics.arm);
-        recording.check_joints(&joint_kinds).map_err(|faults| Failure::input(Faulty(faults)))?;
+        recording
+            .check_joints(&joint_kinds)
+            .map_err(|faults| Failure::input(FaultyFile(faults)))?;
         let input = Input { model, recording, joint_kinds };
-        input.tell(need);
+        input.log_notes(need);
         Ok(input)
     }
 }
 
 impl Input {
-    fn tell(&self, need: Need) {
+    fn log_notes(&self, need: RequiredData) {
         let Self { model, recording, joint_kinds } = self;
         let joints = joint_kinds.len();
         info!(model = model.file.name, joints, rows = recording.len(), "read");
@@ -174,7 +180,7 @@ impl Input {
             info!(effect, "not compensated by the static correction");
         }
         let step_s = median_step_s(recording);
-        let corrects = need == Need::Path && recording.about.kind == Kind::Path;
+        let corrects = need == RequiredData::Path && recording.metadata.kind == RecordingKind::Path;
         if corrects && step_s > STEP_S_MAX {
             warn!(
                 "the time step is {step_s:.3} s, but the correction changes between two rows by no more than its limits allow in \
@@ -196,7 +202,7 @@ pub(crate) fn unusable_model(name: &Path, error: FileError) -> Failure {
             let presets = presets::PRESETS.iter().map(|preset| preset.name);
             let near = name.to_str().and_then(|name| nearest(name, presets));
             let meant = near.map(|near| format!(" (did you mean `{near}`?)")).unwrap_or_default();
-            Failure::input(NoModel { name: name.to_owned(), meant })
+            Failure::input(NoModelError { name: name.to_owned(), meant })
         }
         error => unusable(error),
     }
@@ -210,7 +216,7 @@ pub(crate) fn in_file<E: Display>(path: &Path) -> impl Fn(E) -> Failure + '_ {
 /// A file that cannot be used is bad input, whatever the reason.
 pub(crate) fn unusable(error: FileError) -> Failure {
     match error {
-        FileError::Content(faults) => Failure::input(Faulty(faults)),
+        FileError::Content(faults) => Failure::input(FaultyFile(faults)),
         error => Failure::input(error),
     }
 }

@@ -7,9 +7,9 @@
 mod child;
 mod cli;
 mod commands;
+mod dynamic_options;
 pub mod exit;
 mod help;
-mod in_time;
 mod input;
 pub mod interrupt;
 mod logs;
@@ -40,17 +40,17 @@ use crate::provenance::Invocation;
 /// Exit codes: see [`exit`].
 pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     let args: Vec<OsString> = args.collect();
-    let invocation = Invocation::of(&args);
+    let invocation = Invocation::from_args(&args);
     let cli = match parse(args) {
         Ok(cli) => cli,
-        Err(told) => return tell(&told),
+        Err(told) => return print_clap_message(&told),
     };
-    let mut console = Console::new(cli.common.clone()).of(invocation);
+    let mut console = Console::new(cli.common.clone()).with_invocation(invocation);
     logs::start(&console);
     let outcome = commands::run(&cli.command, &mut console);
     let outcome = outcome.and_then(|answer| console.close().map(|()| answer));
     if let Err(failure) = &outcome {
-        console.complain(failure);
+        console.print_failure(failure);
     }
     logs::finish();
     exit::code(&outcome)
@@ -61,13 +61,13 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
 pub fn command() -> clap::Command {
     // Clap puts the program's name before it.
     let version = program::version().trim_start_matches("trued ");
-    help::dressed(Cli::command().version(version))
+    help::with_help_sections(Cli::command().version(version))
 }
 
 fn parse(args: Vec<OsString>) -> Result<Cli, clap::Error> {
     let mut command = command();
     let mut matches = command.try_get_matches_from_mut(args)?;
-    if let Some(why) = refused(&matches) {
+    if let Some(why) = unknown_json_use(&matches) {
         return Err(command.error(ErrorKind::ValueValidation, why));
     }
     Cli::from_arg_matches_mut(&mut matches)
@@ -78,8 +78,8 @@ const FILES: [&str; 5] = ["out", "report", "corrections", "textfile", "urdf"];
 /// Commands that run until they are ended, or print something else, and have no result as JSON.
 const WITHOUT_JSON: [&str; 5] = ["bridge", "completions", "live", "run", "top"];
 
-/// Why options of every command do not fit this one.
-fn refused(matches: &ArgMatches) -> Option<String> {
+/// Error: a global option does not apply to this command.
+fn unknown_json_use(matches: &ArgMatches) -> Option<String> {
     let (name, mut inner) = matches.subcommand()?;
     if WITHOUT_JSON.contains(&name) && matches!(inner.try_get_raw("json"), Ok(Some(_))) {
         let instead = "the state of a running cell as JSON: `trued status --json -`";
@@ -100,7 +100,7 @@ fn refused(matches: &ArgMatches) -> Option<String> {
 }
 
 /// Help and version are results; everything else is a usage error.
-fn tell(told: &clap::Error) -> ExitCode {
+fn print_clap_message(told: &clap::Error) -> ExitCode {
     let outcome = match told.print() {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(error)),
         _ if told.use_stderr() => Err(Failure::input("usage")),

@@ -24,9 +24,9 @@ use crate::output::Console;
 /// Lines that wait for a reader at most.
 const WAITING_MAX: usize = 1024;
 /// How long the end waits for a reader.
-const LAST_WORDS: Duration = Duration::from_millis(300);
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(300);
 
-/// What waits for a reader, once this process serves robots.
+/// Lines that wait for a reader, once this process serves robots.
 static QUEUE: OnceLock<Queue> = OnceLock::new();
 
 /// Lines for a thread that may block.
@@ -82,9 +82,9 @@ impl Queue {
 }
 
 /// Writes a log line while the progress bars are hidden.
-struct BesideBars(MultiProgress);
+struct LogWriter(MultiProgress);
 
-impl Write for BesideBars {
+impl Write for LogWriter {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
         match QUEUE.get() {
             Some(queue) => queue.push(text),
@@ -100,16 +100,16 @@ impl Write for BesideBars {
 }
 
 /// Passes the log of a cell's daemon to its recording.
-struct Recorded;
+struct RecordingLayer;
 
-impl<S: Subscriber> Layer<S> for Recorded {
+impl<S: Subscriber> Layer<S> for RecordingLayer {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let level = match *event.metadata().level() {
             Level::ERROR => "error",
             Level::WARN => "warn",
             _ => "info",
         };
-        daemon::notebook::note(level, || {
+        daemon::recording_log::record_line(level, || {
             let mut line = Line::default();
             event.record(&mut line);
             line.message + &line.fields
@@ -149,7 +149,7 @@ pub(crate) fn start(console: &Console) {
     };
     let bars = console.progress().clone();
     let log = tracing_subscriber::fmt::layer()
-        .with_writer(move || BesideBars(bars.clone()))
+        .with_writer(move || LogWriter(bars.clone()))
         .with_ansi(console.colour_on_stderr())
         // It would write to standard error, and panic if that is closed.
         .log_internal_errors(false)
@@ -157,7 +157,7 @@ pub(crate) fn start(console: &Console) {
         .without_time()
         .with_filter(level);
     // Whatever is shown, the recording of a cell gets its daemon's log.
-    let recorded = Recorded.with_filter(LevelFilter::INFO);
+    let recorded = RecordingLayer.with_filter(LevelFilter::INFO);
     let log = tracing_subscriber::registry().with(log).with(recorded);
     // Already set: a test runs the program several times in one process, and the first log serves them all.
     let _ = tracing::subscriber::set_global_default(log);
@@ -179,13 +179,13 @@ pub(crate) fn never_wait() -> Result<(), Failure> {
 /// Writes the program's last message to the log; waits for its reader as the log does.
 pub(crate) fn write(bars: &MultiProgress, text: &[u8]) {
     // If standard error is gone, the exit code remains.
-    let _ = BesideBars(bars.clone()).write_all(text);
+    let _ = LogWriter(bars.clone()).write_all(text);
 }
 
 /// Gives the reader a last chance to read.
 pub(crate) fn finish() {
     if let Some(queue) = QUEUE.get() {
-        queue.drain(LAST_WORDS);
+        queue.drain(FLUSH_TIMEOUT);
     }
 }
 

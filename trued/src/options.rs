@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::{ArgAction, Args, ValueEnum};
-use diagnosis::threads::bound_threads;
+use diagnosis::threads::limit_threads;
 
 use crate::exit::Failure;
 
@@ -56,7 +56,7 @@ impl Seed {
     /// The given seed, or a random one below a million so that it can be typed. The command states
     /// it.
     #[must_use]
-    pub fn settle(&self) -> u64 {
+    pub fn resolve(&self) -> u64 {
         self.seed.unwrap_or_else(|| RandomState::new().build_hasher().finish() % 1_000_000)
     }
 }
@@ -72,7 +72,7 @@ pub struct Threads {
 impl Threads {
     /// How many threads to work with.
     #[must_use]
-    pub fn settle(&self) -> NonZeroUsize {
+    pub fn resolve(&self) -> NonZeroUsize {
         let offered = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
         self.threads.unwrap_or_else(offered)
     }
@@ -82,7 +82,7 @@ impl Threads {
     /// # Errors
     /// The system provides no threads.
     pub(crate) fn bound(&self) -> Result<(), Failure> {
-        self.threads.map_or(Ok(()), |threads| bound_threads(threads).map_err(Failure::system))
+        self.threads.map_or(Ok(()), |threads| limit_threads(threads).map_err(Failure::system))
     }
 }
 
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn a_given_seed_is_used_and_a_drawn_one_can_be_typed() {
-        assert_eq!(Seed { seed: Some(7) }.settle(), 7);
-        assert!(Seed { seed: None }.settle() < 1_000_000);
+        assert_eq!(Seed { seed: Some(7) }.resolve(), 7);
+        assert!(Seed { seed: None }.resolve() < 1_000_000);
     }
 }

@@ -25,7 +25,7 @@ use crate::wrap::wrapped;
 
 /// The meaning of a word, shown by colour if enabled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Paint {
+pub enum Emphasis {
     /// A heading, a key figure.
     Strong,
     /// Beside the point.
@@ -63,7 +63,7 @@ impl Console {
 
     /// The same for the given program run, which its pages state.
     #[must_use]
-    pub fn of(self, invocation: Invocation) -> Self {
+    pub fn with_invocation(self, invocation: Invocation) -> Self {
         Self { invocation, ..self }
     }
 
@@ -93,9 +93,9 @@ impl Console {
     pub fn say(&mut self, text: impl AsRef<str>) -> Result<(), Failure> {
         let text = text.as_ref();
         if self.text_to_stderr() {
-            return self.tell(io::stderr(), &for_stream(&io::stderr(), text));
+            return self.write_line(io::stderr(), &for_stream(&io::stderr(), text));
         }
-        self.tell(io::stdout(), &for_stream(&io::stdout(), text))
+        self.write_line(io::stdout(), &for_stream(&io::stdout(), text))
     }
 
     /// Says the lines of a result, their heads painted by tone.
@@ -109,10 +109,10 @@ impl Console {
                 return self.say(&line.rest);
             }
             let paint = match line.tone {
-                Tone::Plain => Paint::Strong,
-                Tone::Good => Paint::Good,
-                Tone::Caution => Paint::Caution,
-                Tone::Bad => Paint::Bad,
+                Tone::Plain => Emphasis::Strong,
+                Tone::Good => Emphasis::Good,
+                Tone::Caution => Emphasis::Caution,
+                Tone::Bad => Emphasis::Bad,
             };
             self.say(self.paint(paint, &line.head) + &line.rest)
         })
@@ -124,13 +124,13 @@ impl Console {
     ///
     /// As [`Console::say`].
     pub fn verbatim(&mut self, text: &str) -> Result<(), Failure> {
-        self.tell(io::stdout(), text)
+        self.write_line(io::stdout(), text)
     }
 
     /// The files of this command besides the JSON; none so far.
     #[must_use]
     pub fn files(&self) -> Outputs {
-        Outputs::new(self.common.overwrite).of(self.invocation.clone())
+        Outputs::new(self.common.overwrite).with_invocation(self.invocation.clone())
     }
 
     /// Lists the pages that this command wrote: the last line of its text.
@@ -170,7 +170,7 @@ impl Console {
         let text = program::json(schema, body).map_err(Failure::system)?;
         if path == Path::new("-") {
             outputs.write()?;
-            return self.tell(io::stdout(), &text);
+            return self.write_line(io::stdout(), &text);
         }
         outputs.put(&path, text + "\n");
         Ok(outputs.write()?)
@@ -203,7 +203,7 @@ impl Console {
 
     /// The text in colour, where the stream of the result has any.
     #[must_use]
-    pub fn paint(&self, paint: Paint, text: &str) -> String {
+    pub fn paint(&self, paint: Emphasis, text: &str) -> String {
         let to_terminal = if self.text_to_stderr() {
             io::stderr().is_terminal()
         } else {
@@ -213,9 +213,12 @@ impl Console {
     }
 
     /// Says on standard error why the command was not done.
-    pub(crate) fn complain(&self, failure: &Failure) {
-        let head =
-            if self.colour_on_stderr() { painted(Paint::Bad, "error:") } else { "error:".into() };
+    pub(crate) fn print_failure(&self, failure: &Failure) {
+        let head = if self.colour_on_stderr() {
+            painted(Emphasis::Bad, "error:")
+        } else {
+            "error:".into()
+        };
         let mut said = failure.to_string();
         // Messages of the command-line parser already begin this way.
         let mut text = format!("{head} {}\n", said.strip_prefix("error: ").unwrap_or(&said));
@@ -252,7 +255,7 @@ impl Console {
         }
     }
 
-    fn tell(&mut self, mut stream: impl Write, text: &str) -> Result<(), Failure> {
+    fn write_line(&mut self, mut stream: impl Write, text: &str) -> Result<(), Failure> {
         if self.reader_left {
             return Ok(());
         }
@@ -279,13 +282,13 @@ fn for_stream<'a>(stream: &impl AsFd, text: &'a str) -> Cow<'a, str> {
     }
 }
 
-fn painted(paint: Paint, text: &str) -> String {
+fn painted(paint: Emphasis, text: &str) -> String {
     let code = match paint {
-        Paint::Strong => "1",
-        Paint::Faint => "2",
-        Paint::Good => "32",
-        Paint::Caution => "33",
-        Paint::Bad => "1;31",
+        Emphasis::Strong => "1",
+        Emphasis::Faint => "2",
+        Emphasis::Good => "32",
+        Emphasis::Caution => "33",
+        Emphasis::Bad => "1;31",
     };
     format!("\u{1b}[{code}m{text}\u{1b}[0m")
 }
@@ -315,9 +318,12 @@ mod tests {
     #[test]
     fn a_reader_that_left_is_no_error_but_a_full_disk_is() {
         let mut console = Console::new(Common::default());
-        assert!(matches!(console.tell(Gone(ErrorKind::StorageFull), "a"), Err(Failure::System(_))));
-        assert!(console.tell(Gone(ErrorKind::BrokenPipe), "a").is_ok());
-        assert!(console.tell(Gone(ErrorKind::StorageFull), "never tried").is_ok());
+        assert!(matches!(
+            console.write_line(Gone(ErrorKind::StorageFull), "a"),
+            Err(Failure::System(_))
+        ));
+        assert!(console.write_line(Gone(ErrorKind::BrokenPipe), "a").is_ok());
+        assert!(console.write_line(Gone(ErrorKind::StorageFull), "never tried").is_ok());
     }
 
     #[test]
@@ -338,7 +344,7 @@ mod tests {
     #[test]
     fn colour_is_only_where_it_was_asked_for() {
         let paint =
-            |color| Console::new(Common { color, ..Common::default() }).paint(Paint::Good, "ok");
+            |color| Console::new(Common { color, ..Common::default() }).paint(Emphasis::Good, "ok");
         assert_eq!(paint(Color::Never), "ok");
         assert_eq!(paint(Color::Always), "\u{1b}[32mok\u{1b}[0m");
     }

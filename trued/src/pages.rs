@@ -30,7 +30,7 @@ impl Outputs {
 
     /// Sets the program run that is stated on the pages among the outputs.
     #[must_use]
-    pub fn of(self, invocation: Invocation) -> Self {
+    pub fn with_invocation(self, invocation: Invocation) -> Self {
         Self { invocation, ..self }
     }
 

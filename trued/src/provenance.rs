@@ -9,7 +9,7 @@ use std::io::Read;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use recording::blackbox::Utc;
+use recording::mcap_recording::Utc;
 use recording::program;
 use report::{InputFile, Provenance};
 use sha2::{Digest, Sha256};
@@ -29,7 +29,7 @@ pub struct Invocation {
 impl Invocation {
     /// The run that these arguments began, the first of which is the program's name.
     #[must_use]
-    pub fn of(args: &[OsString]) -> Self {
+    pub fn from_args(args: &[OsString]) -> Self {
         let words = args.iter().skip(1).map(|word| word.to_string_lossy().into_owned());
         Self { command: typed(words), date_utc: date(now_s()) }
     }

@@ -7,11 +7,11 @@ use std::io;
 use terminal_size::{Width, terminal_size_of};
 
 /// Lines are no longer than this, however wide the terminal is, for readability.
-const WIDEST: usize = 100;
+const COLUMNS_MAX: usize = 100;
 /// Below this width nothing is wrapped.
-const NARROWEST: usize = 30;
+const COLUMNS_MIN: usize = 30;
 /// How far a broken line hangs under its beginning.
-const HANG: usize = 2;
+const HANGING_INDENT: usize = 2;
 
 /// Width of standard output in columns; `None` if it is no terminal.
 pub(crate) fn columns_of_stdout() -> Option<usize> {
@@ -20,15 +20,15 @@ pub(crate) fn columns_of_stdout() -> Option<usize> {
 
 /// The text with lines of at most `columns`; longer words are kept whole.
 pub(crate) fn wrapped(text: &str, columns: usize) -> String {
-    if columns < NARROWEST {
+    if columns < COLUMNS_MIN {
         return text.to_owned();
     }
-    let columns = columns.min(WIDEST);
-    let lines: Vec<String> = text.split('\n').map(|line| broken(line, columns)).collect();
+    let columns = columns.min(COLUMNS_MAX);
+    let lines: Vec<String> = text.split('\n').map(|line| break_line(line, columns)).collect();
     lines.join("\n")
 }
 
-fn broken(line: &str, columns: usize) -> String {
+fn break_line(line: &str, columns: usize) -> String {
     if width(line) <= columns {
         return line.to_owned();
     }
@@ -63,7 +63,7 @@ fn hang(line: &str, columns: usize) -> usize {
         let spaces = rest.iter().skip(label).take_while(|c| **c == ' ').count();
         indent + label + spaces
     });
-    column.filter(|column| *column <= columns / 3).unwrap_or(indent + HANG)
+    column.filter(|column| *column <= columns / 3).unwrap_or(indent + HANGING_INDENT)
 }
 
 /// Characters that take a place; colours take none.

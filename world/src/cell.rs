@@ -11,8 +11,8 @@ use crate::cutter::Cutter;
 use crate::draw::TrueRobot;
 use crate::joint_path::{JointPath, Sample};
 use crate::random::{Purpose, stream};
-use crate::ringing::{Chatter, Mode};
 use crate::robot::{Robot, Servo};
+use crate::structural_mode::{Chatter, Mode};
 use glam::{DMat3, DVec3};
 use physics::{Frame, Inputs, JOINTS_MAX, Joints, Wrench};
 use rand::RngExt;
@@ -45,7 +45,7 @@ pub struct Setup {
 
 impl Setup {
     /// The thesis' mill on `path`, servos without lag, 0.2 N of sensor noise, no chatter.
-    pub fn quiet(path: JointPath, seed: u64) -> Self {
+    pub fn without_chatter(path: JointPath, seed: u64) -> Self {
         Self {
             path,
             cutter: Cutter::default(),
@@ -69,9 +69,9 @@ pub struct Tick {
     /// Target pose of the tool, base frame.
     pub wanted: Frame,
     /// Actual pose for the uncorrected command.
-    pub without: Frame,
+    pub uncorrected: Frame,
     /// Actual pose for the published target.
-    pub with: Frame,
+    pub corrected: Frame,
     /// Force of the cut on the tool, mean over a revolution, without chatter and noise, base axes.
     pub wrench_base: Wrench,
     /// The same in tool axes (of the target pose).
@@ -91,7 +91,7 @@ impl Tick {
     /// Distance of the tool from its target, without and with correction, m.
     pub fn errors_m(&self) -> (f64, f64) {
         let off = |is: &Frame| (is.origin - self.wanted.origin).length();
-        (off(&self.without), off(&self.with))
+        (off(&self.uncorrected), off(&self.corrected))
     }
 }
 
@@ -160,14 +160,14 @@ impl Cell {
         let tool_from_base = point.base_from_tool.rotation.transpose();
         let forces_tool = self.forces(&sample, base_from_cut).map(|force| tool_from_base * force);
         let in_cut_s = sample.t_s - self.cut_since_s;
-        let shaken = self.shake(in_cut_s);
-        let moved = |frame: Frame| Frame { origin: frame.origin + shaken, ..frame };
+        let displacement = self.chatter_displacement(in_cut_s);
+        let moved = |frame: Frame| Frame { origin: frame.origin + displacement, ..frame };
         Some(Tick {
             t_s: sample.t_s,
             q_cmd: sample.q,
             wanted: point.base_from_tool,
-            without: moved(self.without.base_from_tool()),
-            with: moved(self.with.base_from_tool()),
+            uncorrected: moved(self.without.base_from_tool()),
+            corrected: moved(self.with.base_from_tool()),
             wrench_base,
             wrench_tool: Wrench { force: tool_from_base * force, moment: DVec3::ZERO },
             forces_tool,
@@ -202,7 +202,7 @@ impl Cell {
     }
 
     /// Displacement of the structure by chatter at the end of the tick, base axes, m.
-    fn shake(&mut self, in_cut_s: f64) -> DVec3 {
+    fn chatter_displacement(&mut self, in_cut_s: f64) -> DVec3 {
         let span = self.setup.path.dt_s / FORCES_PER_TICK as f64;
         let mut at = DVec3::ZERO;
         for i in 0..FORCES_PER_TICK {

@@ -36,7 +36,7 @@ impl Contact {
 
     /// The force at which surface and compliant tool are in equilibrium; `tcp_under` gives the TCP
     /// under a force (base axes, N). Secant steps: exact for a linear compliance.
-    pub fn balance(&self, tcp_under: impl Fn(DVec3) -> DVec3) -> DVec3 {
+    pub fn equilibrium_force(&self, tcp_under: impl Fn(DVec3) -> DVec3) -> DVec3 {
         let excess = |force: f64| {
             force - self.stiffness_n_m * self.depth(tcp_under(self.normal_base * force))
         };
@@ -59,7 +59,7 @@ impl Contact {
 
 /// A robot pressed onto a surface.
 #[derive(Clone, Debug)]
-pub struct Pressed {
+pub struct RobotInContact {
     /// The surface.
     pub contact: Contact,
     robot: Robot,
@@ -68,14 +68,14 @@ pub struct Pressed {
 
 /// State after one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PressedTick {
+pub struct ContactState {
     /// Pose of the tool, base frame.
     pub base_from_tool: Frame,
     /// Force of the surface on the tool, base axes.
     pub wrench_base: Wrench,
 }
 
-impl Pressed {
+impl RobotInContact {
     /// A robot at rest at `q` (rad or m) whose servos lag by 20 ms, one sample every `dt_s`.
     pub fn lagging_20_ms(model: &Model, contact: Contact, q: Joints, dt_s: f64) -> Self {
         Self::new(model, contact, q, Servo { dt_s, delay_samples: 0, lag_s: 0.02 })
@@ -87,14 +87,15 @@ impl Pressed {
     }
 
     /// Advances by one sample with a new target (rad or m), in equilibrium with the surface.
-    pub fn step(&mut self, target: &Joints) -> PressedTick {
+    pub fn step(&mut self, target: &Joints) -> ContactState {
         self.robot.follow(target, self.wrench);
         let under = |force| Wrench { force, moment: DVec3::ZERO };
-        let force =
-            self.contact.balance(|force| self.robot.base_from_tool_under(under(force)).origin);
+        let force = self
+            .contact
+            .equilibrium_force(|force| self.robot.base_from_tool_under(under(force)).origin);
         self.wrench = under(force);
         let base_from_tool = self.robot.base_from_tool_under(self.wrench);
-        PressedTick { base_from_tool, wrench_base: self.wrench }
+        ContactState { base_from_tool, wrench_base: self.wrench }
     }
 }
 
@@ -126,7 +127,7 @@ mod tests {
         for stiffness_n_m in [1e5, 1e6, 1e7] {
             let point_base = free + DVec3::Z * 50e-6;
             let contact = Contact { point_base, normal_base: DVec3::Z, stiffness_n_m };
-            let tick = Pressed::new(&model, contact, q, Servo::ideal(1e-3)).step(&q);
+            let tick = RobotInContact::new(&model, contact, q, Servo::ideal(1e-3)).step(&q);
             let force = tick.wrench_base.force;
             assert!((contact.force(tick.base_from_tool.origin) - force).length() < 1e-6);
             assert!(force.z > 0.0 && force.z < stiffness_n_m * 50e-6, "the arm gives way");
@@ -142,7 +143,7 @@ mod tests {
             normal_base: DVec3::Z,
             stiffness_n_m: 1e7,
         };
-        let tick = Pressed::lagging_20_ms(&model, contact, q, 1e-3).step(&q);
+        let tick = RobotInContact::lagging_20_ms(&model, contact, q, 1e-3).step(&q);
         assert_eq!(tick.wrench_base, Wrench::ZERO);
     }
 
@@ -155,8 +156,8 @@ mod tests {
             normal_base: DVec3::Z,
             stiffness_n_m: 1e6,
         };
-        let mut pressed = Pressed::lagging_20_ms(&model, contact, above, 1e-3);
-        let forces: Vec<f64> = (0..400).map(|_| pressed.step(&below).wrench_base.force.z).collect();
+        let mut robot = RobotInContact::lagging_20_ms(&model, contact, above, 1e-3);
+        let forces: Vec<f64> = (0..400).map(|_| robot.step(&below).wrench_base.force.z).collect();
         assert!(forces.windows(2).all(|two| two[1] >= two[0] - 1e-9), "it grows and stays");
         let share = forces[19] / forces[399];
         assert!((share - (1.0 - libm::exp(-1.0))).abs() < 0.02, "{share} after one time constant");

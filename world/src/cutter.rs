@@ -10,7 +10,7 @@
 //! 2.8°), runout, deflection of the tool, variable depth.
 
 use glam::DVec3;
-use physics::cut::{Teeth, swept};
+use physics::cut::{ForceDirections, swept_tooth_forces};
 use std::f64::consts::{PI, TAU};
 
 /// A mill and its engagement. Angles in rad from the normal axis, with the rotation; `0 ≤ entry <
@@ -98,7 +98,7 @@ impl Cutter {
 
     /// Integral of one tooth's force over a range of engagement, N rad.
     fn integral(&self, feed_m_s: f64, from: f64, to: f64) -> DVec3 {
-        let Teeth { edge, chip } = swept(from, to);
+        let ForceDirections { edge, chip } = swept_tooth_forces(from, to);
         let feed_per_tooth_m = self.feed_per_tooth_m(feed_m_s);
         (edge * self.edge_n_m + chip * (self.chip_n_m2 * feed_per_tooth_m)) * self.axial_depth_m
     }

@@ -3,8 +3,8 @@
 //! The same rows give the same bits; a path begins settled; a delay of torques shifts them relative
 //! to the motion. No noise, and no limits of the drives.
 
-use crate::dynamics::{Dynamics, at_row, late};
-use crate::ride::Ride;
+use crate::dynamics::{Dynamics, at_row, delayed_samples};
+use crate::executed_path::ExecutedPath;
 use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
 
 /// Torques (forces) at settled poses, Nm or N; if the flag `from_before` is set the memory
@@ -17,7 +17,7 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Joints> {
             if *from_before {
                 model.advance(inputs, &mut memories);
             } else {
-                model.arrive(inputs, &mut memories);
+                model.settle_pose(inputs, &mut memories);
             }
             recorded(model, inputs, &memories)
         })
@@ -28,9 +28,9 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Joints> {
 /// commands of `rows` with the delay and lag of `dynamics`.
 #[must_use]
 pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Joints> {
-    let ride = Ride::of(model, dynamics, rows);
+    let executed = ExecutedPath::of(model, dynamics, rows);
     let mut memories = Memories::default();
-    let torques = ride.inputs.iter().enumerate().map(|(k, inputs)| {
+    let torques = executed.inputs.iter().enumerate().map(|(k, inputs)| {
         if k == 0 {
             model.settle(inputs, &mut memories);
         } else {
@@ -59,7 +59,8 @@ pub(crate) fn delayed(
     let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
     let of_joint = |i: usize| torques.iter().map(|torque| torque[i]).collect();
     let joints = 0..model.arm.count().min(JOINTS_MAX);
-    let late: Vec<Vec<f64>> = joints.map(|i| late(&times_s, of_joint(i), delay_s)).collect();
+    let late: Vec<Vec<f64>> =
+        joints.map(|i| delayed_samples(&times_s, of_joint(i), delay_s)).collect();
     (0..torques.len()).map(|k| at_row(&late, k)).collect()
 }
 

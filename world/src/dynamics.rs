@@ -11,7 +11,7 @@ use crate::curve::{Cubic, Curve, value};
 use glam::DVec3;
 use libm::{cos, exp, sin, sqrt};
 use physics::effects::OverPath;
-use physics::{AnyEffect, Arm, BuildError, Given, Joints, Model};
+use physics::{AnyEffect, Arm, BuildError, Joints, Model, ParameterValues};
 use std::f64::consts::TAU;
 
 /// Steps that differ by less than this count as equal: rounding of even time stamps.
@@ -19,7 +19,7 @@ const SAME_STEP: f64 = 1e-9;
 
 /// The vibrating part.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Rings {
+pub enum VibratingPart {
     /// A joint, 0-based.
     Joint(usize),
     /// The base about this axis, unit vector, base frame.
@@ -30,7 +30,7 @@ pub enum Rings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
     /// The vibrating part.
-    pub rings: Rings,
+    pub part: VibratingPart,
     /// Undamped natural frequency, Hz.
     pub frequency_hz: f64,
     /// Damping ratio, below 1.
@@ -76,13 +76,13 @@ impl Dynamics {
     ///
     /// # Errors
     /// Values or a joint that the effect does not accept.
-    pub fn take(
+    pub fn add_named(
         &mut self,
         arm: &Arm,
         kind: &str,
         joint: Option<usize>,
         channel: Option<&str>,
-        given: Given<'_>,
+        given: ParameterValues<'_>,
     ) -> Result<bool, BuildError> {
         let effect = match AnyEffect::build(kind, arm, joint, given) {
             Ok(AnyEffect::OverPath(effect)) => effect,
@@ -100,7 +100,7 @@ impl Dynamics {
 
     /// The dynamic effects of a model.
     #[must_use]
-    pub fn of(model: &Model) -> Self {
+    pub fn from_model(model: &Model) -> Self {
         let mut dynamics = Self::default();
         for effect in model.effects() {
             if let AnyEffect::OverPath(effect) = effect {
@@ -121,10 +121,10 @@ impl Dynamics {
                 self.spikes.push(Spike { joint, amplitude, time_constant_s });
             }
             ("flexible_mode", joint, &[frequency_hz, damping_ratio, participation, compliance]) => {
-                let of_base = effect.axis().map(Rings::Base);
-                let Some(rings) = joint.map(Rings::Joint).or(of_base) else { return };
+                let of_base = effect.axis().map(VibratingPart::Base);
+                let Some(rings) = joint.map(VibratingPart::Joint).or(of_base) else { return };
                 self.modes.push(Mode {
-                    rings,
+                    part: rings,
                     frequency_hz,
                     damping_ratio,
                     participation,
@@ -136,12 +136,16 @@ impl Dynamics {
     }
 
     /// Positions of the motors for the commands `commanded` (samples of each joint) at `times_s`.
-    pub(crate) fn motors(&self, times_s: &[f64], commanded: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    pub(crate) fn motor_positions(
+        &self,
+        times_s: &[f64],
+        commanded: Vec<Vec<f64>>,
+    ) -> Vec<Vec<f64>> {
         let mut motors = commanded;
         for (joint, samples) in motors.iter_mut().enumerate() {
-            *samples = late(times_s, std::mem::take(samples), self.delay_s);
+            *samples = delayed_samples(times_s, std::mem::take(samples), self.delay_s);
             for (_, lag_s) in self.lags.iter().filter(|(lagging, _)| *lagging == joint) {
-                *samples = lagging(times_s, std::mem::take(samples), *lag_s);
+                *samples = lagged(times_s, std::mem::take(samples), *lag_s);
             }
         }
         motors
@@ -149,7 +153,7 @@ impl Dynamics {
 }
 
 /// Samples delayed by `delay_s`.
-pub(crate) fn late(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64> {
+pub(crate) fn delayed_samples(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64> {
     if delay_s == 0.0 {
         return samples;
     }
@@ -158,7 +162,7 @@ pub(crate) fn late(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64>
 }
 
 /// `T ẏ + y = u`, exact for the curve through the samples of u; starts in steady state.
-fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
+fn lagged(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
     if lag_s == 0.0 || samples.is_empty() {
         return samples;
     }
@@ -179,8 +183,9 @@ fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
 
 impl Mode {
     /// Whether it has any effect: the base vibrates under loads only.
-    pub(crate) fn is_at_work(&self) -> bool {
-        self.compliance > 0.0 || self.participation != 0.0 && matches!(self.rings, Rings::Joint(_))
+    pub(crate) fn has_effect(&self) -> bool {
+        self.compliance > 0.0
+            || self.participation != 0.0 && matches!(self.part, VibratingPart::Joint(_))
     }
 
     /// Its deflection at each sample, rad or m: `x'' + 2ζω x' + ω² x = −γ q'' + ω² C (load − its
@@ -256,7 +261,7 @@ impl Spike {
     }
 }
 
-impl Rings {
+impl VibratingPart {
     /// Its excitation besides acceleration, for the loads of one sample.
     pub(crate) fn load(&self, loads: &physics::Loads) -> f64 {
         match *self {
@@ -266,7 +271,7 @@ impl Rings {
     }
 
     /// Adds its deflection to a deviation.
-    pub(crate) fn bend(&self, deviation: &mut physics::Deviation, by: f64) {
+    pub(crate) fn add_deflection(&self, deviation: &mut physics::Deviation, by: f64) {
         match *self {
             Self::Joint(joint) => deviation.joints[joint] += by,
             Self::Base(axis) => deviation.base_turn += axis * by,

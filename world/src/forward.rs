@@ -8,14 +8,14 @@
 //! the caller.
 
 use crate::curve::{Curve, derivatives};
-use crate::dynamics::{Dynamics, late};
-use crate::ride::Ride;
-use crate::turn::advance;
+use crate::dynamics::{Dynamics, delayed_samples};
+use crate::executed_path::ExecutedPath;
+use crate::reversal::advance;
 use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
 
 /// The arm at one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct ArmState {
     /// Joint positions on the motors' side, rad or m.
     pub motor: Joints,
     /// Joint positions on the links' side, with the delay of their sensors, rad or m.
@@ -29,16 +29,16 @@ pub struct Seen {
 /// The arm settled at each row; if the flag `from_before` is set its memory continues from the
 /// previous row, otherwise see [`Model::arrive`].
 #[must_use]
-pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
+pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<ArmState> {
     let mut memories = Memories::default();
     rows.iter()
         .map(|(inputs, from_before)| {
             if *from_before {
                 model.advance(inputs, &mut memories);
             } else {
-                model.arrive(inputs, &mut memories);
+                model.settle_pose(inputs, &mut memories);
             }
-            seen(&inputs.q, &model.evaluate(inputs, &memories), None, model)
+            arm_state(&inputs.q, &model.evaluate(inputs, &memories), None, model)
         })
         .collect()
 }
@@ -46,26 +46,26 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
 /// One segment of a path: times strictly increase, `q` is the command; speeds, directions after the
 /// first row and the previous row of each are computed here.
 #[must_use]
-pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
-    let ride = Ride::of(model, dynamics, rows);
+pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<ArmState> {
+    let executed = ExecutedPath::of(model, dynamics, rows);
     let mut memories = Memories::default();
-    let mut all: Vec<Seen> = Vec::with_capacity(rows.len());
-    for (k, inputs) in ride.inputs.iter().enumerate() {
+    let mut all: Vec<ArmState> = Vec::with_capacity(rows.len());
+    for (k, inputs) in executed.inputs.iter().enumerate() {
         if k == 0 {
             model.settle(inputs, &mut memories);
         } else {
             let about = [k.checked_sub(2), Some(k - 1), Some(k), Some(k + 1)];
-            let about = about.map(|row| ride.inputs.get(row?));
+            let about = about.map(|row| executed.inputs.get(row?));
             advance(model, about, &mut memories);
         }
         let evaluation = model.evaluate(inputs, &memories);
-        all.push(seen(&inputs.q, &evaluation, Some((&ride, k)), model));
+        all.push(arm_state(&inputs.q, &evaluation, Some((&executed, k)), model));
     }
     if dynamics.link_delay_s != 0.0 {
         let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
         for joint in 0..model.arm.count() {
             let links = all.iter().map(|seen| seen.link[joint]).collect();
-            let links = late(&times_s, links, dynamics.link_delay_s);
+            let links = delayed_samples(&times_s, links, dynamics.link_delay_s);
             all.iter_mut().zip(links).for_each(|(seen, link)| seen.link[joint] = link);
         }
     }
@@ -74,12 +74,12 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
 
 /// Computes speeds and accelerations of one segment of a path from its positions, for the inertial
 /// part of the loads. `joints`: number of joints of the arm.
-pub fn moving(rows: &mut [Inputs], joints: usize) {
-    moving_in(rows, joints, |row| row);
+pub fn set_rates(rows: &mut [Inputs], joints: usize) {
+    set_rates_in(rows, joints, |row| row);
 }
 
 /// The same for the inputs within rows of another type.
-pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &mut Inputs) {
+pub fn set_rates_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &mut Inputs) {
     let times_s: Vec<f64> = rows.iter_mut().map(|row| inputs(row).time_s).collect();
     for joint in 0..joints.min(JOINTS_MAX) {
         let samples: Vec<f64> = rows.iter_mut().map(|row| inputs(row).q[joint]).collect();
@@ -108,18 +108,23 @@ pub fn positions_at(times_s: &[f64], positions: &[f64], at_s: &[f64]) -> Vec<f64
     at_s.iter().map(|t_s| curve.at(t_s.clamp(*first, *last))).collect()
 }
 
-fn seen(q: &Joints, evaluation: &Evaluation, ride: Option<(&Ride, usize)>, model: &Model) -> Seen {
+fn arm_state(
+    q: &Joints,
+    evaluation: &Evaluation,
+    executed: Option<(&ExecutedPath, usize)>,
+    model: &Model,
+) -> ArmState {
     let mut deviation = evaluation.deviation;
     let mut base_from_tool = evaluation.real.base_from_tool;
-    if let Some((ride, row)) = ride.filter(|(ride, _)| ride.bends()) {
-        ride.bend(row, &mut deviation);
+    if let Some((executed, row)) = executed.filter(|(ride, _)| ride.has_deflections()) {
+        executed.add_deflections(row, &mut deviation);
         base_from_tool = Chain::real(&model.arm, q, &deviation).base_from_tool;
     }
     let mut link = *q;
     for (link, delta) in link.iter_mut().zip(&deviation.joints) {
         *link += delta;
     }
-    Seen { motor: *q, link, base_from_tool, beyond: evaluation.beyond.is_some() }
+    ArmState { motor: *q, link, base_from_tool, beyond: evaluation.out_of_range.is_some() }
 }
 
 #[cfg(test)]

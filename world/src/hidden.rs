@@ -8,14 +8,14 @@
 //! A seed determines one effect, which moves the tool by the requested size. The draw does not
 //! depend on a diagnosis.
 
-pub mod menu;
+pub mod templates;
 
 use crate::random::{Purpose, stream};
 use crate::robot::settled_path;
 use crate::survey::REFLECTORS_TOOL;
-use menu::{KINDS, Shape};
 use physics::{AnyEffect, Frame, Inputs, Model, ModelError};
 use rand::RngExt;
+use templates::{EffectTemplate, KINDS};
 use thiserror::Error;
 
 /// Range of its displacement of the tool on the work, root mean square, m.
@@ -26,17 +26,17 @@ const ON_WORK_LEAST_M: f64 = 12e-6;
 /// m.
 const ON_SURVEY_MOST_M: f64 = 4e-4;
 /// Least displacement of a reflector, in standard uncertainties of the instrument.
-const NOISES: f64 = 2.5;
+const MIN_SIGNAL_TO_NOISE: f64 = 2.5;
 /// Number of draws of joint and parameters for an effect, and of effects.
-const TRIES: usize = 24;
-const KINDS_TRIED: usize = 200;
+const DRAWS_PER_KIND: usize = 24;
+const KIND_DRAWS: usize = 200;
 /// Waves of one joint count as different if they are further apart than this, cycles per
 /// revolution.
-const APART: f64 = 0.5;
+const MIN_CYCLES_DIFFERENCE: f64 = 0.5;
 
 /// Model and motions for which an effect is drawn.
 #[derive(Clone, Copy, Debug)]
-pub struct Stage<'a> {
+pub struct HiddenEffectContext<'a> {
     /// The calibrated model.
     pub model: &'a Model,
     /// The work: consecutive rows.
@@ -49,7 +49,7 @@ pub struct Stage<'a> {
 
 /// A hidden effect.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Hidden {
+pub struct HiddenEffect {
     /// The effect.
     pub effect: AnyEffect,
     /// Which effects of the calibrated model are kept in the daemon's model.
@@ -78,16 +78,16 @@ pub enum HideError {
 ///
 /// # Errors
 /// See [`HideError`].
-pub fn draw(stage: &Stage<'_>, seed: u64) -> Result<Hidden, HideError> {
-    let mut rng = stream(seed, Purpose::Extras, 0);
-    for _ in 0..KINDS_TRIED {
+pub fn draw(stage: &HiddenEffectContext<'_>, seed: u64) -> Result<HiddenEffect, HideError> {
+    let mut rng = stream(seed, Purpose::HiddenEffects, 0);
+    for _ in 0..KIND_DRAWS {
         let kind = KINDS[rng.random_range(0..KINDS.len())];
-        for _ in 0..TRIES {
+        for _ in 0..DRAWS_PER_KIND {
             let wanted = rng.random_range(ON_WORK_M.0..ON_WORK_M.1);
-            let Some(shape) = menu::draw(kind, stage.model, stage.survey, &mut rng) else {
+            let Some(shape) = templates::draw(kind, stage.model, stage.survey, &mut rng) else {
                 continue;
             };
-            if let Some(hidden) = sized(stage, &shape, wanted)? {
+            if let Some(hidden) = scaled_to_target(stage, &shape, wanted)? {
                 return Ok(hidden);
             }
         }
@@ -96,10 +96,15 @@ pub fn draw(stage: &Stage<'_>, seed: u64) -> Result<Hidden, HideError> {
 }
 
 /// The effect with the requested size on the work; `None` if it cannot reach it.
-fn sized(stage: &Stage<'_>, shape: &Shape, wanted_m: f64) -> Result<Option<Hidden>, HideError> {
+fn scaled_to_target(
+    stage: &HiddenEffectContext<'_>,
+    shape: &EffectTemplate,
+    wanted_m: f64,
+) -> Result<Option<HiddenEffect>, HideError> {
     let arm = &stage.model.arm;
     let Some(largest) = shape.build(arm, 1.0) else { return Ok(None) };
-    let kept: Vec<bool> = stage.model.effects().map(|other| !stands_for(other, &largest)).collect();
+    let kept: Vec<bool> =
+        stage.model.effects().map(|other| !is_same_phenomenon(other, &largest)).collect();
     let known: Vec<AnyEffect> =
         stage.model.effects().zip(&kept).filter(|(_, kept)| **kept).map(|(e, _)| *e).collect();
     let known = Model::new(*arm, &known)?;
@@ -107,8 +112,8 @@ fn sized(stage: &Stage<'_>, shape: &Shape, wanted_m: f64) -> Result<Option<Hidde
     let shows = |effect: AnyEffect| -> Result<[f64; 2], HideError> {
         let mut with = known;
         with.push(effect)?;
-        let on_work = apart(&work, &settled_path(&with, stage.work));
-        Ok([on_work, apart_of_reflectors(&survey, &settled_path(&with, stage.survey))])
+        let on_work = rms_distance(&work, &settled_path(&with, stage.work));
+        Ok([on_work, rms_reflector_distance(&survey, &settled_path(&with, stage.survey))])
     };
     let [on_work, on_survey] = shows(largest)?;
     let share = (wanted_m / on_work).min(ON_SURVEY_MOST_M / on_survey).min(1.0);
@@ -116,18 +121,19 @@ fn sized(stage: &Stage<'_>, shape: &Shape, wanted_m: f64) -> Result<Option<Hidde
         return Ok(None);
     };
     let [on_work_m, on_survey_m] = shows(effect)?;
-    let is_seen = on_survey_m >= NOISES * stage.noise_m && on_work_m >= ON_WORK_LEAST_M;
-    Ok(is_seen.then_some(Hidden { effect, kept, on_work_m, on_survey_m }))
+    let is_seen =
+        on_survey_m >= MIN_SIGNAL_TO_NOISE * stage.noise_m && on_work_m >= ON_WORK_LEAST_M;
+    Ok(is_seen.then_some(HiddenEffect { effect, kept, on_work_m, on_survey_m }))
 }
 
 /// Root mean square distance of two tool positions, m.
-fn apart(one: &[Frame], other: &[Frame]) -> f64 {
+fn rms_distance(one: &[Frame], other: &[Frame]) -> f64 {
     let squares = one.iter().zip(other).map(|(a, b)| (a.origin - b.origin).length_squared());
     libm::sqrt(squares.sum::<f64>() / one.len().max(1) as f64)
 }
 
 /// The same of the reflectors' single coordinates.
-fn apart_of_reflectors(one: &[Frame], other: &[Frame]) -> f64 {
+fn rms_reflector_distance(one: &[Frame], other: &[Frame]) -> f64 {
     let of = |(a, b): (&Frame, &Frame)| {
         REFLECTORS_TOOL.iter().map(|p| (a.point(*p) - b.point(*p)).length_squared()).sum::<f64>()
     };
@@ -136,14 +142,14 @@ fn apart_of_reflectors(one: &[Frame], other: &[Frame]) -> f64 {
 }
 
 /// Whether an effect of the model describes the same phenomenon at the same joint.
-fn stands_for(other: &AnyEffect, hidden: &AnyEffect) -> bool {
+fn is_same_phenomenon(other: &AnyEffect, hidden: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect.spec().kind {
         "joint_compliance" | "gravity_compliance" | "gravity_sag" | "load_compliance" => "load",
         "backlash" | "hysteresis" => "reversal",
         kind => kind,
     };
     let waves = matches!(hidden, AnyEffect::TransmissionError(_));
-    let near = || (other.values()[1] - hidden.values()[1]).abs() < APART;
+    let near = || (other.values()[1] - hidden.values()[1]).abs() < MIN_CYCLES_DIFFERENCE;
     other.joint() == hidden.joint() && family(other) == family(hidden) && (!waves || near())
 }
 
@@ -167,11 +173,12 @@ mod tests {
         Model::new(arm, &effects).expect("room")
     }
 
-    fn hidden(seed: u64) -> (Model, Hidden) {
+    fn hidden(seed: u64) -> (Model, HiddenEffect) {
         let model = calibrated();
         let survey: Vec<Inputs> = survey(&model.arm).into_iter().step_by(5).collect();
         let work: Vec<Inputs> = survey.iter().step_by(10).copied().collect();
-        let stage = Stage { model: &model, work: &work, survey: &survey, noise_m: 2e-5 };
+        let stage =
+            HiddenEffectContext { model: &model, work: &work, survey: &survey, noise_m: 2e-5 };
         (model, draw(&stage, seed).expect("something shows"))
     }
 

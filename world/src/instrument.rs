@@ -10,16 +10,16 @@ pub mod forces;
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
 use physics::{Arm, Frame, Joints};
-use recording::series::{Channel, Input, Recording};
+use recording::series::{Channel, InputKind, Recording};
 
-use crate::forward::Seen;
+use crate::forward::ArmState;
 use crate::random::{Purpose, normals};
 
 /// Motion of the arm in each row of a recording.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct SimulatedMotion {
     /// Positions of joints and tool in each row.
-    pub seen: Vec<Seen>,
+    pub states: Vec<ArmState>,
     /// Simulated torques, Nm or N; none if not requested.
     pub torques: Option<Vec<Joints>>,
 }
@@ -78,12 +78,12 @@ impl Readings {
 impl Instrument<'_> {
     /// The recording of an arm with its measured columns replaced.
     #[must_use]
-    pub fn read(&self, arm: &Arm, mut recording: Recording, run: &Run) -> Readings {
+    pub fn read(&self, arm: &Arm, mut recording: Recording, run: &SimulatedMotion) -> Readings {
         let left_out = remove_unsimulated(&mut recording, run);
         let wanted = simulated_columns(&recording, run);
         let columns = self.columns(&wanted, &recording, run);
         let mut understated = Vec::new();
-        let squares = Squares::of(&wanted, &columns, &recording);
+        let squares = PointResiduals::of(&wanted, &columns, &recording);
         for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
             let has_value = recording.rows_with_values(*channel);
             for (row, (value, noise)) in exact.iter_mut().zip(noise).enumerate() {
@@ -98,7 +98,7 @@ impl Instrument<'_> {
             if sigma > 0.0 {
                 // The stated uncertainty of an instrument may include more than noise, such as the
                 // residual of its calibration or the seat of a reflector.
-                let stated = *recording.about.sigma.entry(*channel).or_insert(sigma);
+                let stated = *recording.metadata.sigma.entry(*channel).or_insert(sigma);
                 if sigma > stated {
                     understated.push(channel.base());
                 }
@@ -108,9 +108,9 @@ impl Instrument<'_> {
             }
             recording.set(*channel, exact);
         }
-        recording.about.measured_in_base = self.in_base;
+        recording.metadata.measured_in_base = self.in_base;
         let columns = wanted.iter().map(|channel| channel.base()).collect();
-        let rows_beyond = run.seen.iter().filter(|seen| seen.beyond).count();
+        let rows_beyond = run.states.iter().filter(|seen| seen.beyond).count();
         let recorded_rms_m = squares.rms();
         Readings { recording, columns, left_out, understated, recorded_rms_m, rows_beyond }
     }
@@ -120,15 +120,15 @@ impl Instrument<'_> {
         &self,
         wanted: &[Channel],
         recording: &Recording,
-        run: &Run,
+        run: &SimulatedMotion,
     ) -> Vec<(Vec<f64>, Vec<f64>)> {
         let mut columns =
             vec![
-                (Vec::with_capacity(run.seen.len()), Vec::with_capacity(run.seen.len()));
+                (Vec::with_capacity(run.states.len()), Vec::with_capacity(run.states.len()));
                 wanted.len()
             ];
         let mut before = DQuat::IDENTITY;
-        for (row, seen) in run.seen.iter().enumerate() {
+        for (row, seen) in run.states.iter().enumerate() {
             let mut of_torque = normals(self.seed, Purpose::Torque, row as u32);
             let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
             let mut draw = || self.noise * normal();
@@ -165,7 +165,7 @@ impl Instrument<'_> {
 }
 
 /// Removes measured columns that cannot be simulated; returns their names.
-fn remove_unsimulated(recording: &mut Recording, run: &Run) -> Vec<String> {
+fn remove_unsimulated(recording: &mut Recording, run: &SimulatedMotion) -> Vec<String> {
     let foreign = |channel: &Channel| match channel {
         Channel::Current(_) | Channel::Acceleration(_) => true,
         Channel::Torque(_) => run.torques.is_none(),
@@ -174,18 +174,18 @@ fn remove_unsimulated(recording: &mut Recording, run: &Run) -> Vec<String> {
     let left: Vec<Channel> = recording.channels().filter(foreign).collect();
     for channel in &left {
         recording.remove(*channel);
-        recording.about.sigma.remove(channel);
+        recording.metadata.sigma.remove(channel);
     }
     if left.iter().any(|channel| matches!(channel, Channel::Current(_))) {
-        recording.about.torque_per_ampere.clear();
+        recording.metadata.torque_per_ampere.clear();
     }
     left.iter().map(|channel| channel.base()).collect()
 }
 
 /// Columns that are simulated: those that were measured, the tool's position if there are none.
-fn simulated_columns(recording: &Recording, run: &Run) -> Vec<Channel> {
-    let motor_is_input = recording.input_kind() == Input::Motor;
-    let on_links = &recording.about.targets_on_link;
+fn simulated_columns(recording: &Recording, run: &SimulatedMotion) -> Vec<Channel> {
+    let motor_is_input = recording.input_kind() == InputKind::Motor;
+    let on_links = &recording.metadata.targets_on_link;
     let simulated = |channel: &Channel| match channel {
         Channel::Target(target, _) if on_links.contains_key(target) => false,
         Channel::Motor(_) => !motor_is_input,
@@ -221,12 +221,12 @@ fn quaternion(rotation: &DMat3, recorded: Option<DQuat>, before: DQuat) -> DQuat
 
 /// Recorded minus simulated, of points.
 #[derive(Default)]
-struct Squares {
+struct PointResiduals {
     sum: f64,
     count: usize,
 }
 
-impl Squares {
+impl PointResiduals {
     fn of(wanted: &[Channel], columns: &[(Vec<f64>, Vec<f64>)], recording: &Recording) -> Self {
         let mut squares = Self::default();
         for (channel, (values, _)) in wanted.iter().zip(columns) {

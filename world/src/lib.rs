@@ -22,6 +22,7 @@ pub mod cutter;
 pub mod draw;
 pub mod drives;
 pub mod dynamics;
+pub mod executed_path;
 pub mod forward;
 pub mod hidden;
 pub mod ik;
@@ -32,14 +33,13 @@ pub mod path;
 pub mod profile;
 pub mod random;
 pub mod regeneration;
-pub mod ride;
-pub mod ringing;
+pub mod reversal;
 pub mod robot;
 pub mod servo;
 pub mod slots;
+pub mod structural_mode;
 pub mod survey;
 pub mod tracker;
-pub mod turn;
 pub mod workplace;
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ pub struct Row {
 
 /// State of the cutter in a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stand {
+pub struct CutterState {
     /// Time since the start of the segment, s.
     pub time_s: f64,
     /// Rotation of the spindle since the start of the segment, rad.
@@ -34,38 +34,38 @@ pub struct Stand {
     pub cut_m: f64,
 }
 
-impl Stand {
+impl CutterState {
     /// Whether the tool is in the cut.
     #[must_use]
-    pub fn cuts(&self) -> bool {
+    pub fn is_cutting(&self) -> bool {
         self.feed_per_tooth_m > 0.0
     }
 }
 
 /// State of the cutter in each row.
 #[must_use]
-pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
+pub fn cutter_states(cutter: &Cutter, rows: &[Row]) -> Vec<CutterState> {
     let known = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
-    let mut all: Vec<Stand> = Vec::with_capacity(rows.len());
+    let mut all: Vec<CutterState> = Vec::with_capacity(rows.len());
     let mut start_s = 0.0;
     for (k, row) in rows.iter().enumerate() {
         let (spindle_hz, feed) = (known(row.spindle_rpm) / 60.0, known(row.feed_m_s));
-        let mut stand = Stand::default();
+        let mut state = CutterState::default();
         match k.checked_sub(1).and_then(|k| Some((rows.get(k)?, all.get(k)?))) {
             Some((before, last)) if before.segment == row.segment => {
                 let step_s = row.t_s - before.t_s;
                 let mean = |a: f64, b: f64| 0.5 * (known(a) + known(b)) * step_s;
-                stand.time_s = row.t_s - start_s;
-                stand.angle_rad =
+                state.time_s = row.t_s - start_s;
+                state.angle_rad =
                     last.angle_rad + TAU / 60.0 * mean(before.spindle_rpm, row.spindle_rpm);
-                stand.cut_m = last.cut_m + mean(before.feed_m_s, row.feed_m_s);
+                state.cut_m = last.cut_m + mean(before.feed_m_s, row.feed_m_s);
             }
             _ => start_s = row.t_s,
         }
         if spindle_hz > 0.0 {
-            stand.feed_per_tooth_m = cutter.feed_per_tooth_m(feed, spindle_hz);
+            state.feed_per_tooth_m = cutter.feed_per_tooth_m(feed, spindle_hz);
         }
-        all.push(stand);
+        all.push(state);
     }
     all
 }
@@ -73,19 +73,19 @@ pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
 /// Force measured by the sensor in each row, N, cut axes: the cutter's force with all changes by
 /// the model's effects.
 #[must_use]
-pub fn readings(model: &Model, cutter: &Cutter, rows: &[Row]) -> Vec<DVec3> {
+pub fn measured_forces(model: &Model, cutter: &Cutter, rows: &[Row]) -> Vec<DVec3> {
     let mut inputs = Inputs::at_rest(Joints::default());
     let memories = Memories::default();
-    let one = |stand: Stand| {
-        inputs.time_s = stand.time_s;
+    let one = |state: CutterState| {
+        inputs.time_s = state.time_s;
         let force = model.cut_force(&inputs, &memories);
-        let acting = if stand.cuts() {
-            let bite = cutter.bite(stand.angle_rad, stand.feed_per_tooth_m);
-            force.acting(cutter, &bite, stand.cut_m)
+        let acting = if state.is_cutting() {
+            let bite = cutter.tooth_forces(state.angle_rad, state.feed_per_tooth_m);
+            force.acting(cutter, &bite, state.cut_m)
         } else {
             DVec3::ZERO
         };
-        force.read(acting)
+        force.measured_force(acting)
     };
-    stands(cutter, rows).into_iter().map(one).collect()
+    cutter_states(cutter, rows).into_iter().map(one).collect()
 }

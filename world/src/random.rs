@@ -15,7 +15,7 @@ pub enum Purpose {
     /// The true robot's parameters; the index identifies effect and value.
     Parameters = 1,
     /// Which effects the calibrated model lacks, and how large they are.
-    Extras = 2,
+    HiddenEffects = 2,
     /// The ambient temperature.
     Climate = 3,
     /// Noise of the force sensor.
@@ -55,6 +55,6 @@ mod tests {
         assert_eq!(reference, first(7, Purpose::Parameters, 0));
         assert_ne!(reference, first(8, Purpose::Parameters, 0));
         assert_ne!(reference, first(7, Purpose::Parameters, 1));
-        assert_ne!(reference, first(7, Purpose::Extras, 0));
+        assert_ne!(reference, first(7, Purpose::HiddenEffects, 0));
     }
 }

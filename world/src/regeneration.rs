@@ -18,7 +18,7 @@ use crate::cutter::Cutter;
 
 /// A mode of tool and robot in the plane of the cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Flexibility {
+pub struct ToolMode {
     /// Direction of the motion, of unit length: along the feed, across it.
     pub direction: DVec2,
     /// Natural frequency, Hz, above zero.
@@ -42,14 +42,14 @@ pub struct Step {
 
 /// Displacement and velocity of one mode.
 #[derive(Clone, Copy, Debug, Default)]
-struct Swing {
+struct ModeState {
     position: f64,
     speed: f64,
 }
 
 /// A tool on its modes, with the surface that it cuts.
 struct Tool {
-    swings: Vec<Swing>,
+    mode_states: Vec<ModeState>,
     surface: Vec<f64>,
 }
 
@@ -58,10 +58,10 @@ pub struct Regeneration {
     cutter: Cutter,
     feed_per_tooth_m: f64,
     runout_m: Vec<f64>,
-    modes: Vec<Flexibility>,
+    modes: Vec<ToolMode>,
     steps_per_tooth: usize,
     step: usize,
-    live: Tool,
+    flexible: Tool,
     rigid: Tool,
 }
 
@@ -72,12 +72,12 @@ impl Regeneration {
         cutter: Cutter,
         feed_m_s: f64,
         runout_m: &[f64],
-        modes: &[Flexibility],
+        modes: &[ToolMode],
         steps_per_tooth: usize,
     ) -> Self {
         let steps_per_tooth = steps_per_tooth.max(8);
         let tool = || Tool {
-            swings: vec![Swing::default(); modes.len()],
+            mode_states: vec![ModeState::default(); modes.len()],
             surface: vec![0.0; steps_per_tooth * cutter.teeth.max(1) as usize],
         };
         Self {
@@ -86,7 +86,7 @@ impl Regeneration {
             modes: modes.to_vec(),
             steps_per_tooth,
             step: 0,
-            live: tool(),
+            flexible: tool(),
             rigid: tool(),
             cutter,
         }
@@ -101,20 +101,20 @@ impl Regeneration {
     /// on both tools, N.
     pub fn next(&mut self, depth_part: f64, push: DVec2) -> Step {
         let dt_s = self.step_s();
-        let tool = displaced(&self.modes, &self.live.swings);
-        let forced = displaced(&self.modes, &self.rigid.swings);
-        let force = self.teeth(tool, depth_part, false);
-        let rigid_force = self.teeth(DVec2::ZERO, depth_part, true);
-        advance(&self.modes, &mut self.live.swings, force.truncate() + push, dt_s);
-        advance(&self.modes, &mut self.rigid.swings, rigid_force.truncate() + push, dt_s);
+        let tool = displacement(&self.modes, &self.flexible.mode_states);
+        let forced = displacement(&self.modes, &self.rigid.mode_states);
+        let force = self.tooth_forces(tool, depth_part, false);
+        let rigid_force = self.tooth_forces(DVec2::ZERO, depth_part, true);
+        advance(&self.modes, &mut self.flexible.mode_states, force.truncate() + push, dt_s);
+        advance(&self.modes, &mut self.rigid.mode_states, rigid_force.truncate() + push, dt_s);
         self.step += 1;
         Step { force, tool, forced }
     }
 
     /// Force of all teeth at this step, and the surface that they leave.
-    fn teeth(&mut self, tool: DVec2, depth_part: f64, is_rigid: bool) -> DVec3 {
+    fn tooth_forces(&mut self, tool: DVec2, depth_part: f64, is_rigid: bool) -> DVec3 {
         let cutter = self.cutter;
-        let surface = if is_rigid { &mut self.rigid.surface } else { &mut self.live.surface };
+        let surface = if is_rigid { &mut self.rigid.surface } else { &mut self.flexible.surface };
         let places = surface.len();
         let mut sum = DVec3::ZERO;
         for tooth in 0..cutter.teeth as usize {
@@ -143,22 +143,22 @@ impl Regeneration {
     }
 }
 
-fn displaced(modes: &[Flexibility], swings: &[Swing]) -> DVec2 {
-    modes.iter().zip(swings).map(|(mode, swing)| mode.direction * swing.position).sum()
+fn displacement(modes: &[ToolMode], states: &[ModeState]) -> DVec2 {
+    modes.iter().zip(states).map(|(mode, state)| mode.direction * state.position).sum()
 }
 
 /// Advances all modes by a step under a constant force.
-fn advance(modes: &[Flexibility], swings: &mut [Swing], force: DVec2, dt_s: f64) {
-    for (mode, swing) in modes.iter().zip(swings) {
+fn advance(modes: &[ToolMode], states: &mut [ModeState], force: DVec2, dt_s: f64) {
+    for (mode, state) in modes.iter().zip(states) {
         let omega = TAU * mode.frequency_hz;
         let decay = mode.damping_ratio * omega;
         let omega_d = omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio);
         let rest = mode.direction.dot(force) / mode.stiffness_n_per_m;
-        let (x, v) = (swing.position - rest, swing.speed);
+        let (x, v) = (state.position - rest, state.speed);
         let (sin, cos) = sincos(omega_d * dt_s);
         let fade = libm::exp(-decay * dt_s);
-        swing.position = rest + (x * cos + (v + x * decay) * (sin / omega_d)) * fade;
-        swing.speed = (v * cos - (v * decay + x * omega * omega) * (sin / omega_d)) * fade;
+        state.position = rest + (x * cos + (v + x * decay) * (sin / omega_d)) * fade;
+        state.speed = (v * cos - (v * decay + x * omega * omega) * (sin / omega_d)) * fade;
     }
 }
 
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    const MODE: Flexibility = Flexibility {
+    const MODE: ToolMode = ToolMode {
         direction: DVec2::Y,
         frequency_hz: 100.0,
         damping_ratio: 0.03,
@@ -220,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_rigid_tool_feels_the_cutters_own_force_and_nothing_more() {
-        let stiff = Flexibility { stiffness_n_per_m: 1e15, ..MODE };
+        let stiff = ToolMode { stiffness_n_per_m: 1e15, ..MODE };
         let cutter = cutter(25.0, 1e-3);
         let mut cut = Regeneration::new(cutter, 0.01, &[], &[stiff], 400);
         let steps = 4 * 400;
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn a_tool_that_leaves_the_work_makes_the_next_tooth_cut_more() {
-        let stiff = Flexibility { stiffness_n_per_m: 1e15, ..MODE };
+        let stiff = ToolMode { stiffness_n_per_m: 1e15, ..MODE };
         // One tooth is so far inside that it never cuts: the other three share its feed.
         let mut cut = Regeneration::new(cutter(25.0, 1e-3), 0.01, &[-1.0], &[stiff], 100);
         let mut sum = DVec3::ZERO;

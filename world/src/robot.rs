@@ -52,10 +52,10 @@ impl Robot {
     /// Sets the next target (rad or m) and advances by one sample under `wrench_base`.
     pub fn follow(&mut self, target: &Joints, wrench_base: Wrench) {
         self.waiting.push_back(*target);
-        let heard = self.waiting.pop_front().unwrap_or(*target);
+        let delayed = self.waiting.pop_front().unwrap_or(*target);
         let inputs = &mut self.inputs;
         inputs.q_before = inputs.q;
-        for (i, target) in heard.iter().enumerate() {
+        for (i, target) in delayed.iter().enumerate() {
             let to_go = target - inputs.q[i];
             let share = if self.servo.lag_s > 0.0 {
                 1.0 - exp(-self.servo.dt_s / self.servo.lag_s)

@@ -13,7 +13,7 @@
 use crate::curve::Curve;
 use crate::drives::delayed;
 use crate::dynamics::Dynamics;
-use crate::ride::Ride;
+use crate::executed_path::ExecutedPath;
 use nalgebra::{SMatrix, SVector};
 use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
 use std::f64::consts::TAU;
@@ -21,21 +21,21 @@ use thiserror::Error;
 
 /// Bandwidth of the speed loop, rad/s; those of position loop and integrator are a quarter of it.
 const SPEED_LOOP: f64 = TAU * 20.0;
-const SLOWER: f64 = 0.25;
+const OUTER_LOOP_RATIO: f64 = 0.25;
 /// Longest step of the plant, s.
 const STEP_S: f64 = 2.5e-4;
 /// A speed that only indicates a direction, rad/s or m/s.
-const BARELY: f64 = 1e-12;
-const SWEEPS: usize = 60;
+const DIRECTION_SPEED: f64 = 1e-12;
+const MAX_SWEEPS: usize = 60;
 /// Convergence criterion of the friction: change in one sweep, relative to its bound.
-const STANDS: f64 = 1e-9;
+const FRICTION_TOLERANCE: f64 = 1e-9;
 
 type Square = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
 type Column = SVector<f64, JOINTS_MAX>;
 
 /// State of the motors at one row.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Followed {
+pub struct MotorState {
     /// Their positions, rad or m.
     pub motor: Joints,
     /// Recorded torques of the drives, Nm or N.
@@ -64,19 +64,19 @@ pub fn path(
     model: &Model,
     dynamics: &Dynamics,
     rows: &[Inputs],
-) -> Result<Vec<Followed>, ServoError> {
-    let ride = Ride::of(model, dynamics, rows);
-    let Some(first) = ride.inputs.first() else { return Ok(Vec::new()) };
+) -> Result<Vec<MotorState>, ServoError> {
+    let executed = ExecutedPath::of(model, dynamics, rows);
+    let Some(first) = executed.inputs.first() else { return Ok(Vec::new()) };
     let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
-    let joint = |i: usize| ride.inputs.iter().map(|row| row.q[i]).collect();
+    let joint = |i: usize| executed.inputs.iter().map(|row| row.q[i]).collect();
     let commands: Vec<Curve<'_>> =
         (0..model.arm.count()).map(|i| Curve::through(&times_s, joint(i))).collect();
     let mut servo = Servo::settled(model, first, &commands)?;
     let (mut motors, mut torques) = (Vec::new(), Vec::new());
-    for (k, row) in ride.inputs.iter().enumerate() {
-        servo.weigh()?;
+    for (k, row) in executed.inputs.iter().enumerate() {
+        servo.update_mass_matrix()?;
         motors.push(servo.inputs.q);
-        torques.push(servo.read(&servo.wanted(&commands, times_s[k]), row));
+        torques.push(servo.recorded_torques(&servo.commanded_torques(&commands, times_s[k]), row));
         let Some(next_s) = times_s.get(k + 1) else { break };
         let steps = f64::ceil((next_s - times_s[k]) / STEP_S).max(1.0);
         let step_s = (next_s - times_s[k]) / steps;
@@ -85,7 +85,11 @@ pub fn path(
         }
     }
     let torques = delayed(model, rows, torques, dynamics.torque_delay_s);
-    Ok(motors.into_iter().zip(torques).map(|(motor, torque)| Followed { motor, torque }).collect())
+    Ok(motors
+        .into_iter()
+        .zip(torques)
+        .map(|(motor, torque)| MotorState { motor, torque })
+        .collect())
 }
 
 /// Controller and plant at one instant.
@@ -98,19 +102,19 @@ struct Servo<'a> {
     /// Integral of the speed loop, Nm or N.
     integral: Joints,
     /// Torques of the drives in the last step, Nm or N; `None` before the first.
-    exerted: Option<Joints>,
+    last_torques: Option<Joints>,
     /// Dry friction of the last step, Nm or N.
     friction: Joints,
-    mass: Mass,
+    mass: MassMatrix,
 }
 
 /// Inertia at one row.
 #[derive(Clone, Copy)]
-struct Mass {
+struct MassMatrix {
     inverse: Square,
     diagonal: Joints,
     /// Additional inertia by effects.
-    beside: Joints,
+    effect_inertia: Joints,
 }
 
 impl<'a> Servo<'a> {
@@ -128,55 +132,56 @@ impl<'a> Servo<'a> {
         let mut memories = Memories::default();
         model.settle(&inputs, &mut memories);
         let holding = model.drive(&inputs, &memories);
-        let mass = weighed(model, &inputs, &memories)?;
+        let mass = mass_matrix(model, &inputs, &memories)?;
         Ok(Self {
             model,
             memories,
             inputs,
             gain: mass.diagonal.map(|inertia| inertia * SPEED_LOOP),
             integral: std::array::from_fn(|i| holding.acting(i)),
-            exerted: None,
+            last_torques: None,
             friction: Joints::default(),
             mass,
         })
     }
 
-    fn weigh(&mut self) -> Result<(), ServoError> {
-        self.mass = weighed(self.model, &self.inputs, &self.memories)?;
+    fn update_mass_matrix(&mut self) -> Result<(), ServoError> {
+        self.mass = mass_matrix(self.model, &self.inputs, &self.memories)?;
         Ok(())
     }
 
     /// Deviation of the speeds from the targets of the position loop, for the commands at `time_s`.
-    fn slip(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
+    fn speed_errors(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
         let mut slip = Joints::default();
         for (i, command) in commands.iter().enumerate() {
             let asked = command.rate_at(time_s)
-                + SLOWER * SPEED_LOOP * (command.at(time_s) - self.inputs.q[i]);
+                + OUTER_LOOP_RATIO * SPEED_LOOP * (command.at(time_s) - self.inputs.q[i]);
             slip[i] = asked - self.inputs.velocity[i];
         }
         slip
     }
 
-    fn wanted(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
-        let slip = self.slip(commands, time_s);
+    fn commanded_torques(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
+        let slip = self.speed_errors(commands, time_s);
         std::array::from_fn(|i| self.integral[i] + self.gain[i] * slip[i])
     }
 
     /// Recorded torque at a row: drive torques are constant over a step, so the mean of the steps before and after the row is recorded.
-    fn read(&self, wanted: &Joints, row: &Inputs) -> Joints {
+    fn recorded_torques(&self, wanted: &Joints, row: &Inputs) -> Joints {
         let now = Inputs { q: self.inputs.q, velocity: self.inputs.velocity, ..*row };
         let drive = self.model.drive(&now, &self.memories);
-        let before = self.exerted.unwrap_or(*wanted);
-        std::array::from_fn(|i| drive.read(i, 0.5 * (before[i] + wanted[i])))
+        let before = self.last_torques.unwrap_or(*wanted);
+        std::array::from_fn(|i| drive.recorded_from(i, 0.5 * (before[i] + wanted[i])))
     }
 
     fn step(&mut self, commands: &[Curve<'_>], time_s: f64, step_s: f64) {
-        let (slip, exerted) = (self.slip(commands, time_s), self.wanted(commands, time_s));
+        let (slip, exerted) =
+            (self.speed_errors(commands, time_s), self.commanded_torques(commands, time_s));
         for (i, slip) in slip.iter().enumerate() {
-            self.integral[i] += SLOWER * SPEED_LOOP * self.gain[i] * slip * step_s;
+            self.integral[i] += OUTER_LOOP_RATIO * SPEED_LOOP * self.gain[i] * slip * step_s;
         }
-        self.exerted = Some(exerted);
-        let after = self.speeds_after(&exerted, step_s);
+        self.last_torques = Some(exerted);
+        let after = self.speeds_after_step(&exerted, step_s);
         let before = self.inputs;
         let inputs = &mut self.inputs;
         inputs.q_before = before.q;
@@ -193,12 +198,12 @@ impl<'a> Servo<'a> {
     }
 
     /// Speeds after a step with these drive torques.
-    fn speeds_after(&mut self, exerted: &Joints, step_s: f64) -> Joints {
-        let (free, bound) = self.resisted();
+    fn speeds_after_step(&mut self, exerted: &Joints, step_s: f64) -> Joints {
+        let (free, bound) = self.resistance();
         let inverse = &self.mass.inverse;
         let push = Column::from_fn(|i, _| exerted[i] - free[i] - self.friction[i]);
         let mut speed = Column::from(self.inputs.velocity) + inverse * push * step_s;
-        for _ in 0..SWEEPS {
+        for _ in 0..MAX_SWEEPS {
             let mut stands = true;
             for (i, bound) in bound.iter().enumerate().take(self.model.arm.count()) {
                 let stopping = self.friction[i] + speed[i] / (step_s * inverse[(i, i)]);
@@ -206,7 +211,7 @@ impl<'a> Servo<'a> {
                 let change = friction - self.friction[i];
                 speed -= inverse.column(i) * (change * step_s);
                 self.friction[i] = friction;
-                stands &= change.abs() <= STANDS * bound;
+                stands &= change.abs() <= FRICTION_TOLERANCE * bound;
             }
             if stands {
                 break;
@@ -222,8 +227,8 @@ impl<'a> Servo<'a> {
 
     /// Resistance to the drives besides inertia and friction, and the bound of the friction, at the
     /// present speeds.
-    fn resisted(&self) -> (Joints, Joints) {
-        let moving = self.inputs.velocity.map(|v| if v == 0.0 { BARELY } else { v });
+    fn resistance(&self) -> (Joints, Joints) {
+        let moving = self.inputs.velocity.map(|v| if v == 0.0 { DIRECTION_SPEED } else { v });
         let at = |velocity: Joints, acceleration: Joints| {
             let inputs = Inputs { velocity, acceleration, ..self.inputs };
             self.model.drive(&inputs, &self.memories)
@@ -234,7 +239,8 @@ impl<'a> Servo<'a> {
         let (mut free, mut bound) = (rigid, Joints::default());
         for i in 0..self.model.arm.count() {
             let beside = [&there, &back].map(|drive| drive.acting(i) - drive.rigid[i]);
-            free[i] += 0.5 * (beside[0] + beside[1]) - self.mass.beside[i] * acceleration[i];
+            free[i] +=
+                0.5 * (beside[0] + beside[1]) - self.mass.effect_inertia[i] * acceleration[i];
             bound[i] = (0.5 * (beside[0] - beside[1]) * moving[i].signum()).max(0.0);
         }
         (free, bound)
@@ -242,7 +248,11 @@ impl<'a> Servo<'a> {
 }
 
 /// Columns of the mass matrix: additional torques for the acceleration of one joint alone.
-fn weighed(model: &Model, inputs: &Inputs, memories: &Memories) -> Result<Mass, ServoError> {
+fn mass_matrix(
+    model: &Model,
+    inputs: &Inputs,
+    memories: &Memories,
+) -> Result<MassMatrix, ServoError> {
     let still = Inputs { velocity: [0.0; JOINTS_MAX], acceleration: [0.0; JOINTS_MAX], ..*inputs };
     let rest = model.drive(&still, memories);
     let (mut matrix, mut beside) = (Square::identity(), Joints::default());
@@ -259,7 +269,9 @@ fn weighed(model: &Model, inputs: &Inputs, memories: &Memories) -> Result<Mass, 
     let diagonal: Joints = std::array::from_fn(|i| matrix[(i, i)]);
     let massless = diagonal[..count].iter().position(|inertia| *inertia <= 0.0);
     match (massless, matrix.cholesky()) {
-        (None, Some(factor)) => Ok(Mass { inverse: factor.inverse(), diagonal, beside }),
+        (None, Some(factor)) => {
+            Ok(MassMatrix { inverse: factor.inverse(), diagonal, effect_inertia: beside })
+        }
         (joint, _) => Err(ServoError::Massless { joint: joint.map_or(1, |joint| joint + 1) }),
     }
 }

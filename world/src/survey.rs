@@ -20,22 +20,22 @@ const ROWS: usize = 1800;
 const ROW_S: f64 = 1.5;
 /// Shares of a joint's range on each side of its middle, and the largest motion of a revolute
 /// joint, rad.
-const SHARE: f64 = 0.28;
+const RANGE_FRACTION: f64 = 0.28;
 const TURN_MAX: f64 = 2.0;
 /// Number of oscillations of the first joint, and the increment for each further one.
-const SWINGS: f64 = 2.6;
-const SWINGS_MORE: f64 = 1.1;
+const OSCILLATIONS: f64 = 2.6;
+const OSCILLATIONS_INCREMENT: f64 = 1.1;
 /// A smaller oscillation is superposed on each: its relative amplitude and frequency.
-const RIDES: f64 = 0.25;
-const RIDES_FASTER: f64 = 3.1;
+const SUPERPOSED_AMPLITUDE: f64 = 0.25;
+const SUPERPOSED_FREQUENCY: f64 = 3.1;
 /// Number of loads on the tool, of equal duration; their size, N, and lever arm from the TCP, m.
 const LOADS: usize = 40;
 const LOAD_N: f64 = 120.0;
 const LEVER_M: f64 = 0.1;
 /// Ambient temperature: initial value, rise, °C, and its time constant, s.
 const COLD_CELSIUS: f64 = 19.0;
-const WARMS_BY: f64 = 9.0;
-const WARMS_OVER_S: f64 = 700.0;
+const WARM_UP_RISE: f64 = 9.0;
+const WARM_UP_TIME_CONSTANT_S: f64 = 700.0;
 /// A door that is opened occasionally: cooling, °C.
 const DOOR_CELSIUS: f64 = 2.0;
 
@@ -52,10 +52,10 @@ pub fn survey(arm: &Arm) -> Vec<Inputs> {
         let share = row as f64 / ROWS as f64;
         for (i, joint) in arm.joints().iter().enumerate() {
             let (low, high) = (joint.limits.0.max(-TURN_MAX), joint.limits.1.min(TURN_MAX));
-            let swings = SWINGS + SWINGS_MORE * i as f64;
-            let swing = (1.0 - RIDES) * sin(TAU * swings * share + i as f64)
-                + RIDES * sin(TAU * RIDES_FASTER * swings * share);
-            inputs.q[i] = 0.5 * (low + high) + SHARE * (high - low) * swing;
+            let swings = OSCILLATIONS + OSCILLATIONS_INCREMENT * i as f64;
+            let swing = (1.0 - SUPERPOSED_AMPLITUDE) * sin(TAU * swings * share + i as f64)
+                + SUPERPOSED_AMPLITUDE * sin(TAU * SUPERPOSED_FREQUENCY * swings * share);
+            inputs.q[i] = 0.5 * (low + high) + RANGE_FRACTION * (high - low) * swing;
         }
         inputs.time_s = row as f64 * ROW_S;
         inputs.ambient_celsius = air_celsius(inputs.time_s);
@@ -76,7 +76,7 @@ pub fn survey(arm: &Arm) -> Vec<Inputs> {
 
 /// Poses of the tool of `model` on `rows`, which begin settled.
 #[must_use]
-pub fn tool(model: &Model, rows: &[Inputs]) -> Vec<Frame> {
+pub fn tool_poses(model: &Model, rows: &[Inputs]) -> Vec<Frame> {
     settled_path(model, rows)
 }
 
@@ -97,7 +97,8 @@ fn load(k: usize) -> Wrench {
 
 fn air_celsius(time_s: f64) -> f64 {
     let door = sin(TAU * time_s / 610.0).max(0.0);
-    COLD_CELSIUS + WARMS_BY * (1.0 - exp(-time_s / WARMS_OVER_S)) - DOOR_CELSIUS * door
+    COLD_CELSIUS + WARM_UP_RISE * (1.0 - exp(-time_s / WARM_UP_TIME_CONSTANT_S))
+        - DOOR_CELSIUS * door
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use physics::arm::GRAVITY;
-use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Tool};
+use physics::{AnyEffect, Arm, Body, Joint, JointKind, ParameterValues, Tool};
 
 fn joint(axis: DVec3, point: [f64; 3], limits_deg: (f64, f64), mass: f64) -> Joint {
     let point = DVec3::from_array(point);
@@ -62,5 +62,6 @@ fn tool(tcp: DVec3) -> Tool {
 
 /// An effect on a joint (0-based) with one value, SI.
 pub(crate) fn effect(arm: &Arm, kind: &str, joint: usize, stem: &str, value: f64) -> AnyEffect {
-    AnyEffect::build(kind, arm, Some(joint), Given(&[(stem, &[value])])).expect("a sound effect")
+    AnyEffect::build(kind, arm, Some(joint), ParameterValues(&[(stem, &[value])]))
+        .expect("a sound effect")
 }

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use spectrum::stability::{CutAxes, Cutter, FlexibleMode, Stability};
 use std::f64::consts::{FRAC_PI_2, PI};
-use world::regeneration::{Flexibility, Regeneration};
+use world::regeneration::{Regeneration, ToolMode};
 
 const CUTS: usize = 40;
 /// Cuts closer to the limit than this share of their depth are not compared.
@@ -17,7 +17,7 @@ const PASSINGS: usize = 400;
 
 /// A random process: one or two modes, a cutter, a speed with regeneration from tooth to tooth.
 struct Drawn {
-    modes: Vec<Flexibility>,
+    modes: Vec<ToolMode>,
     cutter: world::cutter::Cutter,
 }
 
@@ -30,7 +30,7 @@ impl Drawn {
         let frequency_hz = between(rng, 60.0, 900.0);
         let stiffness_n_per_m = between(rng, 1e6, 2e7);
         let first = between(rng, 0.0, PI);
-        let mode = |frequency_hz, damping_ratio, angle| Flexibility {
+        let mode = |frequency_hz, damping_ratio, angle| ToolMode {
             direction: DVec2::from_angle(angle),
             frequency_hz,
             damping_ratio,
@@ -63,7 +63,7 @@ impl Drawn {
     }
 
     fn predicted(&self) -> Stability {
-        let mode = |one: &Flexibility| FlexibleMode {
+        let mode = |one: &ToolMode| FlexibleMode {
             frequency_hz: one.frequency_hz,
             damping_ratio: one.damping_ratio,
             stiffness_n_per_m: one.stiffness_n_per_m,

@@ -18,15 +18,15 @@ const RECORDINGS: usize = 200;
 const ROBOTS: usize = 4;
 const SHARDS: usize = 8;
 /// Largest time of a batch relative to that of single diagnoses.
-const BAR: f64 = 1.1;
+const TIME_RATIO_MAX: f64 = 1.1;
 /// Times after which successive runs of a shard are killed, ms, until one ends by itself.
-const KILLED_MS: [u64; 6] = [50, 150, 400, 900, 2000, 4000];
+const KILL_TIMES_MS: [u64; 6] = [50, 150, 400, 900, 2000, 4000];
 
 const MODEL: &str = include_str!("../../deploy/presets/irb1600-6-145.toml");
 
 /// Runs everything and prints it; returns whether all digests are equal and the limit is met.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
-    let count = match words.first() {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
+    let count = match arguments.first() {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of recordings"))?,
         None => RECORDINGS,
     };
@@ -37,23 +37,23 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     }
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let folder = root.join("target/batch");
-    let bench = Bench { trued: root.join("target/release/trued"), folder, count };
-    bench.make()?;
+    let bench = BatchTest { trued: root.join("target/release/trued"), folder, count };
+    bench.make_recordings()?;
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let by_hand = bench.by_hand(cores)?;
+    let by_hand = bench.single_diagnoses_s(cores)?;
     let begun = Instant::now();
     bench.shards("parts-of-cores", cores, cores)?;
     let in_batch = begun.elapsed().as_secs_f64();
     let ratio = in_batch / by_hand;
     println!(
         "{count} recordings of {ROWS} rows on {cores} cores: by hand {by_hand:.1} s, {cores} shards {in_batch:.1} s ({:.1} recordings per second and core); \
-         ratio {ratio:.3} (bar {BAR}): {}",
+         ratio {ratio:.3} (bar {TIME_RATIO_MAX}): {}",
         count as f64 / in_batch / cores as f64,
-        if ratio <= BAR { "met" } else { "MISSED" }
+        if ratio <= TIME_RATIO_MAX { "met" } else { "MISSED" }
     );
     bench.shards("one", 1, 1)?;
     bench.shards("eight", SHARDS, cores)?;
-    let kills = bench.killed("killed")?;
+    let kills = bench.run_with_kills("killed")?;
     let digests = ["parts-of-cores", "one", "eight", "killed"]
         .map(|folder| Ok::<_, String>((folder, bench.digest(folder)?)));
     let mut all: Vec<String> = Vec::new();
@@ -64,16 +64,16 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     }
     let is_one = all.iter().all(|digest| *digest == all[0]);
     println!("killed {kills} times; digests: {}", if is_one { "one" } else { "DIFFERENT" });
-    Ok(is_one && ratio <= BAR)
+    Ok(is_one && ratio <= TIME_RATIO_MAX)
 }
 
-struct Bench {
+struct BatchTest {
     trued: PathBuf,
     folder: PathBuf,
     count: usize,
 }
 
-impl Bench {
+impl BatchTest {
     fn names(&self) -> Vec<String> {
         (0..self.count)
             .map(|number| format!("r{}-{:05}", number % ROBOTS, number / ROBOTS))
@@ -81,7 +81,7 @@ impl Bench {
     }
 
     /// Generates the recordings and their manifest.
-    fn make(&self) -> Result<(), String> {
+    fn make_recordings(&self) -> Result<(), String> {
         let _ = std::fs::remove_dir_all(&self.folder);
         std::fs::create_dir_all(&self.folder).map_err(|why| why.to_string())?;
         self.write("told.toml", MODEL)?;
@@ -102,7 +102,7 @@ impl Bench {
             self.write("truth.toml", &truth)?;
             let seed = number.to_string();
             let words = ["simulate", "--quiet", "--model", "truth.toml", "--noise", "0.03"];
-            self.trued(&[&words[..], &["--seed", &seed, "--out", name, "path.csv"]].concat())?;
+            self.run_trued(&[&words[..], &["--seed", &seed, "--out", name, "path.csv"]].concat())?;
             let sigma = "sigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }";
             self.write(
                 &format!("{name}.toml"),
@@ -120,14 +120,14 @@ impl Bench {
     }
 
     /// Seconds that single diagnoses take, as many at a time as there are cores.
-    fn by_hand(&self, cores: usize) -> Result<f64, String> {
+    fn single_diagnoses_s(&self, cores: usize) -> Result<f64, String> {
         let (names, next) = (self.names(), AtomicUsize::new(0));
         let work = || -> Result<(), String> {
             while let Some(name) = names.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let (out, file) = (format!("by-hand/{name}"), format!("{name}.csv"));
                 let words = ["diagnose", "--quiet", "--seed", "1", "--threads", "1"];
                 let files = ["--model", "told.toml", "--out", &out, &file];
-                self.trued(&[&words[..], &files].concat())?;
+                self.run_trued(&[&words[..], &files].concat())?;
             }
             Ok(())
         };
@@ -169,9 +169,9 @@ impl Bench {
 
     /// The whole manifest by a process that is killed repeatedly, and then runs to its end; returns
     /// how often it was killed.
-    fn killed(&self, out: &str) -> Result<usize, String> {
+    fn run_with_kills(&self, out: &str) -> Result<usize, String> {
         let mut kills = 0;
-        for ms in KILLED_MS {
+        for ms in KILL_TIMES_MS {
             let mut child = self.batch(out, "1/1").spawn().map_err(|why| why.to_string())?;
             std::thread::sleep(Duration::from_millis(ms));
             if child.try_wait().map_err(|why| why.to_string())?.is_none() {
@@ -197,11 +197,11 @@ impl Bench {
         std::fs::write(self.folder.join(name), text).map_err(|why| format!("{name}: {why}"))
     }
 
-    fn trued(&self, words: &[&str]) -> Result<(), String> {
+    fn run_trued(&self, arguments: &[&str]) -> Result<(), String> {
         let mut command = Command::new(&self.trued);
-        command.args(words).current_dir(&self.folder).stdout(Stdio::null());
+        command.args(arguments).current_dir(&self.folder).stdout(Stdio::null());
         let status = command.status().map_err(|why| why.to_string())?;
-        if status.success() { Ok(()) } else { Err(format!("trued {words:?}: {status}")) }
+        if status.success() { Ok(()) } else { Err(format!("trued {arguments:?}: {status}")) }
     }
 }
 

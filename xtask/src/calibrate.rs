@@ -13,8 +13,8 @@ const MODELS: [&str; 5] = ["nominal", "calibrated", "advanced", "oracle", "truth
 
 /// Runs everything, prints it, writes `calibration.html` and `calibration.json` into a folder;
 /// returns whether the limits are met.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
-    let mut numbers = words.iter().filter(|word| !word.starts_with("--"));
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
+    let mut numbers = arguments.iter().filter(|word| !word.starts_with("--"));
     let campaigns: u64 = match numbers.next() {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of campaigns"))?,
         None => 1000,
@@ -41,13 +41,13 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         speed["poses"], speed["numbers_fitted"]
     );
     told(text, seconds < 2.0);
-    write(words, &said)?;
+    write(arguments, &said)?;
     Ok(all_met)
 }
 
-fn robot(said: &Value, told: &mut impl FnMut(String, bool)) {
+fn robot(result: &Value, reported: &mut impl FnMut(String, bool)) {
     for (test, bar) in THESIS_MM {
-        let said = &said[test];
+        let said = &result[test];
         for model in MODELS {
             let one = &said["models"][model];
             let of = |key: &str| number(&one[key]);
@@ -65,7 +65,7 @@ fn robot(said: &Value, told: &mut impl FnMut(String, bool)) {
             println!("{test}, advanced, joint 2 {way}: mean {mean:.3}, 95 % {p95:.3} mm");
         }
         let worst = number(&said["advanced_worst_mean"]);
-        told(
+        reported(
             format!(
                 "{test}: worst mean of {} campaigns {worst:.3} mm (bar {bar})",
                 said["campaigns"]
@@ -76,14 +76,17 @@ fn robot(said: &Value, told: &mut impl FnMut(String, bool)) {
         let largest = number(&said["advanced_over_oracle_worst"]);
         let text =
             format!("{test}: over the best possible {ratio:.2}, at worst {largest:.2} (bar 1.3)");
-        told(text, largest <= 1.3);
+        reported(text, largest <= 1.3);
         let (converged, campaigns) = (&said["converged"], &said["campaigns"]);
-        told(format!("{test}: {converged} of {campaigns} fits converged"), converged == campaigns);
+        reported(
+            format!("{test}: {converged} of {campaigns} fits converged"),
+            converged == campaigns,
+        );
     }
 }
 
-fn coverage(said: &Value, told: &mut impl FnMut(String, bool)) {
-    for (name, one) in said["coverage"].as_object().into_iter().flatten() {
+fn coverage(result: &Value, reported: &mut impl FnMut(String, bool)) {
+    for (name, one) in result["coverage"].as_object().into_iter().flatten() {
         let pooled = number(&one["pooled"]);
         let share = number(&one["share_of_numbers_within_93_to_97"]);
         let text = format!(
@@ -93,9 +96,9 @@ fn coverage(said: &Value, told: &mut impl FnMut(String, bool)) {
             100.0 * share,
             one["numbers"]
         );
-        told(text, (0.94..=0.96).contains(&pooled) && share >= 0.95);
+        reported(text, (0.94..=0.96).contains(&pooled) && share >= 0.95);
     }
-    let one = &said["selected"];
+    let one = &result["selected"];
     println!(
         "coverage after the data chose the effects, {} campaigns: {:.1} % pooled; tool error over expected {:.2}: no bar",
         one["campaigns"],
@@ -104,21 +107,21 @@ fn coverage(said: &Value, told: &mut impl FnMut(String, bool)) {
     );
 }
 
-fn outliers(said: &Value, told: &mut impl FnMut(String, bool)) {
-    let ratio = number(&said["advanced_ratio"]);
+fn outliers(result: &Value, reported: &mut impl FnMut(String, bool)) {
+    let ratio = number(&result["advanced_ratio"]);
     let text = format!(
         "{} of {} training poses grossly wrong: held-out mean {ratio:.2} times as large, at worst of {} campaigns {:.2} (bar 1.1 in the median)",
-        said["spoilt_poses"],
-        said["training_poses"],
-        said["campaigns"],
-        number(&said["advanced_ratio_worst"])
+        result["spoilt_poses"],
+        result["training_poses"],
+        result["campaigns"],
+        number(&result["advanced_ratio_worst"])
     );
-    told(text, ratio <= 1.1);
+    reported(text, ratio <= 1.1);
     let text = format!(
         "of them listed {} of {}; of clean poses {} of {}",
-        said["listed"], said["of"], said["falsely_listed"], said["of_clean"]
+        result["listed"], result["of"], result["falsely_listed"], result["of_clean"]
     );
-    told(text, said["listed"] == said["of"]);
+    reported(text, result["listed"] == result["of"]);
 }
 
 fn figures(example: &str, parts: &[String]) -> Result<Value, String> {
@@ -132,8 +135,8 @@ fn figures(example: &str, parts: &[String]) -> Result<Value, String> {
     serde_json::from_slice(&ran.stdout).map_err(|e| e.to_string())
 }
 
-fn write(words: &[&str], said: &Value) -> Result<(), String> {
-    let out = words.iter().find_map(|word| word.strip_prefix("--out="));
+fn write(arguments: &[&str], result: &Value) -> Result<(), String> {
+    let out = arguments.iter().find_map(|word| word.strip_prefix("--out="));
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let out = out.map_or(root.join("target").join("figures"), Into::into);
     let mut page = Page::new("Calibration of the thesis' virtual robot").lead(
@@ -141,14 +144,14 @@ fn write(words: &[&str], said: &Value) -> Result<(), String> {
          beside them the best possible, and the truth itself, where the noise alone is left.",
     );
     for (test, _) in THESIS_MM {
-        page = page.section(test).table(&table(&said["robot"][test])).figure(
+        page = page.section(test).table(&table(&result["robot"][test])).figure(
             "Held-out errors of the first campaign, at the middles of the bins.",
-            &histogram(&said["robot"][test]),
+            &histogram(&result["robot"][test]),
         );
     }
     let files = [
         ("calibration.html", page.footer("cargo xtask calibrate").render()),
-        ("calibration.json", format!("{said:#}")),
+        ("calibration.json", format!("{result:#}")),
     ];
     std::fs::create_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
     for (name, text) in files {
@@ -159,20 +162,20 @@ fn write(words: &[&str], said: &Value) -> Result<(), String> {
     Ok(())
 }
 
-fn table(said: &Value) -> Table {
+fn table(result: &Value) -> Table {
     let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"].map(Column::new);
     let table = Table::new("Errors on held-out poses, median of the campaigns", heads);
     MODELS.iter().fold(table, |table, model| {
-        let cells =
-            ["mean", "median", "p95", "max"].map(|key| number(&said["models"][model][key]).into());
+        let cells = ["mean", "median", "p95", "max"]
+            .map(|key| number(&result["models"][model][key]).into());
         table.row(std::iter::once((*model).into()).chain(cells))
     })
 }
 
-fn histogram(said: &Value) -> Svg {
+fn histogram(result: &Value) -> Svg {
     let plot = Histogram::new("Held-out errors", Axis::new("Error", "mm").log());
     let of = |model: &str| {
-        let one = &said["models"][model]["histogram"];
+        let one = &result["models"][model]["histogram"];
         let bin_mm = number(&one["bin_mm"]);
         let counts = one["counts"].as_array().into_iter().flatten().enumerate();
         let each = counts.map(move |(bin, count)| {

@@ -6,40 +6,40 @@
 //! sentence about a run is generated from that run by rule; the same data, program and seed give
 //! the same bytes. The data are not changed.
 //!
-//! Read in this order: `sets` (what is run), `bench` (how), `case` (evaluation of a result), `page`
-//! (the document).
+//! Read in this order: `sets` (what is run), `set_runner` (how), `case` (evaluation of a result),
+//! `page` (the document).
 
-mod bench;
 mod case;
+mod csv_table;
+mod diagnosis_result;
 mod distance;
 mod page;
-mod said;
+mod set_runner;
 mod sets;
-mod sheet;
 
 use std::fs;
 use std::path::PathBuf;
 
-use bench::Bench;
 use page::Section;
+use set_runner::SetRunner;
 
 /// Inputs of the document.
 #[derive(Debug, Clone)]
-pub struct Asked {
+pub struct EvidenceSettings {
     /// The program under test, built.
     pub program: PathBuf,
     /// The folder of recordings, one folder in it for each set.
     pub data: PathBuf,
-    /// Where `evidence.md` and `evidence/` go.
+    /// Output folder of `evidence.md` and `evidence/`.
     pub out: PathBuf,
     /// Folder of runs and their results; a run whose program, arguments and inputs are unchanged is
     /// not repeated.
     pub work: PathBuf,
-    /// Run this set only; for the others stored results are used.
+    /// The only set to run; for the others stored results are used.
     pub only: Option<String>,
-    /// Blind cases of each domain; none: the challenge is not run.
+    /// Number of blind cases per domain; `None`: the challenge is not run.
     pub challenge: Option<u32>,
-    /// The longest that one run may take, s.
+    /// Time limit of one run, s.
     pub limit_s: f64,
 }
 
@@ -53,18 +53,18 @@ pub fn set_names() -> Vec<&'static str> {
 ///
 /// # Errors
 /// An unknown set; a folder that cannot be read or written; a program that cannot be started.
-pub fn make(asked: &Asked) -> Result<bool, String> {
-    if let Some(only) = &asked.only
+pub fn generate(settings: &EvidenceSettings) -> Result<bool, String> {
+    if let Some(only) = &settings.only
         && !set_names().contains(&only.as_str())
     {
         return Err(format!("{only}: no such set; expected one of {}", set_names().join(", ")));
     }
-    let plots = asked.out.join("evidence");
+    let plots = settings.out.join("evidence");
     fs::create_dir_all(&plots).map_err(|why| format!("{}: {why}", plots.display()))?;
     let mut sections = Vec::new();
     for set in sets::SETS {
-        let bench = Bench::of(asked, set.name)?;
-        let missing = bench.missing(set.needs);
+        let bench = SetRunner::new(settings, set.name)?;
+        let missing = bench.missing_files(set.files);
         let cases = if missing.is_empty() { (set.run)(&bench)? } else { Vec::new() };
         let figure = bench.figure();
         if let Some(figure) = &figure {
@@ -75,7 +75,7 @@ pub fn make(asked: &Asked) -> Result<bool, String> {
         let caption = figure.map(|figure| figure.caption);
         sections.push(Section { set, missing, cases, caption });
     }
-    let path = asked.out.join("evidence.md");
+    let path = settings.out.join("evidence.md");
     fs::write(&path, page::render(&sections))
         .map_err(|why| format!("{}: {why}", path.display()))?;
     Ok(sections.iter().flat_map(|section| &section.cases).all(case::Case::is_met))

@@ -3,16 +3,16 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use xtask::evidence::{Asked, make};
+use xtask::evidence::{EvidenceSettings, generate};
 
 /// Default time limit of one run, s.
 const LIMIT_S: f64 = 3600.0;
 
 /// Writes `docs/evidence.md`; returns whether every limit is met.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), PathBuf::from);
-    let mut asked = Asked {
+    let mut asked = EvidenceSettings {
         program: PathBuf::new(),
         data: std::env::var_os("TRUED_DATA").map_or(root.join("data"), PathBuf::from),
         out: root.join("docs"),
@@ -21,7 +21,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         challenge: None,
         limit_s: LIMIT_S,
     };
-    let mut rest = words.iter();
+    let mut rest = arguments.iter();
     while let Some(word) = rest.next() {
         let value = rest.next().ok_or_else(|| format!("{word}: expected a value behind it"))?;
         let number = || format!("{word} {value}: expected a number above zero");
@@ -48,7 +48,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         }
         asked.program = target.join("release").join("trued");
     }
-    let met = make(&asked)?;
+    let met = generate(&asked)?;
     println!("written to {}", asked.out.join("evidence.md").display());
     Ok(met)
 }

@@ -1,7 +1,8 @@
 //! Instructions of the hot path, stage by stage, counted by callgrind and compared with stored
 //! counts: on a shared machine, times vary by ten per cent, instruction counts do not.
 //!
-//! Another version of the compiler changes the counts by a few per cent; store them again then.
+//! Another version of the compiler changes the counts by a few per cent; they must then be stored
+//! again.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -9,13 +10,13 @@ use std::process::Command;
 
 /// The stored counts, one stage a line.
 const STORED: &str = "corrector/benches/instructions.txt";
-/// Growth that fails.
+/// Largest accepted growth.
 const GROWTH: f64 = 1.10;
 /// Numbers of runs whose difference is counted, so that start and end of the program are excluded.
 const RUNS: [u64; 2] = [100, 1100];
 
 /// Prints a row per stage; returns whether none has grown. `--store` writes the counts instead.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let program = program()?;
     let stages = output(Command::new(&program))?;
     let stored = std::fs::read_to_string(STORED).unwrap_or_default();
@@ -25,7 +26,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let (mut text, mut sound) = (String::new(), true);
     println!("{:<12} {:>12} {:>10} {:>7}", "stage", "instructions", "stored", "ratio");
     for stage in stages.lines() {
-        let [few, many] = RUNS.map(|times| counted(&program, stage, times));
+        let [few, many] = RUNS.map(|times| count_instructions(&program, stage, times));
         let each = (many? - few?) / (RUNS[1] - RUNS[0]);
         let known = known(stage);
         let ratio = known.map_or(f64::NAN, |known| each as f64 / known);
@@ -34,7 +35,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         sound &= known.is_some() && ratio <= GROWTH;
         writeln!(text, "{stage} {each}").map_err(|why| why.to_string())?;
     }
-    if words.contains(&"--store") {
+    if arguments.contains(&"--store") {
         std::fs::write(STORED, text).map_err(|why| format!("{STORED}: {why}"))?;
         return Ok(true);
     }
@@ -58,7 +59,7 @@ fn program() -> Result<String, String> {
         .ok_or_else(|| format!("cargo {} built nothing:\n{said}", bench.join(" ")))
 }
 
-fn counted(program: &str, stage: &str, times: u64) -> Result<u64, String> {
+fn count_instructions(program: &str, stage: &str, times: u64) -> Result<u64, String> {
     let mut valgrind = Command::new("valgrind");
     valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null", program, stage]);
     let done = valgrind.arg(times.to_string()).output();

@@ -8,8 +8,8 @@
 )]
 
 mod batch;
-mod beside;
 mod calibrate;
+mod comparisons;
 mod evidence_task;
 mod instructions;
 mod man;
@@ -18,7 +18,7 @@ mod schemas;
 mod seeds;
 mod soak;
 mod speed;
-mod watch;
+mod vibration_figures;
 
 use std::process::ExitCode;
 
@@ -42,8 +42,8 @@ fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
-        ["languages"] => beside::languages(),
-        ["peers"] => beside::peers(),
+        ["languages"] => comparisons::languages(),
+        ["peers"] => comparisons::peers(),
         ["batch", rest @ ..] => batch::run(rest),
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
@@ -54,7 +54,7 @@ fn main() -> ExitCode {
         ["schemas"] => schemas::run(),
         ["soak", rest @ ..] => soak::run(rest),
         ["speed", rest @ ..] => speed::run(rest),
-        ["watch", rest @ ..] => watch::run(rest),
+        ["watch", rest @ ..] => vibration_figures::run(rest),
         _ => {
             print!("{HELP}");
             return ExitCode::from(2);

@@ -13,8 +13,8 @@ use clap_mangen::Man;
 const USAGE: &str = "cargo xtask man [--out=DIR]";
 
 /// Writes the pages to `DIR/man` and the completions to `DIR/completions`; `DIR` is `target/package` unless given.
-pub(crate) fn run(words: &[&str]) -> std::result::Result<bool, String> {
-    let out = match words {
+pub(crate) fn run(arguments: &[&str]) -> std::result::Result<bool, String> {
+    let out = match arguments {
         [] => Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/package"),
         [word] => word.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
         _ => return Err(USAGE.to_owned()),

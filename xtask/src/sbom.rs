@@ -19,8 +19,8 @@ const SUBJECTS: [(&str, &str, &str); 2] =
     [("trued", "application", "trued"), ("trued-client-c", "library", "libtrued_client")];
 
 /// Writes `trued.cdx.json` and `libtrued_client.cdx.json` to `DIR`; `target/package/sbom` unless given.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
-    let out = match words {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
+    let out = match arguments {
         [] => root().join("target/package/sbom"),
         [word] => word.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
         _ => return Err(USAGE.to_owned()),
@@ -56,12 +56,12 @@ impl Crate {
 }
 
 /// Linked crates, and the dependencies of each.
-type Links = BTreeMap<Crate, BTreeSet<String>>;
+type DependencyGraph = BTreeMap<Crate, BTreeSet<String>>;
 
 fn bom(package: &str, kind: &str) -> Result<Value, String> {
     let tree =
         output(&["tree", "--locked", "--package", package, "--edges", "normal,no-proc-macro"])?;
-    let links = links(&tree)?;
+    let links = parse_tree(&tree)?;
     let checksums = checksums()?;
     let subject = links.keys().find(|one| one.name == package).ok_or("an empty tree")?;
     let others = links.keys().filter(|one| *one != subject);
@@ -104,12 +104,12 @@ fn output(arguments: &[&str]) -> Result<String, String> {
 }
 
 /// Lines as `2 glam v0.34.0<tab>MIT OR Apache-2.0`, a crate's own dependencies below it at its first mention.
-fn links(tree: &str) -> Result<Links, String> {
-    let mut links = Links::new();
+fn parse_tree(tree: &str) -> Result<DependencyGraph, String> {
+    let mut links = DependencyGraph::new();
     let mut above: Vec<Crate> = Vec::new();
     for line in tree.lines().filter(|line| !line.trim().is_empty()) {
         let (depth, one) =
-            parsed(line).ok_or_else(|| format!("cargo tree: not understood: {line}"))?;
+            parse_line(line).ok_or_else(|| format!("cargo tree: not understood: {line}"))?;
         above.truncate(depth);
         if let Some(parent) = above.last() {
             links.entry(parent.clone()).or_default().insert(one.reference());
@@ -120,7 +120,7 @@ fn links(tree: &str) -> Result<Links, String> {
     Ok(links)
 }
 
-fn parsed(line: &str) -> Option<(usize, Crate)> {
+fn parse_line(line: &str) -> Option<(usize, Crate)> {
     let (depth, rest) = line.split_once(' ')?;
     let (package, license) = rest.split_once('\t')?;
     let mut words = package.split_whitespace();

@@ -9,10 +9,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Runs the demo and prints a row per seed and the summary; returns whether the limits are met.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
-    let full = words.contains(&"--full");
-    let profile = if words.contains(&"--debug") { "dev" } else { "release" };
-    let count = match words.iter().find(|word| !word.starts_with("--")) {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
+    let full = arguments.contains(&"--full");
+    let profile = if arguments.contains(&"--debug") { "dev" } else { "release" };
+    let count = match arguments.iter().find(|word| !word.starts_with("--")) {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of seeds"))?,
         None => 20_u64,
     };
@@ -21,7 +21,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         "seed  without mm  with mm  ratio  after mm   p50 us  p99 us  missed  at swap  broken  ringing flagged  seconds  hidden, said"
     );
     let program = program(profile);
-    let rows: Result<Vec<Row>, String> =
+    let rows: Result<Vec<SeedResult>, String> =
         (1..=count).map(|seed| demo(&program, seed, full)).collect();
     let rows = rows?;
     let ratios = sorted(rows.iter().map(|row| row.with / row.without));
@@ -31,7 +31,7 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let right = rows.iter().filter(|row| row.right).count();
     println!("ratio: median {middle:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
     println!("invariants broken: {broken} (bar 0); ringing flagged in {flagged} of {}", rows.len());
-    let swapped: Vec<&Row> = rows.iter().filter(|row| row.after.is_some()).collect();
+    let swapped: Vec<&SeedResult> = rows.iter().filter(|row| row.after.is_some()).collect();
     if !swapped.is_empty() {
         let before = sorted(swapped.iter().map(|row| row.with));
         let after = sorted(swapped.iter().filter_map(|row| row.after));
@@ -57,7 +57,7 @@ fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
     values
 }
 
-struct Row {
+struct SeedResult {
     without: f64,
     with: f64,
     /// `None` without a claim.
@@ -67,7 +67,7 @@ struct Row {
     right: bool,
 }
 
-fn demo(program: &Path, seed: u64, full: bool) -> Result<Row, String> {
+fn demo(program: &Path, seed: u64, full: bool) -> Result<SeedResult, String> {
     let out = std::env::temp_dir().join(format!("trued-seeds-{}-{seed}", std::process::id()));
     let json = out.join("demo.json");
     let mut command = Command::new(program);
@@ -81,14 +81,15 @@ fn demo(program: &Path, seed: u64, full: bool) -> Result<Row, String> {
         return Err(format!("the demo with seed {seed} ended with {status}"));
     }
     let text = std::fs::read_to_string(&json).map_err(|e| format!("{}: {e}", json.display()))?;
-    let said: Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
+    let result: Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
     let _ = std::fs::remove_dir_all(&out);
-    row(seed, &said)
+    row(seed, &result)
 }
 
-fn row(seed: u64, said: &Value) -> Result<Row, String> {
+fn row(seed: u64, result: &Value) -> Result<SeedResult, String> {
     let number = |pointer: &str| {
-        said.pointer(pointer)
+        result
+            .pointer(pointer)
             .and_then(Value::as_f64)
             .ok_or(format!("no {pointer} in the demo's JSON"))
     };
@@ -100,16 +101,16 @@ fn row(seed: u64, said: &Value) -> Result<Row, String> {
     let at_swap = number("/swap/missed_about").map_or("-".to_owned(), |count| count.to_string());
     let broken = number("/invariants_broken")? as u64;
     let flagged =
-        said["vibration"].as_array().is_some_and(|events| events.iter().any(is_the_ringing));
-    let right = said["named_right"].as_bool().unwrap_or(false);
+        result["vibration"].as_array().is_some_and(|events| events.iter().any(is_resonance_alarm));
+    let right = result["named_right"].as_bool().unwrap_or(false);
     let ratio = with / without;
     let shown = after.map_or("-".to_owned(), |after| format!("{after:.3}"));
-    let (hidden, named) = (name(&said["hidden_effect"]), name(&said["said"]));
+    let (hidden, named) = (name(&result["hidden_effect"]), name(&result["said"]));
     let judged = if right { "right" } else { "WRONG" };
     println!(
         "{seed:4}  {without:10.3}  {with:7.3}  {ratio:5.3}  {shown:>8}  {p50:7.1}  {p99:6.1}  {missed:6}  {at_swap:>7}  {broken:6}  {flagged:15}  {seconds:7.1}  {judged}: {hidden}, {named}"
     );
-    Ok(Row { without, with, after, broken, flagged, right })
+    Ok(SeedResult { without, with, after, broken, flagged, right })
 }
 
 /// `backlash 3`, or the effect that was not identified.
@@ -122,7 +123,7 @@ fn name(effect: &Value) -> String {
 }
 
 /// An alarm within 2 Hz of the 72 Hz at which the demo's robot rings.
-fn is_the_ringing(event: &Value) -> bool {
+fn is_resonance_alarm(event: &Value) -> bool {
     let near = event["frequency_Hz"].as_f64().is_some_and(|hz| (hz - 72.0).abs() < 2.0);
     near && event["state"].as_str().is_some_and(|state| state == "alarm" || state == "confirmed")
 }
@@ -133,8 +134,8 @@ fn program(profile: &str) -> std::path::PathBuf {
     target.join(if profile == "dev" { "debug" } else { profile }).join("trued")
 }
 
-fn cargo(words: &[&str]) -> Result<(), String> {
+fn cargo(arguments: &[&str]) -> Result<(), String> {
     let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
-    let status = Command::new(cargo).args(words).status().map_err(|e| e.to_string())?;
-    if status.success() { Ok(()) } else { Err(format!("cargo {} failed", words.join(" "))) }
+    let status = Command::new(cargo).args(arguments).status().map_err(|e| e.to_string())?;
+    if status.success() { Ok(()) } else { Err(format!("cargo {} failed", arguments.join(" "))) }
 }

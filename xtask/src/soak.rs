@@ -3,12 +3,12 @@
 //!
 //! Not part of CI.
 
-use crate::beside::cargo;
+use crate::comparisons::cargo;
 
 /// Builds the cell's programs and runs them; returns whether all properties held.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let [mut minutes, mut seed] = ["60".to_owned(), String::new()];
-    let mut rest = words.iter();
+    let mut rest = arguments.iter();
     while let Some(word) = rest.next() {
         let value = rest.next().ok_or_else(|| format!("{word}: expected a number behind it"))?;
         match *word {

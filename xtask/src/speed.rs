@@ -14,9 +14,9 @@ use parquet::data_type::DoubleType;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 
-/// Rows, and the bar, s.
+/// Number of rows, and time limit, s.
 const SIZES: [(usize, f64); 2] = [(100_000, 3.0), (1_000_000, 20.0)];
-/// Runs of each, of which the middle one counts.
+/// Number of runs, of which the median is used.
 const RUNS: usize = 3;
 /// Ticks of the kernel's counts of processor time (`USER_HZ`), 1/s.
 const TICKS: f64 = 100.0;
@@ -24,10 +24,10 @@ const TICKS: f64 = 100.0;
 const STEP_S: f64 = 0.004;
 
 /// One kind of recording.
-struct Kind {
+struct RecordingKind {
     name: &'static str,
     model: &'static str,
-    /// What the model lacks.
+    /// Concealed effects, missing in the given model.
     hidden: &'static str,
     /// Measured columns, empty before the simulation.
     measured: &'static str,
@@ -35,8 +35,8 @@ struct Kind {
     cut: &'static str,
 }
 
-const KINDS: [Kind; 3] = [
-    Kind {
+const KINDS: [RecordingKind; 3] = [
+    RecordingKind {
         name: "position",
         model: include_str!("../../deploy/presets/irb1600-6-145.toml"),
         hidden: "[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.4\n\
@@ -45,7 +45,7 @@ const KINDS: [Kind; 3] = [
         noise: ["--noise", "0.02"],
         cut: "",
     },
-    Kind {
+    RecordingKind {
         name: "torque",
         model: include_str!("../../deploy/presets/ur10e.toml"),
         hidden: "[[effect]]\nkind = \"coulomb_friction\"\njoint = 2\nlevel_Nm = 9.0\n\
@@ -54,7 +54,7 @@ const KINDS: [Kind; 3] = [
         noise: ["--torque-noise", "0.5"],
         cut: "",
     },
-    Kind {
+    RecordingKind {
         name: "force",
         model: include_str!("../../trued/src/no_arm.toml"),
         hidden: "[[effect]]\nkind = \"wrench_bias\"\nbias_N = [1.5, 0.0, 0.0]\n",
@@ -65,8 +65,8 @@ const KINDS: [Kind; 3] = [
 ];
 
 /// Runs everything and prints it; returns whether the limits are met.
-pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
-    let only = words.first().copied();
+pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
+    let only = arguments.first().copied();
     let build = ["build", "--release", "--quiet", "--package", "trued"];
     let built = Command::new("cargo").args(build).status().map_err(|why| why.to_string())?;
     if !built.success() {
@@ -77,15 +77,15 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     for kind in KINDS.iter().filter(|kind| only.is_none_or(|only| only == kind.name)) {
         for (rows, bar) in SIZES {
             let folder = root.join("target/speed").join(format!("{}-{rows}", kind.name));
-            let bench = Bench { trued: root.join("target/release/trued"), folder };
-            bench.make(kind, rows).map_err(|why| format!("{}: {why}", kind.name))?;
+            let bench = SpeedTest { trued: root.join("target/release/trued"), folder };
+            bench.make_recording(kind, rows).map_err(|why| format!("{}: {why}", kind.name))?;
             let mut times = Vec::new();
             for _ in 0..RUNS {
-                let before = children_s()?;
+                let before = children_cpu_s()?;
                 let asked =
                     ["diagnose", "--quiet", "--overwrite", "--seed", "1", "--model", "told.toml"];
-                bench.trued(&[&asked[..], &["--out", "out", "made.parquet"]].concat())?;
-                times.push(children_s()? - before);
+                bench.run_trued(&[&asked[..], &["--out", "out", "made.parquet"]].concat())?;
+                times.push(children_cpu_s()? - before);
             }
             times.sort_by(f64::total_cmp);
             let middle = times[RUNS / 2];
@@ -103,14 +103,14 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     Ok(all_met)
 }
 
-struct Bench {
+struct SpeedTest {
     trued: PathBuf,
     folder: PathBuf,
 }
 
-impl Bench {
+impl SpeedTest {
     /// The recording as Parquet, with its TOML and the given model.
-    fn make(&self, kind: &Kind, rows: usize) -> Result<(), String> {
+    fn make_recording(&self, kind: &RecordingKind, rows: usize) -> Result<(), String> {
         let _ = std::fs::remove_dir_all(&self.folder);
         std::fs::create_dir_all(&self.folder).map_err(|why| why.to_string())?;
         self.write("told.toml", kind.model)?;
@@ -118,7 +118,7 @@ impl Bench {
         self.write("path.csv", &path(kind, rows))?;
         self.write("path.toml", &format!("schema = \"trued.recording/1\"\n{}", kind.cut))?;
         let asked = ["simulate", "--quiet", "--seed", "3", "--model", "true.toml", "--out", "made"];
-        self.trued(&[&asked[..], &kind.noise, &["path.csv"]].concat())?;
+        self.run_trued(&[&asked[..], &kind.noise, &["path.csv"]].concat())?;
         let made = self.folder.join("made.csv");
         let table = std::fs::read_to_string(&made).map_err(|why| why.to_string())?;
         let bytes = parquet_of(&table).map_err(|why| why.to_string())?;
@@ -130,19 +130,19 @@ impl Bench {
         std::fs::write(self.folder.join(name), text).map_err(|why| why.to_string())
     }
 
-    fn trued(&self, words: &[&str]) -> Result<(), String> {
+    fn run_trued(&self, arguments: &[&str]) -> Result<(), String> {
         let mut program = Command::new(&self.trued);
-        let done = program.args(words).current_dir(&self.folder).stdout(Stdio::null()).status();
+        let done = program.args(arguments).current_dir(&self.folder).stdout(Stdio::null()).status();
         match done {
             Ok(status) if status.success() => Ok(()),
-            Ok(status) => Err(format!("trued {} ended with {status}", words.join(" "))),
+            Ok(status) => Err(format!("trued {} ended with {status}", arguments.join(" "))),
             Err(why) => Err(why.to_string()),
         }
     }
 }
 
 /// Joints that swing by sines of different rates, or a cut with pauses; in ten segments.
-fn path(kind: &Kind, rows: usize) -> String {
+fn path(kind: &RecordingKind, rows: usize) -> String {
     let moves = kind.cut.is_empty();
     let inputs = match moves {
         true => "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg",
@@ -198,7 +198,7 @@ fn parquet_of(table: &str) -> Result<Vec<u8>, Box<dyn std::error::Error>> {
 }
 
 /// Processor time of all programs that this one started and that have ended, s.
-fn children_s() -> Result<f64, String> {
+fn children_cpu_s() -> Result<f64, String> {
     let stat = std::fs::read_to_string("/proc/self/stat").map_err(|why| why.to_string())?;
     // The name in brackets may contain blanks; user and system time of children are the 14th and
     // 15th field after it.

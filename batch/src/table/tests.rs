@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn recorded() -> Recorded {
-    Recorded {
+fn recorded() -> ResultHeader {
+    ResultHeader {
         key: Key::of_bytes(b"a recording"),
         version: "trued 0".to_owned(),
         robot: "R07".to_owned(),
@@ -28,7 +28,11 @@ fn finding() -> Row {
         size_rms: Some(0.06),
         size_max: None,
     };
-    Row { subject: Subject::Finding, fact: Some(fact), ..Row::refused("loses motion".to_owned()) }
+    Row {
+        subject: Subject::Finding,
+        finding: Some(fact),
+        ..Row::refused("loses motion".to_owned())
+    }
 }
 
 /// A file with these bytes, gone afterwards.
@@ -73,7 +77,7 @@ fn the_same_rows_give_the_same_bytes_and_another_number_does_not() {
     let bytes = |row: Row| to_parquet(&recorded(), &[row]).expect("encoded");
     assert_eq!(bytes(finding()), bytes(finding()));
     let mut other = finding();
-    other.says.push('.');
+    other.sentence.push('.');
     assert_ne!(bytes(finding()), bytes(other));
 }
 

@@ -7,24 +7,24 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
 
-use recording::series::Frame;
+use recording::series::CoordinateFrame;
 use trued_client::{ForceSamples, ForceSource, Samples, WrenchFrame};
 
 use crate::counts::{Count, Counts};
-use crate::joining::{Event, keep_trying};
+use crate::daemon_link::{LinkEvent, retry_connect};
 
 /// Samples per block: 16 ms.
-const BLOCK: usize = 4;
+const BLOCK_SAMPLES: usize = 4;
 const CHANNELS: usize = 6;
 
 /// Connection to the vibration monitor.
 pub struct ForceForwarder {
     source: Option<ForceSource>,
     joined: Receiver<ForceSource>,
-    over: Arc<AtomicBool>,
+    stop: Arc<AtomicBool>,
     frame: WrenchFrame,
     rate_hz: f64,
-    block: [f64; BLOCK * CHANNELS],
+    block: [f64; BLOCK_SAMPLES * CHANNELS],
     filled: usize,
     first_ns: u64,
 }
@@ -37,30 +37,37 @@ impl ForceForwarder {
     pub fn start(
         cell: &str,
         rate_hz: f64,
-        frame: Frame,
-        events: Sender<Event>,
+        frame: CoordinateFrame,
+        events: Sender<LinkEvent>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
         let over = Arc::new(AtomicBool::new(false));
         let (cell, until) = (cell.to_owned(), Arc::clone(&over));
         std::thread::Builder::new().name("trued-force".to_owned()).spawn(move || {
-            let found = keep_trying(|within| ForceSource::connect(&cell, within), &events, &until);
+            let found =
+                retry_connect(|within| ForceSource::connect(&cell, within), &events, &until);
             if let Some(source) = found {
                 // The receiver is gone if the bridge has ended.
                 let _ = tell.send(source);
             }
         })?;
         let frame = match frame {
-            Frame::Tool => WrenchFrame::Tool,
-            Frame::Base => WrenchFrame::Base,
+            CoordinateFrame::Tool => WrenchFrame::Tool,
+            CoordinateFrame::Base => WrenchFrame::Base,
         };
-        let block = [0.0; BLOCK * CHANNELS];
-        Ok(Self { source: None, joined, over, frame, rate_hz, block, filled: 0, first_ns: 0 })
+        let block = [0.0; BLOCK_SAMPLES * CHANNELS];
+        Ok(Self { source: None, joined, stop: over, frame, rate_hz, block, filled: 0, first_ns: 0 })
     }
 
     /// Adds a sample received at `now_ns`; if samples were lost before it, the earlier ones are
     /// sent first.
-    pub fn take(&mut self, wrench: &[f64; CHANNELS], lost: u32, now_ns: u64, counts: &Counts) {
+    pub fn add_sample(
+        &mut self,
+        wrench: &[f64; CHANNELS],
+        lost: u32,
+        now_ns: u64,
+        counts: &Counts,
+    ) {
         if lost > 0 {
             self.send(counts);
         }
@@ -72,7 +79,7 @@ impl ForceForwarder {
             place.copy_from_slice(wrench);
             self.filled += 1;
         }
-        if self.filled == BLOCK {
+        if self.filled == BLOCK_SAMPLES {
             self.send(counts);
         }
     }
@@ -96,6 +103,6 @@ impl ForceForwarder {
 
 impl Drop for ForceForwarder {
     fn drop(&mut self) {
-        self.over.store(true, Relaxed);
+        self.stop.store(true, Relaxed);
     }
 }

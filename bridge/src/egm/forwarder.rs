@@ -1,7 +1,7 @@
 //! Handling of datagrams by the EGM bridge, without sockets.
 //!
-//! Feedback and unknown fields are forwarded byte for byte; of a target only the joint positions are changed, never speeds; nothing is sent before the first datagram of the
-//! controller; in case of any fault the application's target is forwarded unchanged, or nothing is sent. No allocation except the transport's.
+//! Feedback and unknown fields are forwarded byte for byte; only the joint positions of a target are changed, never its speeds; nothing is sent before the first datagram of the
+//! controller; on any fault the application's target is forwarded unchanged, or nothing is sent. No allocation except the transport's.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -10,18 +10,18 @@ use physics::Arm;
 use recording::bridge::Guidance;
 use trued_client::{JOINTS_MAX, RobotState};
 
+use super::classification::{ClassifiedTarget, classify};
 use super::force::ForceForwarder;
-use super::joints::Order;
+use super::joints::JointOrder;
 use super::messages::{
     MCI_ERROR, MCI_RUNNING, MCI_STOPPED, PathCorrMessage, Posture, RobotMessage,
 };
 use super::path::Path;
-use super::screened::{Screened, read};
+use crate::corrections::Corrections;
 use crate::counts::{Count, Counts};
-use crate::feed::Feed;
-use crate::joining::Joining;
+use crate::daemon_link::DaemonLink;
 use crate::link::Link;
-use crate::sequence::{Sequence, Standing};
+use crate::sequence::{Sequence, SequencePosition};
 use crate::settings::RunRules;
 
 /// Settings of the bridge.
@@ -36,7 +36,7 @@ pub struct Settings {
     /// The kind of target that is corrected.
     pub guidance: Guidance,
     /// Order of the arm's joints in messages.
-    pub order: Order,
+    pub order: JointOrder,
     /// Shadow mode: no correction is sent.
     pub is_shadow: bool,
     /// Least time between two path corrections, ns.
@@ -46,14 +46,14 @@ pub struct Settings {
 }
 
 /// The bridge between controller and application.
-pub struct Forwarder<L = Joining> {
+pub struct Forwarder<L = DaemonLink> {
     settings: Settings,
     arm: Arm,
-    feed: Feed<L>,
+    feed: Corrections<L>,
     force: Option<ForceForwarder>,
     counts: Arc<Counts>,
     path: Path,
-    robot: Option<Robot>,
+    robot: Option<RobotRun>,
     /// Another mechanical unit, and the number of its datagrams since the last one of the unit that
     /// is served.
     other_unit: Option<(SocketAddr, u32)>,
@@ -63,14 +63,14 @@ pub struct Forwarder<L = Joining> {
 
 /// State of the controller's run.
 #[derive(Debug, Clone, Copy)]
-struct Robot {
+struct RobotRun {
     address: SocketAddr,
     last_ns: u64,
     is_guided: bool,
     /// Consecutive messages in a state in which the robot is not guided.
     not_guided: u32,
-    /// Measured position, in the arm's order, rad.
-    stands: Option<[f64; JOINTS_MAX]>,
+    /// Measured joint positions, in the arm's order, rad.
+    position: Option<[f64; JOINTS_MAX]>,
     /// The newest planned (otherwise measured) joints, in the arm's order, rad.
     q: Option<[f64; JOINTS_MAX]>,
     /// Whether the application has sent a target in this run, and since the controller's last
@@ -86,7 +86,7 @@ impl<L: Link> Forwarder<L> {
     pub fn new(
         settings: Settings,
         arm: Arm,
-        feed: Feed<L>,
+        feed: Corrections<L>,
         force: Option<ForceForwarder>,
         counts: Arc<Counts>,
     ) -> Self {
@@ -105,32 +105,32 @@ impl<L: Link> Forwarder<L> {
     }
 
     /// Processes a datagram of the controller; returns whether it is forwarded to the application.
-    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> bool {
+    pub fn receive_from_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> bool {
         if from.ip() != self.settings.robot {
-            return self.drop(Count::Foreign);
+            return self.discard(Count::Foreign);
         }
         if !self.is_served(from, now_ns) {
-            return self.drop(Count::OtherUnit);
+            return self.discard(Count::OtherUnit);
         }
         let Some(message) = RobotMessage::read(datagram).ok().filter(|_| !datagram.is_empty())
         else {
-            return self.drop(Count::Broken);
+            return self.discard(Count::Broken);
         };
         if self.robot.is_some_and(|robot| robot.address != from) {
             self.robot_sequence = Sequence::counting(self.settings.runs.sequence);
         }
-        let standing = self.robot_sequence.judge(message.header.seqno, datagram);
+        let standing = self.robot_sequence.classify(message.header.seqno, datagram);
         let lost = match standing {
-            Standing::Repeated => return self.drop(Count::Repeated),
-            Standing::Old => return self.drop(Count::Old),
-            Standing::First => 0,
-            Standing::Next { lost } => lost,
+            SequencePosition::Repeated => return self.discard(Count::Repeated),
+            SequencePosition::Old => return self.discard(Count::Old),
+            SequencePosition::First => 0,
+            SequencePosition::Next { lost } => lost,
         };
-        self.counts.one(Count::Robot);
+        self.counts.increment(Count::Robot);
         self.counts.add(Count::RobotMissed, u64::from(lost));
-        self.note(&message, standing, from, now_ns);
+        self.update_run(&message, standing, from, now_ns);
         if let (Some(way), Some(wrench)) = (&mut self.force, message.force.wrench()) {
-            way.take(&wrench, lost, now_ns, &self.counts);
+            way.add_sample(&wrench, lost, now_ns, &self.counts);
         }
         true
     }
@@ -138,7 +138,6 @@ impl<L: Link> Forwarder<L> {
     /// Whether this is the mechanical unit that is served: the configured one; otherwise the
     /// present one, until it has been silent for a while and another one has sent several datagrams
     /// in a row.
-    /// another one has sent several datagrams in a row.
     fn is_served(&mut self, from: SocketAddr, now_ns: u64) -> bool {
         if let Some(port) = self.settings.robot_port {
             return from.port() == port;
@@ -150,21 +149,27 @@ impl<L: Link> Forwarder<L> {
         }
         let seen = self.other_unit.filter(|(address, _)| *address == from).map_or(0, |(_, n)| n);
         self.other_unit = Some((from, seen + 1));
-        self.is_over(&robot, now_ns) && seen + 1 >= self.settings.runs.unit_taken_after
+        self.is_silent(&robot, now_ns) && seen + 1 >= self.settings.runs.unit_switch_after
     }
 
     /// Whether the controller has been silent for long enough to end a run.
-    fn is_over(&self, robot: &Robot, now_ns: u64) -> bool {
+    fn is_silent(&self, robot: &RobotRun, now_ns: u64) -> bool {
         now_ns.saturating_sub(robot.last_ns) >= self.settings.runs.ends_after_ns()
     }
 
     /// Updates the state of the run by a message of the controller.
-    fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
-        let lost = if let Standing::Next { lost } = standing { lost } else { 0 };
-        let silent = self.robot.is_some_and(|robot| self.is_over(&robot, now_ns));
+    fn update_run(
+        &mut self,
+        message: &RobotMessage,
+        standing: SequencePosition,
+        from: SocketAddr,
+        now_ns: u64,
+    ) {
+        let lost = if let SequencePosition::Next { lost } = standing { lost } else { 0 };
+        let silent = self.robot.is_some_and(|robot| self.is_silent(&robot, now_ns));
         let before = self.robot.filter(|robot| {
             // A silence during which the controller continued to count is a network failure.
-            standing != Standing::First && robot.address == from && (!silent || lost > 0)
+            standing != SequencePosition::First && robot.address == from && (!silent || lost > 0)
         });
         // It may have restarted nevertheless: the position of the robot decides.
         let is_doubtful = silent || lost >= self.settings.runs.doubtful_lost;
@@ -174,7 +179,7 @@ impl<L: Link> Forwarder<L> {
         let (has_target, was_answered) =
             before.map_or((false, true), |before| (before.has_target, before.is_answered));
         if before.is_none() {
-            self.counts.one(Count::Sessions);
+            self.counts.increment(Count::Sessions);
             self.path = Path::new(self.settings.path_period_ns);
         }
         let stands = measured.or(planned);
@@ -185,14 +190,14 @@ impl<L: Link> Forwarder<L> {
         }
         let not_guided = before.map_or(0, |before| before.not_guided) + 1;
         if is_guided && has_target && !was_answered {
-            self.counts.one(Count::Silent);
+            self.counts.increment(Count::Silent);
         }
-        self.robot = Some(Robot {
+        self.robot = Some(RobotRun {
             address: from,
             last_ns: now_ns,
             is_guided,
             not_guided: if is_guided { 0 } else { not_guided },
-            stands,
+            position: stands,
             q: planned.or(measured),
             has_target,
             is_answered: false,
@@ -217,71 +222,81 @@ impl<L: Link> Forwarder<L> {
     }
 
     /// Processes a datagram of the application; returns what may be answered.
-    pub fn of_application(
+    pub fn receive_from_application(
         &mut self,
         datagram: &[u8],
         from: SocketAddr,
         now_ns: u64,
-    ) -> Option<Screened> {
+    ) -> Option<ClassifiedTarget> {
         let refused = |what| {
-            self.counts.one(what);
+            self.counts.increment(what);
             None
         };
         if Some(from) != self.settings.application {
             return refused(Count::Foreign);
         }
-        if self.robot.is_none_or(|robot| self.is_over(&robot, now_ns)) {
+        if self.robot.is_none_or(|robot| self.is_silent(&robot, now_ns)) {
             return refused(Count::Early);
         }
-        let (header, screened) = match read(self.settings.guidance, datagram) {
+        let (header, screened) = match classify(self.settings.guidance, datagram) {
             Some(read) if !datagram.is_empty() => read,
             _ => return refused(Count::Broken),
         };
-        let is_repeated = match self.application_sequence.judge(header.seqno, datagram) {
-            Standing::Old => return refused(Count::Old),
-            Standing::Repeated => {
-                self.counts.one(Count::Repeated);
+        let is_repeated = match self.application_sequence.classify(header.seqno, datagram) {
+            SequencePosition::Old => return refused(Count::Old),
+            SequencePosition::Repeated => {
+                self.counts.increment(Count::Repeated);
                 true
             }
-            Standing::Next { lost } => {
+            SequencePosition::Next { lost } => {
                 self.counts.add(Count::ApplicationMissed, u64::from(lost));
                 false
             }
-            Standing::First => false,
+            SequencePosition::First => false,
         };
-        self.counts.one(Count::Application);
+        self.counts.increment(Count::Application);
         Some(match screened {
-            Screened::Joints { planned, .. } => Screened::Joints { planned, is_repeated },
+            ClassifiedTarget::Joints { planned, .. } => {
+                ClassifiedTarget::Joints { planned, is_repeated }
+            }
             other => other,
         })
     }
 
     /// Corrects a classified datagram in place; returns its destination.
-    pub fn answer(&mut self, datagram: &mut [u8], screened: &Screened) -> Option<SocketAddr> {
+    pub fn answer(
+        &mut self,
+        datagram: &mut [u8],
+        screened: &ClassifiedTarget,
+    ) -> Option<SocketAddr> {
         let robot = self.robot.as_mut()?;
         (robot.has_target, robot.is_answered) = (true, true);
         let robot = *robot;
         match screened {
-            Screened::Joints { planned, is_repeated } if !self.is_passed(planned, &robot) => {
+            ClassifiedTarget::Joints { planned, is_repeated }
+                if !self.passes_unchanged(planned, &robot) =>
+            {
                 self.correct_joints(datagram, planned, *is_repeated);
             }
-            Screened::Offset(message) if robot.is_guided => {
+            ClassifiedTarget::Offset(message) if robot.is_guided => {
                 let offset_mm = self.offset_mm(&robot);
                 if let Some(offset) = message.offset {
                     let [x, y, z] = offset.mm;
                     offset.put(datagram, [x, y + offset_mm.0, z + offset_mm.1]);
                 }
             }
-            Screened::AsItIs => self.counts.one(Count::NotCorrected),
-            Screened::Joints { planned, .. } => {
-                self.counts.one(Count::Plain);
+            ClassifiedTarget::Unchanged => self.counts.increment(Count::NotCorrected),
+            ClassifiedTarget::Joints { planned, .. } => {
+                self.counts.increment(Count::Plain);
                 if let Some(q) = self.settings.order.rad(planned) {
-                    self.feed.pass(&q);
+                    self.feed.store_uncorrected(&q);
                 }
             }
-            Screened::Offset(_) | Screened::SpeedAlone => self.counts.one(Count::Plain),
+            ClassifiedTarget::Offset(_) | ClassifiedTarget::SpeedOnly => {
+                self.counts.increment(Count::Plain);
+            }
         }
-        self.counts.one(Count::Sent);
+        self.counts.increment(Count::Sent);
         Some(robot.address)
     }
 
@@ -289,11 +304,11 @@ impl<L: Link> Forwarder<L> {
     /// that it follows has to be the application's own. A correction in force continues until the
     /// robot is at rest without it, because the message that starts the guidance may have been
     /// lost.
-    fn is_passed(&self, planned: &Posture, robot: &Robot) -> bool {
+    fn passes_unchanged(&self, planned: &Posture, robot: &RobotRun) -> bool {
         if robot.is_guided {
             return false;
         }
-        let (q, stands) = (self.settings.order.rad(planned), robot.stands);
+        let (q, stands) = (self.settings.order.rad(planned), robot.position);
         let (Some(q), Some(stands)) = (q, stands.filter(|_| self.feed.is_correcting())) else {
             return true;
         };
@@ -303,12 +318,12 @@ impl<L: Link> Forwarder<L> {
 
     fn correct_joints(&mut self, datagram: &mut [u8], planned: &Posture, is_repeated: bool) {
         let Some(q) = self.settings.order.rad(planned) else {
-            self.counts.one(Count::NotCorrected);
+            self.counts.increment(Count::NotCorrected);
             return;
         };
         let q = &q[..self.arm.count()];
         let made = if is_repeated { self.feed.repeat(q) } else { self.feed.command(q) };
-        self.counts.answer(&made);
+        self.counts.count_answer(&made);
         if self.settings.is_shadow || made.is_zero() {
             return;
         }
@@ -316,12 +331,16 @@ impl<L: Link> Forwarder<L> {
             0.0 => degrees,
             rad => degrees + rad.to_degrees(),
         };
-        self.settings.order.put(datagram, planned, put);
+        self.settings.order.write_joints(datagram, planned, put);
     }
 
     /// A path correction of the bridge itself, if no application guides the controller: its length
     /// in `to`, and its destination.
-    pub fn own_answer(&mut self, to: &mut [u8], now_ns: u64) -> Option<(usize, SocketAddr)> {
+    pub fn own_path_correction(
+        &mut self,
+        to: &mut [u8],
+        now_ns: u64,
+    ) -> Option<(usize, SocketAddr)> {
         let is_ours =
             self.settings.guidance == Guidance::Path && self.settings.application.is_none();
         let robot = self.robot.filter(|robot| is_ours && robot.is_guided && !robot.is_answered)?;
@@ -334,19 +353,19 @@ impl<L: Link> Forwarder<L> {
         if let Some(robot) = &mut self.robot {
             robot.is_answered = true;
         }
-        self.counts.one(Count::Sent);
+        self.counts.increment(Count::Sent);
         Some((length, robot.address))
     }
 
     /// Component of the correction across the path, mm.
-    fn offset_mm(&mut self, robot: &Robot) -> (f64, f64) {
+    fn offset_mm(&mut self, robot: &RobotRun) -> (f64, f64) {
         let Some(q) = robot.q else {
-            self.counts.one(Count::NotCorrected);
+            self.counts.increment(Count::NotCorrected);
             return (0.0, 0.0);
         };
         let q = &q[..self.arm.count()];
         let made = self.feed.command(q);
-        self.counts.answer(&made);
+        self.counts.count_answer(&made);
         let (y, z) = self.path.across_mm(&self.arm, q, &made.rad);
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }
@@ -357,22 +376,22 @@ impl<L: Link> Forwarder<L> {
     }
 
     /// Nothing was received for a while: checks the connection to the daemon.
-    pub fn idle(&mut self) {
-        self.feed.link().look();
+    pub fn check_connection(&mut self) {
+        self.feed.link().check_connection();
     }
 
     /// Counts a datagram that could not be sent.
-    pub fn not_sent(&self) {
-        self.counts.one(Count::NotSent);
+    pub fn count_not_sent(&self) {
+        self.counts.increment(Count::NotSent);
     }
 
     /// Counts a target that was superseded by a newer one before it was answered.
-    pub fn superseded(&self) {
-        self.counts.one(Count::Superseded);
+    pub fn count_superseded(&self) {
+        self.counts.increment(Count::Superseded);
     }
 
-    fn drop(&self, what: Count) -> bool {
-        self.counts.one(what);
+    fn discard(&self, what: Count) -> bool {
+        self.counts.increment(what);
         false
     }
 }

@@ -6,16 +6,16 @@ use super::messages::Posture;
 
 /// Order of the arm's joints in EGM messages.
 #[derive(Debug, Clone, Copy)]
-pub struct Order {
+pub struct JointOrder {
     /// Number of joints of the arm.
     pub count: usize,
     /// Number of the robot's axes before the seventh joint; `None` without a seventh.
     pub seventh_after: Option<usize>,
 }
 
-impl Order {
+impl JointOrder {
     /// Whether joint `i` is among the robot's axes, and its index there.
-    fn place(&self, i: usize) -> (bool, usize) {
+    fn wire_index(&self, i: usize) -> (bool, usize) {
         match self.seventh_after {
             Some(after) if i == after => (false, 0),
             Some(after) if i > after => (true, i - 1),
@@ -32,7 +32,7 @@ impl Order {
         }
         let mut q = [0.0; JOINTS_MAX];
         for (i, q) in q.iter_mut().enumerate().take(self.count) {
-            let (is_axis, at) = self.place(i);
+            let (is_axis, at) = self.wire_index(i);
             *q = if is_axis { joints.get(at) } else { external.get(at) }?.to_radians();
         }
         q.iter().all(|q| q.is_finite()).then_some(q)
@@ -40,11 +40,16 @@ impl Order {
 
     /// Replaces each of the arm's joints in the datagram, degrees; other external axes are
     /// unchanged.
-    pub fn put(&self, datagram: &mut [u8], posture: &Posture, each: impl Fn(usize, f64) -> f64) {
+    pub fn write_joints(
+        &self,
+        datagram: &mut [u8],
+        posture: &Posture,
+        each: impl Fn(usize, f64) -> f64,
+    ) {
         let mut joints = [0.0; JOINTS_MAX];
         joints.iter_mut().zip(posture.joints.values()).for_each(|(to, from)| *to = *from);
         for i in 0..self.count {
-            match self.place(i) {
+            match self.wire_index(i) {
                 (true, at) => {
                     if let Some(joint) = joints.get_mut(at) {
                         *joint = each(i, *joint);
@@ -52,10 +57,10 @@ impl Order {
                 }
                 (false, _) => {
                     let first = posture.external.values().first().map(|joint| each(i, *joint));
-                    posture.external.put(datagram, first.as_slice());
+                    posture.external.write(datagram, first.as_slice());
                 }
             }
         }
-        posture.joints.put(datagram, &joints);
+        posture.joints.write(datagram, &joints);
     }
 }

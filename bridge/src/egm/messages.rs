@@ -8,7 +8,7 @@
 
 use trued_client::JOINTS_MAX;
 
-use super::wire::{Broken, Field, Fields, Value, Writer};
+use super::wire::{DecodeError, Field, Fields, Value, Writer};
 
 /// `EgmHeader.mtype` of a target.
 pub const CORRECTION: u32 = 3;
@@ -34,22 +34,22 @@ pub struct Header {
 
 /// Numbers of a message with their positions in the datagram.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Numbers {
+pub struct JointValues {
     values: [f64; JOINTS_MAX],
     places: [usize; JOINTS_MAX],
     count: usize,
 }
 
-impl Default for Numbers {
+impl Default for JointValues {
     fn default() -> Self {
         Self { values: [0.0; JOINTS_MAX], places: [0; JOINTS_MAX], count: 0 }
     }
 }
 
-impl Numbers {
-    fn push(&mut self, value: f64, at: usize) -> Result<(), Broken> {
+impl JointValues {
+    fn push(&mut self, value: f64, at: usize) -> Result<(), DecodeError> {
         let places = self.values.get_mut(self.count).zip(self.places.get_mut(self.count));
-        let (to, place) = places.ok_or(Broken::TooManyJoints)?;
+        let (to, place) = places.ok_or(DecodeError::TooManyJoints)?;
         (*to, *place) = (value, at);
         self.count += 1;
         Ok(())
@@ -62,7 +62,7 @@ impl Numbers {
     }
 
     /// Replaces these numbers; nothing else of the datagram changes.
-    pub fn put(&self, datagram: &mut [u8], values: &[f64]) {
+    pub fn write(&self, datagram: &mut [u8], values: &[f64]) {
         for (at, value) in self.places[..self.count].iter().zip(values) {
             if let Some(place) = datagram.get_mut(*at..at + 8) {
                 place.copy_from_slice(&value.to_le_bytes());
@@ -75,9 +75,9 @@ impl Numbers {
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Posture {
     /// The robot's axes.
-    pub joints: Numbers,
+    pub joints: JointValues,
     /// External axes; the seventh of a seven-axis robot is the first of them.
-    pub external: Numbers,
+    pub external: JointValues,
     /// Whether there is also, or only, a pose.
     pub has_pose: bool,
 }
@@ -103,7 +103,7 @@ pub struct Force {
     /// `fcActive`, if stated.
     pub is_active: Option<bool>,
     /// Fx Fy Fz Mx My Mz, N and Nm.
-    pub values: Numbers,
+    pub values: JointValues,
 }
 
 /// The used part of `EgmSensor`.
@@ -146,7 +146,7 @@ impl Offset {
 }
 
 impl Header {
-    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), DecodeError> {
         while let Some(field) = fields.next()? {
             match field.number {
                 1 => self.seqno = Some(field.uint32()?),
@@ -159,7 +159,7 @@ impl Header {
     }
 }
 
-fn joints(numbers: &mut Numbers, field: &Field<'_>) -> Result<(), Broken> {
+fn joints(numbers: &mut JointValues, field: &Field<'_>) -> Result<(), DecodeError> {
     let mut fields = field.message()?;
     while let Some(field) = fields.next()? {
         if field.number == 1 {
@@ -177,7 +177,7 @@ impl Posture {
     }
 
     /// `EgmPlanned` and `EgmFeedBack` have the same fields.
-    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), DecodeError> {
         while let Some(field) = fields.next()? {
             match field.number {
                 1 => joints(&mut self.joints, &field)?,
@@ -191,7 +191,7 @@ impl Posture {
 }
 
 impl Force {
-    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), DecodeError> {
         while let Some(field) = fields.next()? {
             match (field.number, field.value) {
                 (1, Value::Varint(flag)) => self.is_active = Some(flag != 0),
@@ -215,8 +215,8 @@ impl RobotMessage {
     ///
     /// # Errors
     /// It is not an `EgmRobot`.
-    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
-        let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
+    pub fn read(datagram: &[u8]) -> Result<Self, DecodeError> {
+        let (mut message, mut fields) = (Self::default(), Fields::new(datagram));
         while let Some(field) = fields.next()? {
             match field.number {
                 1 => message.header.read(field.message()?)?,
@@ -243,8 +243,8 @@ impl SensorMessage {
     ///
     /// # Errors
     /// It is not an `EgmSensor`.
-    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
-        let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
+    pub fn read(datagram: &[u8]) -> Result<Self, DecodeError> {
+        let (mut message, mut fields) = (Self::default(), Fields::new(datagram));
         while let Some(field) = fields.next()? {
             match field.number {
                 1 => message.header.read(field.message()?)?,
@@ -262,8 +262,8 @@ impl PathCorrMessage {
     ///
     /// # Errors
     /// It is not an `EgmSensorPathCorr`.
-    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
-        let (mut header, mut fields) = (Header::default(), Fields::of(datagram));
+    pub fn read(datagram: &[u8]) -> Result<Self, DecodeError> {
+        let (mut header, mut fields) = (Header::default(), Fields::new(datagram));
         let mut found = [None; 3];
         while let Some(field) = fields.next()? {
             match field.number {
@@ -291,7 +291,7 @@ impl PathCorrMessage {
     /// Writes a message of the bridge: `offset_mm` in the path's frame, seen `age_ms` ago. Returns
     /// its length; `None` if `to` is too short.
     pub fn write(to: &mut [u8], header: Header, offset_mm: [f64; 3], age_ms: u32) -> Option<usize> {
-        let mut writer = Writer::into(to);
+        let mut writer = Writer::new(to);
         writer.message(1, |writer| {
             let numbers = [(1, header.seqno), (2, header.tm), (3, header.mtype)];
             for (field, number) in numbers {
@@ -312,7 +312,10 @@ impl PathCorrMessage {
     }
 }
 
-fn cartesian(found: &mut [Option<(f64, usize)>; 3], mut fields: Fields<'_>) -> Result<(), Broken> {
+fn cartesian(
+    found: &mut [Option<(f64, usize)>; 3],
+    mut fields: Fields<'_>,
+) -> Result<(), DecodeError> {
     while let Some(field) = fields.next()? {
         if let Some(place) = (field.number as usize).checked_sub(1).and_then(|i| found.get_mut(i)) {
             *place = Some(field.double()?);

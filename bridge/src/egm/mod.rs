@@ -5,14 +5,14 @@
 //!
 //! Read in this order: [`messages`], [`forwarder`] (handling of datagrams), `run` (the sockets).
 
+pub mod classification;
 pub mod force;
 pub mod forwarder;
 pub mod joints;
 pub mod messages;
 mod path;
 mod run;
-pub mod screened;
 mod wire;
 
 pub use run::run;
-pub use wire::Broken;
+pub use wire::DecodeError;

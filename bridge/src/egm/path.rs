@@ -4,7 +4,7 @@ use physics::Arm;
 use trued_client::JOINTS_MAX;
 
 use super::messages::{Header, PATH_CORRECTION};
-use crate::displacement::{PathFrame, displaced};
+use crate::displacement::{PathFrame, tool_poses};
 
 /// A correction may be early by this fraction of its period, because the controller's cycles
 /// jitter.
@@ -51,8 +51,8 @@ impl Path {
         q: &[f64],
         correction: &[f64; JOINTS_MAX],
     ) -> (f64, f64) {
-        let (before, after) = displaced(arm, q, correction);
-        self.frame.follow(&before);
+        let (before, after) = tool_poses(arm, q, correction);
+        self.frame.advance(&before);
         let (y, z) = self.frame.across(after.origin - before.origin);
         (y * 1e3, z * 1e3)
     }

@@ -7,13 +7,13 @@
 
 /// The datagram is not a valid message of this kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Broken {
+pub enum DecodeError {
     /// It ends within a field.
     #[error("the message ends within a field")]
-    CutOff,
+    Truncated,
     /// A tag, or a number, that Protocol Buffers do not define.
     #[error("invalid tag or number")]
-    NoField,
+    InvalidTag,
     /// A field has another type than the protocol states.
     #[error("field {number} has the invalid wire type {wire_type}")]
     WrongType {
@@ -38,9 +38,9 @@ pub(crate) enum Value<'a> {
     /// A varint.
     Varint(u64),
     /// A 64-bit value.
-    Eight([u8; 8]),
+    Fixed64([u8; 8]),
     /// A 32-bit value.
-    Four,
+    Fixed32,
     /// A message, a string, or packed numbers.
     Bytes(&'a [u8]),
 }
@@ -63,63 +63,63 @@ pub(crate) struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     /// The fields of a whole datagram.
-    pub(crate) fn of(datagram: &'a [u8]) -> Self {
+    pub(crate) fn new(datagram: &'a [u8]) -> Self {
         Self { rest: datagram, at: 0 }
     }
 
     /// The next field; `None` at the end.
-    pub(crate) fn next(&mut self) -> Result<Option<Field<'a>>, Broken> {
+    pub(crate) fn next(&mut self) -> Result<Option<Field<'a>>, DecodeError> {
         if self.rest.is_empty() {
             return Ok(None);
         }
-        let tag = u32::try_from(self.varint()?).map_err(|_| Broken::NoField)?;
+        let tag = u32::try_from(self.varint()?).map_err(|_| DecodeError::InvalidTag)?;
         let (number, wire_type) = (tag >> TYPE_BITS, tag & ((1 << TYPE_BITS) - 1));
         if number == 0 {
-            return Err(Broken::NoField);
+            return Err(DecodeError::InvalidTag);
         }
         let mut at = self.at;
         let value = match wire_type {
             0 => Value::Varint(self.varint()?),
-            1 => Value::Eight(self.array()?),
+            1 => Value::Fixed64(self.array()?),
             2 => {
-                let length = usize::try_from(self.varint()?).map_err(|_| Broken::CutOff)?;
+                let length = usize::try_from(self.varint()?).map_err(|_| DecodeError::Truncated)?;
                 at = self.at;
                 Value::Bytes(self.take(length)?)
             }
             5 => {
                 self.array::<4>()?;
-                Value::Four
+                Value::Fixed32
             }
-            _ => return Err(Broken::WrongType { number, wire_type: wire_type as u8 }),
+            _ => return Err(DecodeError::WrongType { number, wire_type: wire_type as u8 }),
         };
         Ok(Some(Field { number, value, at }))
     }
 
-    fn take(&mut self, length: usize) -> Result<&'a [u8], Broken> {
-        let (head, rest) = self.rest.split_at_checked(length).ok_or(Broken::CutOff)?;
+    fn take(&mut self, length: usize) -> Result<&'a [u8], DecodeError> {
+        let (head, rest) = self.rest.split_at_checked(length).ok_or(DecodeError::Truncated)?;
         self.rest = rest;
         self.at += length;
         Ok(head)
     }
 
-    fn array<const N: usize>(&mut self) -> Result<[u8; N], Broken> {
-        self.take(N)?.try_into().map_err(|_| Broken::CutOff)
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
+        self.take(N)?.try_into().map_err(|_| DecodeError::Truncated)
     }
 
-    fn varint(&mut self) -> Result<u64, Broken> {
+    fn varint(&mut self) -> Result<u64, DecodeError> {
         let mut number = 0_u64;
         for i in 0..VARINT_MAX {
             let [byte] = self.array::<1>()?;
             // The tenth byte has room for one bit.
             if i == VARINT_MAX - 1 && byte > 1 {
-                return Err(Broken::NoField);
+                return Err(DecodeError::InvalidTag);
             }
             number |= u64::from(byte & 0x7f) << (7 * i);
             if byte & 0x80 == 0 {
                 return Ok(number);
             }
         }
-        Err(Broken::NoField)
+        Err(DecodeError::InvalidTag)
     }
 }
 
@@ -127,48 +127,48 @@ impl<'a> Field<'a> {
     fn wire_type(&self) -> u8 {
         match self.value {
             Value::Varint(_) => 0,
-            Value::Eight(_) => 1,
+            Value::Fixed64(_) => 1,
             Value::Bytes(_) => 2,
-            Value::Four => 5,
+            Value::Fixed32 => 5,
         }
     }
 
-    fn wrong<T>(&self) -> Result<T, Broken> {
-        Err(Broken::WrongType { number: self.number, wire_type: self.wire_type() })
+    fn wrong_type<T>(&self) -> Result<T, DecodeError> {
+        Err(DecodeError::WrongType { number: self.number, wire_type: self.wire_type() })
     }
 
     /// A varint.
-    pub(crate) fn varint(&self) -> Result<u64, Broken> {
-        if let Value::Varint(number) = self.value { Ok(number) } else { self.wrong() }
+    pub(crate) fn varint(&self) -> Result<u64, DecodeError> {
+        if let Value::Varint(number) = self.value { Ok(number) } else { self.wrong_type() }
     }
 
     /// A `uint32`; longer values are truncated, as usual.
-    pub(crate) fn uint32(&self) -> Result<u32, Broken> {
+    pub(crate) fn uint32(&self) -> Result<u32, DecodeError> {
         Ok(self.varint()? as u32)
     }
 
     /// An embedded message.
-    pub(crate) fn message(&self) -> Result<Fields<'a>, Broken> {
+    pub(crate) fn message(&self) -> Result<Fields<'a>, DecodeError> {
         match self.value {
             Value::Bytes(bytes) => Ok(Fields { rest: bytes, at: self.at }),
-            _ => self.wrong(),
+            _ => self.wrong_type(),
         }
     }
 
     /// A `double`, and its position.
-    pub(crate) fn double(&self) -> Result<(f64, usize), Broken> {
-        if let Value::Eight(bytes) = self.value {
+    pub(crate) fn double(&self) -> Result<(f64, usize), DecodeError> {
+        if let Value::Fixed64(bytes) = self.value {
             Ok((f64::from_le_bytes(bytes), self.at))
         } else {
-            self.wrong()
+            self.wrong_type()
         }
     }
 
     /// Elements of a `repeated double`, one at a time or packed, each with its position.
     pub(crate) fn doubles(
         &self,
-        mut each: impl FnMut(f64, usize) -> Result<(), Broken>,
-    ) -> Result<(), Broken> {
+        mut each: impl FnMut(f64, usize) -> Result<(), DecodeError>,
+    ) -> Result<(), DecodeError> {
         let Value::Bytes(packed) = self.value else {
             let (value, at) = self.double()?;
             return each(value, at);
@@ -177,7 +177,7 @@ impl<'a> Field<'a> {
         for (i, chunk) in chunks.iter().enumerate() {
             each(f64::from_le_bytes(*chunk), self.at + 8 * i)?;
         }
-        if rest.is_empty() { Ok(()) } else { Err(Broken::CutOff) }
+        if rest.is_empty() { Ok(()) } else { Err(DecodeError::Truncated) }
     }
 }
 
@@ -190,7 +190,7 @@ pub(crate) struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    pub(crate) fn into(to: &'a mut [u8]) -> Self {
+    pub(crate) fn new(to: &'a mut [u8]) -> Self {
         Self { to, length: 0, full: false }
     }
 

@@ -9,25 +9,25 @@ use std::sync::Arc;
 
 use glam::DMat3;
 use physics::{Arm, Frame};
-use recording::bridge::{Group, RsiConfig, RsiCorrection, Sums};
-use recording::series::Frame as Axes;
+use recording::bridge::{Accumulation, Group, RsiConfig, RsiCorrection};
+use recording::series::CoordinateFrame as Axes;
 use trued_client::JOINTS_MAX;
 
-use super::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
+use super::telegram::{AnswerTemplate, IPOC_MAX, NUMBERS_MAX, Telegram, rounded};
+use crate::corrections::Corrections;
 use crate::counts::{Count, Counts};
-use crate::displacement::displaced;
-use crate::feed::Feed;
-use crate::joining::Joining;
+use crate::daemon_link::DaemonLink;
+use crate::displacement::tool_poses;
 use crate::link::Link;
-use crate::sequence::{Sequence, Standing};
+use crate::sequence::{Sequence, SequencePosition};
 use crate::settings::RunRules;
 
 /// Number of answers that are stored, in case the controller has not used them.
-const KEPT: usize = 32;
+const ANSWERS_KEPT: usize = 32;
 
 /// The request of a telegram.
 #[derive(Debug, Clone, Copy)]
-pub struct Asked {
+pub struct AnswerRequest {
     /// Target of the program, rad; `None` if the telegram does not contain it.
     q: Option<[f64; JOINTS_MAX]>,
     ipoc: Ipoc,
@@ -42,7 +42,7 @@ struct Ipoc {
 }
 
 impl Ipoc {
-    fn of(text: &str) -> Option<Self> {
+    fn new(text: &str) -> Option<Self> {
         let mut ipoc = Self { count: text.len(), ..Self::default() };
         ipoc.digits.get_mut(..text.len())?.copy_from_slice(text.as_bytes());
         Some(ipoc)
@@ -54,16 +54,16 @@ impl Ipoc {
 }
 
 /// The sensor in terms of RSI.
-pub struct Answerer<L = Joining> {
+pub struct Answerer<L = DaemonLink> {
     robot: IpAddr,
     is_shadow: bool,
     setpoint: Group,
     holds_correction: bool,
     correction: RsiCorrection,
-    sums: Sums,
-    form: Form,
+    sums: Accumulation,
+    form: AnswerTemplate,
     arm: Arm,
-    feed: Feed<L>,
+    feed: Corrections<L>,
     counts: Arc<Counts>,
     runs: RunRules,
     sequence: Sequence,
@@ -71,14 +71,14 @@ pub struct Answerer<L = Joining> {
     step: u32,
     late: Option<u64>,
     /// Whether the newest telegram has not been answered.
-    owes_answer: bool,
+    is_unanswered: bool,
     /// Answers sent, newest first.
-    sent: [Sent; KEPT],
+    sent: [SentAnswer; ANSWERS_KEPT],
 }
 
 /// Content of one answer.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sent {
+struct SentAnswer {
     /// The total correction as the controller accumulates it: degrees, mm.
     sum: [f64; NUMBERS_MAX],
     /// The same in joint coordinates, rad.
@@ -88,13 +88,13 @@ struct Sent {
 impl<L: Link> Answerer<L> {
     /// Before the first telegram.
     #[must_use]
-    pub fn new(config: RsiConfig, arm: Arm, feed: Feed<L>, counts: Arc<Counts>) -> Self {
-        let runs = RunRules::of(&config.common);
+    pub fn new(config: RsiConfig, arm: Arm, feed: Corrections<L>, counts: Arc<Counts>) -> Self {
+        let runs = RunRules::from_config(&config.common);
         let own = match &config.correction {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };
         Self {
-            form: Form::new(&config.ethernet, own, config.feed.as_ref(), &config.others),
+            form: AnswerTemplate::new(&config.ethernet, own, config.feed.as_ref(), &config.others),
             robot: config.common.robot,
             is_shadow: config.common.absolute_accuracy,
             setpoint: config.setpoint,
@@ -108,33 +108,33 @@ impl<L: Link> Answerer<L> {
             runs,
             step: u32::MAX,
             late: None,
-            owes_answer: false,
-            sent: [Sent::default(); KEPT],
+            is_unanswered: false,
+            sent: [SentAnswer::default(); ANSWERS_KEPT],
         }
     }
 
     /// Processes a datagram; returns its request if it is to be answered.
-    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr) -> Option<Asked> {
+    pub fn receive(&mut self, datagram: &[u8], from: SocketAddr) -> Option<AnswerRequest> {
         if from.ip() != self.robot {
-            return self.refuse(Count::Foreign);
+            return self.discard(Count::Foreign);
         }
-        let Some(telegram) = Telegram::read(datagram) else { return self.refuse(Count::Broken) };
+        let Some(telegram) = Telegram::read(datagram) else { return self.discard(Count::Broken) };
         let number = telegram.ipoc.parse::<u64>().ok();
-        let Some((ipoc, number)) = Ipoc::of(telegram.ipoc).zip(number) else {
-            return self.refuse(Count::Broken);
+        let Some((ipoc, number)) = Ipoc::new(telegram.ipoc).zip(number) else {
+            return self.discard(Count::Broken);
         };
         // The clock may be longer than 32 bits; its steps are not.
-        let standing = match self.sequence.judge(Some(number as u32), datagram) {
-            Standing::Old => return self.refuse(Count::Old),
-            Standing::Repeated => return self.refuse(Count::Repeated),
+        let standing = match self.sequence.classify(Some(number as u32), datagram) {
+            SequencePosition::Old => return self.discard(Count::Old),
+            SequencePosition::Repeated => return self.discard(Count::Repeated),
             standing => standing,
         };
-        self.counts.one(Count::Robot);
-        self.note(&telegram, standing);
-        self.owes_answer = true;
+        self.counts.increment(Count::Robot);
+        self.update_run(&telegram, standing);
+        self.is_unanswered = true;
         let numbers = telegram.numbers(&self.setpoint);
         if numbers.is_none() {
-            self.counts.one(Count::NotCorrected);
+            self.counts.increment(Count::NotCorrected);
         }
         let q = numbers.map(|degrees| {
             let mut q = [0.0; JOINTS_MAX];
@@ -144,33 +144,34 @@ impl<L: Link> Answerer<L> {
             }
             q
         });
-        Some(Asked { q, ipoc, from })
+        Some(AnswerRequest { q, ipoc, from })
     }
 
-    fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
-        let late = telegram.late();
+    fn update_run(&mut self, telegram: &Telegram<'_>, standing: SequencePosition) {
+        let late = telegram.late_count();
         let ends_after_ms = self.runs.ends_after_ms();
         // Late answers are counted while RSI is on: a silence during which most cycles were counted
         // is a network failure, and the correction continues.
-        let is_silent = matches!(standing, Standing::Next { lost } if lost >= ends_after_ms);
+        let is_silent =
+            matches!(standing, SequencePosition::Next { lost } if lost >= ends_after_ms);
         let counted = late.unwrap_or(0).saturating_sub(self.late.unwrap_or(0));
         let cycles = match standing {
-            Standing::Next { lost } => u64::from((lost + 1) / self.step.min(lost + 1)),
+            SequencePosition::Next { lost } => u64::from((lost + 1) / self.step.min(lost + 1)),
             _ => 0,
         };
         let counted_on = 2 * counted >= cycles;
         let began_anew = late < self.late;
-        if standing == Standing::First || began_anew || (is_silent && !counted_on) {
-            self.counts.one(Count::Sessions);
+        if standing == SequencePosition::First || began_anew || (is_silent && !counted_on) {
+            self.counts.increment(Count::Sessions);
             self.feed.start_at_zero();
-            self.sent = [Sent::default(); KEPT];
+            self.sent = [SentAnswer::default(); ANSWERS_KEPT];
             (self.step, self.late) = (u32::MAX, late);
             return;
         }
         // Cycles without an answer count as late too: nothing was sent in them that would have to
         // be taken back.
-        let mut unanswered = u64::from(self.owes_answer);
-        if let Standing::Next { lost } = standing {
+        let mut unanswered = u64::from(self.is_unanswered);
+        if let SequencePosition::Next { lost } = standing {
             self.step = self.step.min(lost + 1);
             let missed = u64::from((lost + 1) / self.step - 1);
             self.counts.add(Count::RobotMissed, missed);
@@ -180,39 +181,39 @@ impl<L: Link> Answerer<L> {
             && now > before
         {
             self.counts.add(Count::ControllerLate, now - before);
-            self.take_back((now - before).saturating_sub(unanswered));
+            self.rewind((now - before).saturating_sub(unanswered));
         }
         self.late = late;
     }
 
     /// The controller has not used the newest answers: it keeps the value sent before them, and the
     /// correction continues from there.
-    fn take_back(&mut self, answers: u64) {
+    fn rewind(&mut self, answers: u64) {
         if answers == 0 {
             return;
         }
-        let answers = usize::try_from(answers).unwrap_or(KEPT).min(KEPT - 1);
+        let answers = usize::try_from(answers).unwrap_or(ANSWERS_KEPT).min(ANSWERS_KEPT - 1);
         self.sent.rotate_left(answers);
-        let (used, oldest) = (self.sent[0], self.sent[KEPT - answers - 1]);
-        self.sent[KEPT - answers..].fill(oldest);
-        self.feed.go_on_from(&used.rad);
+        let (used, oldest) = (self.sent[0], self.sent[ANSWERS_KEPT - answers - 1]);
+        self.sent[ANSWERS_KEPT - answers..].fill(oldest);
+        self.feed.continue_from(&used.rad);
     }
 
     /// Writes the answer into `to`: its length, and its destination.
-    pub fn answer(&mut self, asked: &Asked, to: &mut [u8]) -> Option<(usize, SocketAddr)> {
+    pub fn answer(&mut self, asked: &AnswerRequest, to: &mut [u8]) -> Option<(usize, SocketAddr)> {
         let before = self.sent[0];
         let mut sent = match asked.q {
-            Some(q) => self.wanted(&q),
+            Some(q) => self.total_correction(&q),
             // Without a target the correction is unchanged.
             None => before,
         };
         let numbers = match self.sums {
-            Sums::Absolute => {
-                sent.sum = sent.sum.map(as_written);
+            Accumulation::Absolute => {
+                sent.sum = sent.sum.map(rounded);
                 sent.sum
             }
-            Sums::Relative => {
-                let more = std::array::from_fn(|i| as_written(sent.sum[i] - before.sum[i]));
+            Accumulation::Relative => {
+                let more = std::array::from_fn(|i| rounded(sent.sum[i] - before.sum[i]));
                 sent.sum = std::array::from_fn(|i| before.sum[i] + more[i]);
                 more
             }
@@ -221,29 +222,29 @@ impl<L: Link> Answerer<L> {
         let length = self.form.write(to, &numbers, feed_override, asked.ipoc.text())?;
         self.sent.rotate_right(1);
         self.sent[0] = sent;
-        self.owes_answer = false;
-        self.counts.one(Count::Sent);
+        self.is_unanswered = false;
+        self.counts.increment(Count::Sent);
         Some((length, asked.from))
     }
 
     /// The total correction at `q`, rad.
-    fn wanted(&mut self, q: &[f64; JOINTS_MAX]) -> Sent {
+    fn total_correction(&mut self, q: &[f64; JOINTS_MAX]) -> SentAnswer {
         let q = &q[..self.arm.count()];
         let made = self.feed.command(q);
-        self.counts.answer(&made);
+        self.counts.count_answer(&made);
         if self.is_shadow {
-            return Sent::default();
+            return SentAnswer::default();
         }
         let sum = match &self.correction {
             RsiCorrection::Axes(_) => {
                 std::array::from_fn(|i| made.rad.get(i).map_or(0.0, |rad| rad.to_degrees()))
             }
             RsiCorrection::Pose(_, axes) => {
-                let (before, after) = displaced(&self.arm, q, &made.rad);
-                pose(&before, &after, *axes)
+                let (before, after) = tool_poses(&self.arm, q, &made.rad);
+                pose_difference(&before, &after, *axes)
             }
         };
-        Sent { sum, rad: made.rad }
+        SentAnswer { sum, rad: made.rad }
     }
 
     /// Source of corrections.
@@ -252,41 +253,41 @@ impl<L: Link> Answerer<L> {
     }
 
     /// Nothing was received for a while: checks the connection to the daemon.
-    pub fn idle(&mut self) {
-        self.feed.link().look();
+    pub fn check_connection(&mut self) {
+        self.feed.link().check_connection();
     }
 
     /// Counts a datagram that could not be sent.
-    pub fn not_sent(&self) {
-        self.counts.one(Count::NotSent);
+    pub fn count_not_sent(&self) {
+        self.counts.increment(Count::NotSent);
     }
 
     /// Counts a telegram that was superseded by a newer one before it was answered.
-    pub fn superseded(&self) {
-        self.counts.one(Count::Superseded);
+    pub fn count_superseded(&self) {
+        self.counts.increment(Count::Superseded);
     }
 
-    fn refuse(&self, what: Count) -> Option<Asked> {
-        self.counts.one(what);
+    fn discard(&self, what: Count) -> Option<AnswerRequest> {
+        self.counts.increment(what);
         None
     }
 }
 
 /// Difference from `before` to `after` in these axes, about the TCP: mm, then degrees about z, y,
 /// x.
-fn pose(before: &Frame, after: &Frame, axes: Axes) -> [f64; NUMBERS_MAX] {
+fn pose_difference(before: &Frame, after: &Frame, axes: Axes) -> [f64; NUMBERS_MAX] {
     let shift = after.origin - before.origin;
     let back = before.rotation.transpose();
     let (shift, turn) = match axes {
         Axes::Base => (shift, after.rotation * back),
         Axes::Tool => (back * shift, back * after.rotation),
     };
-    let [a, b, c] = z_y_x(&turn).map(f64::to_degrees);
+    let [a, b, c] = euler_zyx(&turn).map(f64::to_degrees);
     [shift.x * 1e3, shift.y * 1e3, shift.z * 1e3, a, b, c]
 }
 
 /// The angles A, B, C of KUKA's frames: `turn = Rz(A) Ry(B) Rx(C)`, rad; a correction is far from B = 90°.
-fn z_y_x(turn: &DMat3) -> [f64; 3] {
+fn euler_zyx(turn: &DMat3) -> [f64; 3] {
     let (x, y, z) = (turn.x_axis, turn.y_axis, turn.z_axis);
     [libm::atan2(x.y, x.x), libm::atan2(-x.z, libm::hypot(x.x, x.y)), libm::atan2(y.z, z.z)]
 }

@@ -28,7 +28,7 @@ pub fn run(
 ) -> Result<(), BridgeError> {
     let socket = bind(config.listen)?;
     let resources = Resources::prepare(&config.common, CYCLE_MAX_S, options)?;
-    fits(&config, &resources)?;
+    check_compatibility(&config, &resources)?;
     let adapts = resources.cell.feed.is_some_and(|feed| feed.mode == FeedMode::Adapt);
     match (adapts, &config.feed) {
         (true, None) => tracing::warn!(
@@ -51,28 +51,28 @@ pub fn run(
         let mut newest = None;
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&socket, &mut buffer) else { break };
-            let asked = answerer.of_robot(&buffer[..length], from);
+            let asked = answerer.receive(&buffer[..length], from);
             // A late answer to an older telegram is useless: the newest is answered.
             if asked.is_some() && std::mem::replace(&mut newest, asked).is_some() {
-                answerer.superseded();
+                answerer.count_superseded();
             }
         }
         if let Some(asked) = newest
             && let Some((length, to)) = answerer.answer(&asked, &mut buffer)
             && socket.send_to(&buffer[..length], to).is_err()
         {
-            answerer.not_sent();
+            answerer.count_not_sent();
         }
-        answerer.idle();
-        options.turns.fetch_add(1, Relaxed);
+        answerer.check_connection();
+        options.iterations.fetch_add(1, Relaxed);
     }
     drop(answerer);
-    // It ends with the last sender of events, after all of them were reported.
+    // The reporter ends after the last sender of events is dropped and all events were reported.
     let _ = reporter.join();
     Ok(())
 }
 
-fn fits(config: &RsiConfig, resources: &Resources) -> Result<(), BridgeError> {
+fn check_compatibility(config: &RsiConfig, resources: &Resources) -> Result<(), BridgeError> {
     let count = resources.arm.count();
     let misfit = |what: &str, names: usize| {
         Err(BridgeError::misfit(

@@ -5,14 +5,14 @@
 
 use std::io::Write;
 
-use recording::bridge::{Element, Ethernet, Group};
+use recording::bridge::{Element, EthernetConfig, Group};
 
 /// Largest number of values in a group.
 pub const NUMBERS_MAX: usize = 6;
 /// Largest number of digits of the controller's clock.
 pub const IPOC_MAX: usize = 19;
 /// Resolution of an answer, parts per degree or mm: finer than a robot resolves.
-const PARTS: f64 = 1e6;
+const PARTS_PER_UNIT: f64 = 1e6;
 
 /// A telegram of the controller.
 #[derive(Debug, Clone, Copy)]
@@ -53,7 +53,7 @@ impl<'a> Telegram<'a> {
 
     /// Number of late answers by the controller's own count, if stated.
     #[must_use]
-    pub fn late(&self) -> Option<u64> {
+    pub fn late_count(&self) -> Option<u64> {
         attribute(element(self.bytes, "Delay")?, "D")?.trim().parse().ok()
     }
 }
@@ -98,13 +98,13 @@ fn attribute<'a>(head: &'a [u8], name: &str) -> Option<&'a str> {
 
 /// A value rounded as in an answer.
 #[must_use]
-pub fn as_written(value: f64) -> f64 {
-    (value * PARTS).round() / PARTS
+pub fn rounded(value: f64) -> f64 {
+    (value * PARTS_PER_UNIT).round() / PARTS_PER_UNIT
 }
 
 /// A number of an answer.
 #[derive(Debug, Clone, Copy)]
-enum Number {
+enum Placeholder {
     /// A component of the correction, by its index in the group.
     Correction(usize),
     /// The feed override, percent.
@@ -113,18 +113,18 @@ enum Number {
 
 /// The text of the answer, without its numbers and the `IPOC`.
 #[derive(Debug, Clone)]
-pub struct Form {
+pub struct AnswerTemplate {
     /// Text before each number, and the number's meaning.
-    numbers: Vec<(String, Number)>,
+    numbers: Vec<(String, Placeholder)>,
     /// Text after the last number, up to the `IPOC`.
     tail: String,
 }
 
-impl Form {
+impl AnswerTemplate {
     /// The answer to this controller: `own` and the feed override change, `others` are constant.
     #[must_use]
     pub fn new(
-        ethernet: &Ethernet,
+        ethernet: &EthernetConfig,
         own: &Group,
         feed: Option<&Element>,
         others: &[(Element, f64)],
@@ -147,7 +147,7 @@ impl Form {
     /// One element with all its attributes, in the controller's order.
     fn element(
         &mut self,
-        ethernet: &Ethernet,
+        ethernet: &EthernetConfig,
         head: &str,
         own: &Group,
         feed: Option<&Element>,
@@ -155,7 +155,7 @@ impl Form {
     ) {
         let override_of = |tag: &str| {
             let feed = feed.filter(|feed| feed.tag == tag)?;
-            Some(Number::Feed { is_whole: feed.is_whole })
+            Some(Placeholder::Feed { is_whole: feed.is_whole })
         };
         let constant = |tag: &str| others.iter().find(|(element, _)| element.tag == tag);
         let of_head = ethernet.receive.iter().filter_map(|element| {
@@ -168,7 +168,7 @@ impl Form {
                 self.numbers.push((std::mem::take(&mut self.tail), number));
                 self.tail = format!("</{head}>");
             } else if let Some((element, value)) = constant(head) {
-                self.tail += &format!("<{head}>{}</{head}>", written(element, *value));
+                self.tail += &format!("<{head}>{}</{head}>", formatted(element, *value));
             }
             return;
         }
@@ -177,10 +177,10 @@ impl Form {
             let place = own.names.iter().position(|one| one == name).filter(|_| own.tag == head);
             self.tail += &format!(" {name}=\"");
             let tag = format!("{head}.{name}");
-            let number = place.map(Number::Correction).or_else(|| override_of(&tag));
+            let number = place.map(Placeholder::Correction).or_else(|| override_of(&tag));
             match (number, constant(&tag)) {
                 (Some(number), _) => self.numbers.push((std::mem::take(&mut self.tail), number)),
-                (None, Some((element, value))) => self.tail += &written(element, *value),
+                (None, Some((element, value))) => self.tail += &formatted(element, *value),
                 (None, None) => self.tail.push('0'),
             }
             self.tail.push('"');
@@ -203,11 +203,11 @@ impl Form {
         for (text, number) in &self.numbers {
             rest.write_all(text.as_bytes()).ok()?;
             match *number {
-                Number::Correction(place) => write!(rest, "{:.6}", numbers.get(place)?),
-                Number::Feed { is_whole: true } => {
+                Placeholder::Correction(place) => write!(rest, "{:.6}", numbers.get(place)?),
+                Placeholder::Feed { is_whole: true } => {
                     write!(rest, "{:.0}", whole_percent(feed_override))
                 }
-                Number::Feed { is_whole: false } => write!(rest, "{:.6}", 1e2 * feed_override),
+                Placeholder::Feed { is_whole: false } => write!(rest, "{:.6}", 1e2 * feed_override),
             }
             .ok()?;
         }
@@ -224,7 +224,7 @@ fn whole_percent(share: f64) -> f64 {
     (1e2 * share + 1e-9).floor()
 }
 
-fn written(element: &Element, value: f64) -> String {
+fn formatted(element: &Element, value: f64) -> String {
     if element.is_whole { format!("{value:.0}") } else { format!("{value:.6}") }
 }
 
@@ -243,7 +243,7 @@ mod tests {
     fn numbers_are_found_by_their_names_and_the_clock_as_it_is_written() {
         let telegram = Telegram::read(ROB.as_bytes()).unwrap();
         assert_eq!(telegram.ipoc, "0012345");
-        assert_eq!(telegram.late(), Some(4));
+        assert_eq!(telegram.late_count(), Some(4));
         let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
         assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
         assert!(telegram.numbers(&group(&["A1", "A4"])).is_none());
@@ -261,7 +261,7 @@ mod tests {
                 let datagram =
                     [head.as_bytes(), &element, b"<ASPosX", tail.as_bytes(), b"\r\n\0\0"].concat();
                 let telegram = Telegram::read(&datagram).unwrap();
-                assert_eq!((telegram.ipoc, telegram.late()), ("0012345", Some(4)));
+                assert_eq!((telegram.ipoc, telegram.late_count()), ("0012345", Some(4)));
                 let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
                 assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
             }
@@ -290,9 +290,9 @@ mod tests {
                  <ELEMENT TAG=\"{tag}\" TYPE=\"{kind}\" INDX=\"2\" HOLDON=\"1\" />\
                  </ELEMENTS></RECEIVE></ROOT>"
             );
-            let ethernet = Ethernet::parse("rsi.xml", &xml).unwrap();
+            let ethernet = EthernetConfig::parse("rsi.xml", &xml).unwrap();
             let own = Group { tag: "AKorr".to_owned(), names: vec!["A1".to_owned()] };
-            let form = Form::new(&ethernet, &own, ethernet.received(tag), &[]);
+            let form = AnswerTemplate::new(&ethernet, &own, ethernet.find_received(tag), &[]);
             let mut to = [0; 500];
             let length = form.write(&mut to, &[0.25; NUMBERS_MAX], 0.419, "7").unwrap();
             let text = std::str::from_utf8(&to[..length]).unwrap();

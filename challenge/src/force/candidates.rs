@@ -2,36 +2,36 @@
 //! grid point; effects whose inputs were not recorded are excluded.
 
 use crate::candidates::Candidate;
-use crate::law::Law;
-use crate::scene::Richness;
+use crate::effect::EffectKind;
+use crate::scene::Excitation;
 
 use super::cut::Cut;
-use super::kinds::{Effect, Kind, Need};
-use super::scene::Scene;
+use super::kinds::{Effect, Kind, Requirement};
+use super::passes::Passes;
 
 /// Whether a kind is observable with this cut on these passes.
 #[must_use]
-pub fn fits(cut: &Cut, scene: &Scene, kind: Kind) -> bool {
-    kind.facts().needs.iter().all(|need| match need {
-        Need::Teeth => !cut.turning && cut.teeth > 1,
-        Need::ManyTeeth => !cut.turning && cut.teeth > 3,
-        Need::Mill => !cut.turning,
-        Need::Speeds => scene.richness == Richness::Full,
-        Need::Air => scene.has_air,
+pub fn is_observable(cut: &Cut, scene: &Passes, kind: Kind) -> bool {
+    kind.spec().needs.iter().all(|need| match need {
+        Requirement::Teeth => !cut.turning && cut.teeth > 1,
+        Requirement::ManyTeeth => !cut.turning && cut.teeth > 3,
+        Requirement::Mill => !cut.turning,
+        Requirement::Speeds => scene.excitation == Excitation::Full,
+        Requirement::Air => scene.has_air,
     })
 }
 
 /// All candidates.
 #[must_use]
-pub fn candidates(cut: &Cut, scene: &Scene) -> Vec<Candidate<Effect>> {
-    let kinds = Kind::LIBRARY.into_iter().filter(|kind| fits(cut, scene, *kind));
+pub fn candidates(cut: &Cut, scene: &Passes) -> Vec<Candidate<Effect>> {
+    let kinds = Kind::DICTIONARY.into_iter().filter(|kind| is_observable(cut, scene, *kind));
     let one = |kind: Kind| {
-        let facts = kind.facts();
+        let spec = kind.spec();
         Some(Candidate {
-            name: facts.name?,
+            name: spec.name?,
             joint: None,
-            count: free_numbers(cut, kind),
-            not_negative: facts.not_negative,
+            parameter_count: free_parameter_count(cut, kind),
+            non_negative: spec.non_negative,
             forms: forms(scene, kind),
         })
     };
@@ -41,7 +41,7 @@ pub fn candidates(cut: &Cut, scene: &Scene) -> Vec<Candidate<Effect>> {
 /// Number of free parameters if only forces are measured; cross-talk into the same channel is a scale, and with two teeth only one parameter of a
 /// runout is observable.
 #[must_use]
-pub fn free_numbers(cut: &Cut, kind: Kind) -> usize {
+pub fn free_parameter_count(cut: &Cut, kind: Kind) -> usize {
     match kind {
         Kind::CrossTalk => 6,
         Kind::WrenchBias | Kind::WrenchScale => 3,
@@ -50,12 +50,12 @@ pub fn free_numbers(cut: &Cut, kind: Kind) -> usize {
     }
 }
 
-fn forms(scene: &Scene, kind: Kind) -> Vec<Vec<Effect>> {
-    let one = |numbers: &[f64]| Effect::of(kind, 0, numbers);
+fn forms(scene: &Passes, kind: Kind) -> Vec<Vec<Effect>> {
+    let one = |parameters: &[f64]| Effect::of(kind, 0, parameters);
     let unit = |place: usize, size: f64| {
-        let mut numbers = vec![0.0; kind.count()];
-        numbers[place] = size;
-        one(&numbers)
+        let mut parameters = vec![0.0; kind.count()];
+        parameters[place] = size;
+        one(&parameters)
     };
     let units = |places: &[usize], size: f64| {
         vec![places.iter().map(|place| unit(*place, size)).collect::<Vec<_>>()]

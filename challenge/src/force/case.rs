@@ -1,27 +1,27 @@
 //! One blind case of forces: cut, passes, model, hidden effects, measurements. Everything follows from the case and its seed.
 
-use crate::case::{Known as Known_, Tier};
-use crate::chance::Chance;
-use crate::law::Trial;
-use crate::space::V3;
+use crate::case::Tier;
+use crate::effect::BlindCase;
+use crate::rng::Rng;
+use crate::transform::Vector3;
 
 use super::cut::Cut;
 use super::kinds::{Effect, Kind};
-use super::laws::Ride;
-use super::scene::{Row, Scene};
+use super::laws::SimulatedPasses;
+use super::passes::{Passes, ToolState};
 
 /// An effect of the model.
-pub type Known = Known_<Kind>;
+pub type ModelledEffect = crate::case::ModelledEffect<Kind>;
 
 /// Noise of the force sensor, per axis, N.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Noise {
     /// Standard deviation of the fast noise.
-    pub sigma: V3,
+    pub sigma: Vector3,
     /// Quantisation step.
-    pub digit: V3,
+    pub quantum: Vector3,
     /// AR(1) coefficient from row to row.
-    pub colour: f64,
+    pub autocorrelation: f64,
     /// Standard deviation of the amplifier drift over a pass, as a fraction of `sigma`.
     pub drift: f64,
     /// Number of gaps.
@@ -30,26 +30,26 @@ pub struct Noise {
 
 /// Simulated measurements.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Measured {
+pub struct Measurements {
     /// Forces row by row, N.
-    pub forces: Vec<V3>,
+    pub forces: Vec<Vector3>,
     /// Whether each row was recorded.
-    pub there: Vec<bool>,
+    pub recorded: Vec<bool>,
 }
 
 /// A case.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Case {
+pub struct ForceCase {
     /// Its tier.
     pub tier: Tier,
     /// The cut as stated in the recording.
     pub cut: Cut,
     /// Its passes.
-    pub scene: Scene,
+    pub passes: Passes,
     /// Noise of the sensor.
     pub noise: Noise,
     /// Effects in the model.
-    pub known: Vec<Known>,
+    pub modelled: Vec<ModelledEffect>,
     /// Effects missing from the model.
     pub hidden: Vec<Effect>,
     /// Seed of the noise and of the unseen passes.
@@ -59,40 +59,43 @@ pub struct Case {
 impl Noise {
     /// Standard deviation of the fast noise of an axis, with quantisation, N.
     #[must_use]
-    pub fn total(&self, axis: usize) -> f64 {
-        let (sigma, digit) = (self.sigma[axis], self.digit[axis]);
+    pub fn total_sigma(&self, axis: usize) -> f64 {
+        let (sigma, digit) = (self.sigma[axis], self.quantum[axis]);
         (sigma * sigma + digit * digit / 12.0).sqrt()
     }
 }
 
 /// Relative time of a row within its pass, 0 to 1.
 #[must_use]
-pub fn along(scene: &Scene, row: &Row) -> f64 {
+pub fn relative_time(scene: &Passes, row: &ToolState) -> f64 {
     let last = scene.passes[row.pass].times_s.last().copied().unwrap_or(1.0);
     row.t_s / last.max(f64::MIN_POSITIVE)
 }
 
-impl Case {
+impl ForceCase {
     /// Measurements of passes; `part` selects the noise stream of one recording.
     #[must_use]
-    pub fn measured(&self, ride: &Ride<'_>, part: u64) -> Measured {
-        let mut chance = Chance::new(self.seed, 100 + part);
+    pub fn simulate_measurements(&self, ride: &SimulatedPasses<'_>, part: u64) -> Measurements {
+        let mut rng = Rng::new(self.seed, 100 + part);
         let noise = &self.noise;
-        let fresh = (1.0 - noise.colour * noise.colour).sqrt();
-        let there = crate::torque::case::without_gaps(ride.rows.len(), noise.gaps, &mut chance);
-        let mut measured = Measured { forces: ride.read(&self.real()), there };
+        let fresh = (1.0 - noise.autocorrelation * noise.autocorrelation).sqrt();
+        let recorded =
+            crate::torque::case::random_recorded_rows(ride.rows.len(), noise.gaps, &mut rng);
+        let mut measured =
+            Measurements { forces: ride.measured_forces(&self.true_effects()), recorded };
         let (mut memory, mut drift, mut pass) = ([0.0; 3], [0.0; 3], usize::MAX);
         for (row, force) in ride.rows.iter().zip(&mut measured.forces) {
             let anew = row.pass != pass;
             pass = row.pass;
             for axis in 0..3 {
-                let draw = chance.normal();
-                memory[axis] = if anew { draw } else { noise.colour * memory[axis] + fresh * draw };
+                let draw = rng.normal();
+                memory[axis] =
+                    if anew { draw } else { noise.autocorrelation * memory[axis] + fresh * draw };
                 if anew {
-                    drift[axis] = noise.drift * chance.normal_within_two();
+                    drift[axis] = noise.drift * rng.truncated_normal();
                 }
-                let off = memory[axis] + drift[axis] * along(ride.scene, row);
-                let digit = noise.digit[axis];
+                let off = memory[axis] + drift[axis] * relative_time(ride.scene, row);
+                let digit = noise.quantum[axis];
                 let read = force[axis] + noise.sigma[axis] * off;
                 force[axis] = if digit > 0.0 { (read / digit).round() * digit } else { read };
             }
@@ -102,27 +105,27 @@ impl Case {
 
     /// Other passes of the same cutter, which the solver never sees.
     #[must_use]
-    pub fn unseen(&self) -> Scene {
-        self.scene.again(&self.cut, &mut Chance::new(self.seed, 50))
+    pub fn unseen_passes(&self) -> Passes {
+        self.passes.new_passes(&self.cut, &mut Rng::new(self.seed, 50))
     }
 }
 
-impl Trial for Case {
+impl BlindCase for ForceCase {
     type Kind = Kind;
 
     fn tier(&self) -> Tier {
         self.tier
     }
 
-    fn known(&self) -> &[Known] {
-        &self.known
+    fn modelled(&self) -> &[ModelledEffect] {
+        &self.modelled
     }
 
     fn hidden(&self) -> &[Effect] {
         &self.hidden
     }
 
-    fn follows(&self, effect: &Effect) -> Vec<String> {
+    fn covariates(&self, effect: &Effect) -> Vec<String> {
         let word = match effect.kind {
             // The spindle angle has no covariate of its own; its speed is used.
             Kind::BrokenTooth | Kind::PloughingSpeed => "spindle_rpm",

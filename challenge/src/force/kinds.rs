@@ -1,7 +1,7 @@
 //! Kinds of hidden effects of cutter and sensor: names and keys in the model format (docs/reference/effects.md), and the conditions for them to be
 //! observable. Parameters are SI, in the order of the keys. Their laws: [`super::laws`].
 
-use crate::law::{self, Entry, Law};
+use crate::effect::{self, EffectKind, ParameterKey};
 
 /// Kinds of the force dictionary, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,7 +28,7 @@ pub enum Kind {
 
 /// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Need {
+pub enum Requirement {
     /// A milling cutter with several teeth.
     Teeth,
     /// A milling cutter with four or more teeth.
@@ -41,40 +41,51 @@ pub enum Need {
     Air,
 }
 
-/// Facts of a kind.
-pub type Facts = law::Facts<Need>;
+/// Specification of a kind of effect.
+pub type KindSpec = effect::KindSpec<Requirement>;
 /// An effect with its parameters.
-pub type Effect = law::Effect<Kind>;
+pub type Effect = effect::Effect<Kind>;
 
 const fn of(
     name: &'static str,
-    entries: &'static [Entry],
+    entries: &'static [ParameterKey],
     leads: usize,
     not_negative: bool,
-    needs: &'static [Need],
-) -> Facts {
+    needs: &'static [Requirement],
+) -> KindSpec {
     let most = f64::INFINITY;
-    Facts { name: Some(name), of_joint: false, entries, leads, most, not_negative, needs }
+    KindSpec {
+        name: Some(name),
+        per_joint: false,
+        keys: entries,
+        linear_count: leads,
+        max_linear: most,
+        non_negative: not_negative,
+        needs,
+    }
 }
 
-const fn outside(needs: &'static [Need]) -> Facts {
-    const SIZE: &[Entry] = &[Entry::of("size", 1, 1.0)];
-    Facts { name: None, ..of("", SIZE, 1, false, needs) }
+const fn outside(needs: &'static [Requirement]) -> KindSpec {
+    const SIZE: &[ParameterKey] = &[ParameterKey::of("size", 1, 1.0)];
+    KindSpec { name: None, ..of("", SIZE, 1, false, needs) }
 }
 
-const EDGE: &[Entry] = &[Entry::of("coefficient_N_per_mm", 3, 1e3)];
-const CHIP: &[Entry] = &[Entry::of("coefficient_N_per_mm2", 3, 1e6)];
-const WEAR: &[Entry] = &[Entry::of("growth_per_m", 1, 1.0)];
-const RUNOUT: &[Entry] = &[Entry::of("radial_um", 1, 1e-6), Entry::of("phase_rad", 1, 1.0)];
-const CHATTER: &[Entry] = &[Entry::of("amplitude_N", 1, 1.0), Entry::of("frequency_Hz", 1, 1.0)];
-const LEAK: &[Entry] = &[Entry::of("matrix", 9, 1.0)];
-const BIAS: &[Entry] = &[Entry::of("bias_N", 3, 1.0), Entry::of("bias_Nm", 3, 1.0)];
-const SCALE: &[Entry] = &[Entry::of("scale", 6, 1.0)];
-const TURN: &[Entry] = &[Entry::of("turn_mrad", 3, 1e-3)];
+const EDGE: &[ParameterKey] = &[ParameterKey::of("coefficient_N_per_mm", 3, 1e3)];
+const CHIP: &[ParameterKey] = &[ParameterKey::of("coefficient_N_per_mm2", 3, 1e6)];
+const WEAR: &[ParameterKey] = &[ParameterKey::of("growth_per_m", 1, 1.0)];
+const RUNOUT: &[ParameterKey] =
+    &[ParameterKey::of("radial_um", 1, 1e-6), ParameterKey::of("phase_rad", 1, 1.0)];
+const CHATTER: &[ParameterKey] =
+    &[ParameterKey::of("amplitude_N", 1, 1.0), ParameterKey::of("frequency_Hz", 1, 1.0)];
+const LEAK: &[ParameterKey] = &[ParameterKey::of("matrix", 9, 1.0)];
+const BIAS: &[ParameterKey] =
+    &[ParameterKey::of("bias_N", 3, 1.0), ParameterKey::of("bias_Nm", 3, 1.0)];
+const SCALE: &[ParameterKey] = &[ParameterKey::of("scale", 6, 1.0)];
+const TURN: &[ParameterKey] = &[ParameterKey::of("turn_mrad", 3, 1e-3)];
 
 impl Kind {
     /// Every kind of the force dictionary.
-    pub const LIBRARY: [Self; 9] = [
+    pub const DICTIONARY: [Self; 9] = [
         Self::EdgeForce,
         Self::CuttingForce,
         Self::ToolWear,
@@ -96,23 +107,23 @@ impl Kind {
     ];
 }
 
-impl Law for Kind {
-    type Need = Need;
+impl EffectKind for Kind {
+    type Requirement = Requirement;
 
-    fn facts(self) -> Facts {
+    fn spec(self) -> KindSpec {
         match self {
             Self::EdgeForce => of("edge_force", EDGE, 3, false, &[]),
             Self::CuttingForce => of("cutting_force", CHIP, 3, false, &[]),
             Self::ToolWear => of("tool_wear", WEAR, 1, true, &[]),
-            Self::Runout => of("runout", RUNOUT, 1, true, &[Need::Teeth]),
+            Self::Runout => of("runout", RUNOUT, 1, true, &[Requirement::Teeth]),
             Self::Chatter => of("chatter", CHATTER, 1, true, &[]),
             Self::CrossTalk => of("cross_talk", LEAK, 9, false, &[]),
             Self::WrenchBias => of("wrench_bias", BIAS, 6, false, &[]),
             Self::WrenchScale => of("wrench_scale", SCALE, 6, false, &[]),
             Self::WrenchMisalignment => of("wrench_misalignment", TURN, 3, false, &[]),
-            Self::BrokenTooth => outside(&[Need::ManyTeeth]),
-            Self::PloughingSpeed => outside(&[Need::Speeds]),
-            Self::TableFriction => outside(&[Need::Mill, Need::Air]),
+            Self::BrokenTooth => outside(&[Requirement::ManyTeeth]),
+            Self::PloughingSpeed => outside(&[Requirement::Speeds]),
+            Self::TableFriction => outside(&[Requirement::Mill, Requirement::Air]),
             Self::BuiltUpEdge | Self::SensorCreep => outside(&[]),
         }
     }
@@ -121,12 +132,12 @@ impl Law for Kind {
         match (effect.kind, number) {
             // A zero phase needs a finite step; and over a second a tone is sensitive to a few hertz.
             (Self::Runout | Self::Chatter, 1) => 1.0,
-            _ => effect.numbers[number].abs().max(effect.lead()).max(1e-9),
+            _ => effect.parameters[number].abs().max(effect.linear_magnitude()).max(1e-9),
         }
     }
 
     fn bounded(effect: &Effect, number: usize, wanted: f64) -> f64 {
-        let facts = effect.kind.facts();
-        if facts.not_negative && number < facts.leads { wanted.max(0.0) } else { wanted }
+        let spec = effect.kind.spec();
+        if spec.non_negative && number < spec.linear_count { wanted.max(0.0) } else { wanted }
     }
 }

@@ -6,10 +6,10 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::space::V3;
+use crate::transform::Vector3;
 
 use super::cut::Cut;
-use super::scene::{Pass, Row, Scene};
+use super::passes::{Pass, Passes, ToolState};
 
 /// Largest lag angle of a slice of a helical tooth relative to the one below, rad.
 const SLICE_RAD: f64 = 5e-3;
@@ -20,31 +20,31 @@ const STEPS: usize = 3;
 
 /// Deviations of the tool from its nominal shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Shape {
+pub struct ToolShape {
     /// Offset of the tool axis from the spindle axis, towards tooth 0 and perpendicular to it towards the next tooth, m.
-    pub off: [f64; 2],
+    pub runout: [f64; 2],
     /// Fraction of the depth, from below, over which tooth 0 is broken off.
     pub broken: f64,
     /// Additional spindle angle, rad.
     pub turned: f64,
     /// Whether chip thickness is that of circular paths: feed times sine.
-    pub ideal: bool,
+    pub circular_paths: bool,
 }
 
 /// Force per unit of each coefficient, cut axes: tangential, radial, axial.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Bite {
+pub struct ToothForces {
     /// N per N/m of edge coefficient.
-    pub edge: [V3; 3],
+    pub edge: [Vector3; 3],
     /// N per N/m² of cutting coefficient.
-    pub chip: [V3; 3],
+    pub chip: [Vector3; 3],
     /// Whether any edge is engaged.
     pub is_engaged: bool,
 }
 
-impl Bite {
+impl ToothForces {
     /// Adds an edge at an angle, with its depth and chip thickness.
-    fn take(&mut self, [sin, cos]: [f64; 2], depth_m: f64, chip_m: f64) {
+    fn add_edge(&mut self, [sin, cos]: [f64; 2], depth_m: f64, chip_m: f64) {
         let ways = [[-cos, sin, 0.0], [-sin, -cos, 0.0], [0.0, 0.0, 1.0]];
         for (k, way) in ways.iter().enumerate() {
             for (axis, x) in way.iter().enumerate() {
@@ -58,46 +58,51 @@ impl Bite {
 
 /// Forces of the teeth in each row, per unit of the coefficients.
 #[must_use]
-pub fn bites(cut: &Cut, scene: &Scene, rows: &[Row], shape: Shape) -> Vec<Bite> {
-    let one = |row: &Row| {
+pub fn tooth_forces(
+    cut: &Cut,
+    scene: &Passes,
+    rows: &[ToolState],
+    shape: ToolShape,
+) -> Vec<ToothForces> {
+    let one = |row: &ToolState| {
         let pass = &scene.passes[row.pass];
-        let depth_m = cut.depth_m * pass.share(row.way_m);
+        let depth_m = cut.depth_m * pass.depth_fraction(row.feed_position_m);
         if depth_m <= 0.0 {
-            return Bite::default();
+            return ToothForces::default();
         }
         if cut.turning {
-            turned(pass, row, depth_m)
+            turning_forces(pass, row, depth_m)
         } else {
-            milled(cut, pass, row, shape, depth_m)
+            milling_forces(cut, pass, row, shape, depth_m)
         }
     };
     rows.iter().map(one).collect()
 }
 
 /// Turning: the chip thickness is the feed during one revolution, limited by the workpiece.
-fn turned(pass: &Pass, row: &Row, depth_m: f64) -> Bite {
-    let before = pass.way(row.t_s - 1.0 / pass.spindle_hz).max(pass.work_m[0]);
-    let mut bite = Bite::default();
-    bite.take([1.0, 0.0], depth_m, (row.way_m - before).max(0.0));
+fn turning_forces(pass: &Pass, row: &ToolState, depth_m: f64) -> ToothForces {
+    let before = pass.feed_position_m(row.t_s - 1.0 / pass.spindle_hz).max(pass.work_m[0]);
+    let mut bite = ToothForces::default();
+    bite.add_edge([1.0, 0.0], depth_m, (row.feed_position_m - before).max(0.0));
     bite
 }
 
 /// Edge positions at any instant.
-struct Edges<'a> {
+struct CuttingEdges<'a> {
     cut: &'a Cut,
     pass: &'a Pass,
-    shape: Shape,
+    shape: ToolShape,
 }
 
-impl Edges<'_> {
+impl CuttingEdges<'_> {
     /// Position of an edge `place` rad ahead of tooth 0, relative to the centre at `way_m`.
     fn at(&self, t_s: f64, place: f64, way_m: f64) -> [f64; 2] {
         let turned = TAU * self.pass.spindle_hz * t_s + self.shape.turned;
         let (sin, cos) = (turned + place).sin_cos();
-        let moved = self.pass.way(t_s) - way_m;
+        let moved = self.pass.feed_position_m(t_s) - way_m;
         let mut at = [moved + self.cut.radius_m * sin, self.cut.radius_m * cos];
-        if self.shape.off != [0.0; 2] {
-            let [along, across] = self.shape.off;
+        if self.shape.runout != [0.0; 2] {
+            let [along, across] = self.shape.runout;
             let (sin, cos) = turned.sin_cos();
             at[0] += along * sin + across * cos;
             at[1] += along * cos - across * sin;
@@ -106,13 +111,19 @@ impl Edges<'_> {
     }
 
     /// Distance from the centre at which the edge `back` teeth ahead crossed this ray.
-    fn crossed(&self, row: &Row, place: f64, back: usize, [sin, cos]: [f64; 2]) -> f64 {
+    fn crossing_distance(
+        &self,
+        row: &ToolState,
+        place: f64,
+        back: usize,
+        [sin, cos]: [f64; 2],
+    ) -> f64 {
         let pitch = TAU / self.cut.teeth as f64 * back as f64;
         let rate = TAU * self.pass.spindle_hz;
         let mut t_s = row.t_s - pitch / rate;
         let mut seen = [0.0; 2];
         for _ in 0..STEPS {
-            seen = self.at(t_s, place + pitch, row.way_m);
+            seen = self.at(t_s, place + pitch, row.feed_position_m);
             t_s -= (seen[0] * cos - seen[1] * sin) / (rate * self.cut.radius_m);
         }
         seen[0] * sin + seen[1] * cos
@@ -120,7 +131,7 @@ impl Edges<'_> {
 }
 
 /// Fraction of a slice of angular width `wide`, centred here, that is inside the workpiece.
-fn inside(cut: &Cut, [x, y]: [f64; 2], wide: f64) -> f64 {
+fn engaged_fraction(cut: &Cut, [x, y]: [f64; 2], wide: f64) -> f64 {
     // A border at distance `beyond` m that moves at `rate` m/rad.
     let share = |beyond: f64, rate: f64| {
         let width = rate.abs() * wide;
@@ -138,28 +149,35 @@ fn inside(cut: &Cut, [x, y]: [f64; 2], wide: f64) -> f64 {
     inside
 }
 
-fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite {
-    let edges = Edges { cut, pass, shape };
+fn milling_forces(
+    cut: &Cut,
+    pass: &Pass,
+    row: &ToolState,
+    shape: ToolShape,
+    depth_m: f64,
+) -> ToothForces {
+    let edges = CuttingEdges { cut, pass, shape };
     let lag = depth_m * cut.helix_rad.tan() / cut.radius_m;
     let slices = (lag / SLICE_RAD).ceil().clamp(1.0, SLICES);
     let feed_m = pass.feed_m_s / (pass.spindle_hz * cut.teeth as f64);
-    let mut bite = Bite::default();
+    let mut bite = ToothForces::default();
     for tooth in 0..cut.teeth {
         let place = TAU * tooth as f64 / cut.teeth as f64;
         for slice in 0..slices as usize {
             let place = place - lag * (slice as f64 + 0.5) / slices;
-            let [x, y] = edges.at(row.t_s, place, row.way_m);
-            let inside = inside(cut, [x, y], lag / slices);
+            let [x, y] = edges.at(row.t_s, place, row.feed_position_m);
+            let inside = engaged_fraction(cut, [x, y], lag / slices);
             if inside <= 0.0 {
                 continue;
             }
             let far = x.hypot(y);
             let ray = [x / far, y / far];
             let broken = (shape.broken * slices - slice as f64).clamp(0.0, 1.0);
-            let beyond = |back: usize| (far - edges.crossed(row, place, back, ray)).max(0.0);
-            let whole = if shape.ideal {
+            let beyond =
+                |back: usize| (far - edges.crossing_distance(row, place, back, ray)).max(0.0);
+            let whole = if shape.circular_paths {
                 feed_m * ray[0]
-            } else if shape.off == [0.0; 2] {
+            } else if shape.runout == [0.0; 2] {
                 beyond(1)
             } else {
                 // Material left by the preceding tooth was bounded by the one before it.
@@ -171,7 +189,7 @@ fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite
                 b if b > 0.0 && follows => (1.0, (1.0 - b) * whole + b * beyond(2)),
                 _ => (1.0, whole),
             };
-            bite.take(ray, inside * depth * depth_m / slices, chip);
+            bite.add_edge(ray, inside * depth * depth_m / slices, chip);
         }
     }
     bite

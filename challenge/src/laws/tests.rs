@@ -2,35 +2,36 @@
 
 use super::*;
 use crate::arm::Arm;
-use crate::chance::Chance;
-use crate::law::Law;
-use crate::scene::{Has, Richness};
+use crate::effect::EffectKind;
+use crate::rng::Rng;
+use crate::scene::{Excitation, RecordedInputs};
 
 fn scene(settled: bool) -> Scene {
-    let mut chance = Chance::new(11, 0);
-    let arm = Arm::draw(&mut chance, true);
-    let has = Has { wrench: true, ambient: true, joint_temperatures: false, spindle: true };
+    let mut rng = Rng::new(11, 0);
+    let arm = Arm::random(&mut rng, true);
+    let recorded_inputs =
+        RecordedInputs { wrench: true, ambient: true, joint_temperatures: false, spindle: true };
     if settled {
-        Scene::poses(arm, has, 60, Richness::Full, &mut chance)
+        Scene::random_poses(arm, recorded_inputs, 60, Excitation::Full, &mut rng)
     } else {
-        Scene::path(arm, has, (1500, 100.0), Richness::Full, &mut chance)
+        Scene::random_path(arm, recorded_inputs, (1500, 100.0), Excitation::Full, &mut rng)
     }
 }
 
-fn effect(kind: Kind, numbers: &[f64]) -> Effect {
-    Effect { kind, joint: 1, other: 2, numbers: numbers.to_vec() }
+fn effect(kind: Kind, parameters: &[f64]) -> Effect {
+    Effect { kind, joint: 1, other_joint: 2, parameters: parameters.to_vec() }
 }
 
 fn angles(scene: &Scene, effect: &Effect) -> Vec<f64> {
     let effects = [effect.clone()];
-    Run::of(scene, &effects).bends(&effects).iter().map(|bend| bend.0[9]).collect()
+    Run::new(scene, &effects).deviations(&effects).iter().map(|deviation| deviation.0[9]).collect()
 }
 
 #[test]
 fn play_has_one_width_whatever_the_amplitude_and_the_link_stays_within_it() {
     let motor: Vec<f64> =
         (0..4000).map(|k| 0.2 * (f64::from(k) * 0.01).sin() * (f64::from(k) * 5e-4)).collect();
-    let seen = contact(&motor, 0.0, |_| 4e-4);
+    let seen = backlash_contact(&motor, 0.0, |_| 4e-4);
     assert!(seen.iter().all(|x| x.abs() <= 2e-4 + 1e-15));
     for k in 1000..3999 {
         if (motor[k] - motor[k - 1]).abs() > 4.1e-4 {
@@ -50,8 +51,8 @@ fn two_gaps_of_a_joint_are_one_as_wide_as_both() {
     let scene = scene(false);
     let [narrow, wide, both] = [2e-4, 5e-4, 7e-4].map(|gap| effect(Kind::Backlash, &[gap]));
     let pair = [narrow.clone(), wide.clone()];
-    let run = Run::of(&scene, &pair);
-    let seen: Vec<f64> = run.bends(&pair).iter().map(|bend| bend.0[9]).collect();
+    let run = Run::new(&scene, &pair);
+    let seen: Vec<f64> = run.deviations(&pair).iter().map(|deviation| deviation.0[9]).collect();
     assert_eq!(seen, angles(&scene, &both));
     let sum = angles(&scene, &narrow).into_iter().zip(angles(&scene, &wide)).map(|(a, b)| a + b);
     assert!(
@@ -63,9 +64,9 @@ fn two_gaps_of_a_joint_are_one_as_wide_as_both() {
 #[test]
 fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
     let (height, distance) = (5e-4, 4e-3);
-    let there: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
+    let recorded: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
     let back: Vec<f64> = (1..=4000).map(|k| 0.08 - f64::from(k) * 2e-5).collect();
-    let seen = slipping(&[there, back].concat(), height, distance);
+    let seen = elasto_slip(&[recorded, back].concat(), height, distance);
     assert!((seen[4000] + 2.5e-4).abs() < 1e-6, "fully built up");
     // At distance s after the reversal, 63 % of the full height is reached.
     let after = seen[4200] - seen[4000];
@@ -78,7 +79,7 @@ fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
         q += if n < 400 { -1e-5 } else { 1e-5 };
         way.push(q);
     }
-    let seen = slipping(&way, height, distance);
+    let seen = elasto_slip(&way, height, distance);
     assert!((seen[4800] - seen[4000]).abs() < 1e-9, "return point memory");
 }
 
@@ -86,7 +87,7 @@ fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
 fn settled_play_takes_the_side_it_came_from() {
     let scene = scene(true);
     for (row, angle) in scene.rows.iter().zip(angles(&scene, &effect(Kind::Backlash, &[6e-4]))) {
-        assert!((angle + 3e-4 * row.d[1]).abs() < 1e-15);
+        assert!((angle + 3e-4 * row.approach[1]).abs() < 1e-15);
     }
 }
 
@@ -95,9 +96,11 @@ fn a_gear_error_repeats_with_its_order_but_for_small_sidebands() {
     let x = [2e-4, 2.0, 0.4];
     for k in 0..50 {
         let q = f64::from(k) * 0.07;
-        let once = gear(&x, q);
-        assert!((once - gear(&x, q + std::f64::consts::TAU)).abs() < 1e-15);
-        assert!((once - gear(&x, q + std::f64::consts::PI)).abs() < 4.1 * SIDEBAND * 2e-4);
+        let once = transmission_error(&x, q);
+        assert!((once - transmission_error(&x, q + std::f64::consts::TAU)).abs() < 1e-15);
+        assert!(
+            (once - transmission_error(&x, q + std::f64::consts::PI)).abs() < 4.1 * SIDEBAND * 2e-4
+        );
     }
 }
 
@@ -116,10 +119,12 @@ fn a_slow_core_ends_where_the_air_is_and_lags_on_the_way() {
 fn a_mode_shaken_slowly_bends_as_inertia_over_stiffness() {
     let scene = scene(false);
     let law = effect(Kind::FlexibleMode, &[1.0, 25.0, 0.1]);
-    let run = Run::of(&scene, &[]);
+    let run = Run::new(&scene, &[]);
     let (mut sum, mut off) = (0.0, 0.0);
-    for (fine, seen) in run.fine.iter().zip(run.fine.iter().map(|fine| ringing(fine, &law))) {
-        for k in &fine.at {
+    for (fine, seen) in
+        run.fine_motion.iter().zip(run.fine_motion.iter().map(|fine| modal_response(fine, &law)))
+    {
+        for k in &fine.row_index {
             let quasi = -fine.rates(1, *k).1 / (std::f64::consts::TAU * 25.0).powi(2);
             sum += quasi * quasi;
             off += (seen[*k] - quasi).powi(2);
@@ -132,9 +137,9 @@ fn a_mode_shaken_slowly_bends_as_inertia_over_stiffness() {
 fn a_spike_is_silent_until_the_first_reversal_and_points_against_the_new_motion() {
     let scene = scene(false);
     let law = effect(Kind::ReversalSpike, &[3e-4, 0.06]);
-    for (fine, _) in Run::of(&scene, &[]).fine.iter().zip(0..) {
-        let seen = snapping(fine, &law);
-        let q: Vec<f64> = fine.at.iter().map(|k| fine.q[1][*k]).collect();
+    for (fine, _) in Run::new(&scene, &[]).fine_motion.iter().zip(0..) {
+        let seen = reversal_spike(fine, &law);
+        let q: Vec<f64> = fine.row_index.iter().map(|k| fine.q[1][*k]).collect();
         let turn = (2..q.len()).find(|k| (q[*k] - q[k - 1]) * (q[k - 1] - q[k - 2]) < 0.0);
         let turn = turn.expect("it turns");
         assert!(seen[..turn].iter().all(|x| *x == 0.0));
@@ -146,19 +151,20 @@ fn a_spike_is_silent_until_the_first_reversal_and_points_against_the_new_motion(
 fn every_kind_moves_something_and_none_of_zero_does() {
     for settled in [false, true] {
         let scene = scene(settled);
-        let soft = Effect { numbers: vec![1e-6], ..effect(Kind::JointCompliance, &[]) };
-        let still = Run::of(&scene, std::slice::from_ref(&soft)).bends(std::slice::from_ref(&soft));
-        for kind in Kind::LIBRARY.iter().chain(&Kind::OUTSIDE).copied() {
-            if settled && kind.needs(crate::kinds::Need::Path) {
+        let soft = Effect { parameters: vec![1e-6], ..effect(Kind::JointCompliance, &[]) };
+        let still =
+            Run::new(&scene, std::slice::from_ref(&soft)).deviations(std::slice::from_ref(&soft));
+        for kind in Kind::DICTIONARY.iter().chain(&Kind::OUTSIDE).copied() {
+            if settled && kind.needs(crate::kinds::Requirement::Path) {
                 continue;
             }
-            let numbers: Vec<f64> = (0..kind.count()).map(|k| 1e-3 * (1.0 + k as f64)).collect();
-            let one = effect(kind, &numbers);
+            let parameters: Vec<f64> = (0..kind.count()).map(|k| 1e-3 * (1.0 + k as f64)).collect();
+            let one = effect(kind, &parameters);
             for (law, moves) in [(one.clone(), true), (one.scaled(0.0), false)] {
                 let both = [soft.clone(), law];
-                let run = Run::of(&scene, &both);
-                let moved =
-                    run.bends(&both) != still || run.motors() != Run::of(&scene, &[]).motors();
+                let run = Run::new(&scene, &both);
+                let moved = run.deviations(&both) != still
+                    || run.motor_positions() != Run::new(&scene, &[]).motor_positions();
                 assert_eq!(moved, moves, "{kind:?}");
             }
         }

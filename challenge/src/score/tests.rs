@@ -1,29 +1,29 @@
 //! Scores of answers with obvious quality.
 
 use super::*;
-use crate::bench::Judged;
-use crate::truth::Hidden;
+use crate::detectability::Detectability;
+use crate::truth::HiddenEffect;
 
-fn hidden(z: f64, rivals: &[(&'static str, Option<usize>)]) -> Hidden {
+fn hidden(z: f64, rivals: &[(&'static str, Option<usize>)]) -> HiddenEffect {
     let least_gain = if rivals.is_empty() { 50.0 } else { 1.0 };
-    Hidden {
+    HiddenEffect {
         effect: Some("backlash"),
         law: "Backlash".into(),
         joint: Some(3),
         change: "new",
         parameters: [("width_mrad", vec![0.4])].into(),
         counted: vec![("width_mrad", 0)],
-        judged: Judged {
+        detectability: Detectability {
             z,
             rho: 0.01 * z,
             least_gain,
             rivals: rivals.to_vec(),
-            ..Judged::default()
+            ..Detectability::default()
         },
     }
 }
 
-fn outcome(tier: Tier, hidden: Vec<Hidden>, answer: &str) -> Outcome {
+fn outcome(tier: Tier, hidden: Vec<HiddenEffect>, answer: &str) -> Outcome {
     let truth =
         Truth { case: "0001".into(), tier, hidden, depends_on: vec!["q2".into(), "v3".into()] };
     Outcome {
@@ -55,16 +55,18 @@ const FITS: [f64; 2] = [0.38, 0.44];
 fn the_truth_is_right_another_joint_is_not_and_an_answer_without_claim_is_not() {
     let ask = |answer: &str| outcome(Tier::Single, vec![hidden(30.0, &[])], answer);
     let right = ask(&said("missing_physics", "backlash", 3, "x", FITS));
-    assert!(right.counts() && right.first_right() && right.joint_right() == Some(true));
+    assert!(
+        right.is_scored() && right.is_first_correct() && right.is_joint_correct() == Some(true)
+    );
     assert_eq!(right.intervals(), [Some(true)]);
     let joint = ask(&said("missing_physics", "backlash", 2, "x", FITS));
-    assert!(!joint.first_right() && joint.joint_right() == Some(false));
+    assert!(!joint.is_first_correct() && joint.is_joint_correct() == Some(false));
     assert_eq!(joint.intervals(), [None]);
-    assert!(!ask(&said("undetermined", "backlash", 3, "x", FITS)).first_right());
-    assert!(!ask("no answer at all").first_right());
+    assert!(!ask(&said("undetermined", "backlash", 3, "x", FITS)).is_first_correct());
+    assert!(!ask("no answer at all").is_first_correct());
     let aside = ask(&said("missing_physics", "hysteresis", 3, "backlash", FITS));
     assert!(
-        !aside.first_right() && aside.first_three_right(),
+        !aside.is_first_correct() && aside.is_among_first_three(),
         "a rival that can be told apart is wrong"
     );
     assert_eq!(
@@ -78,10 +80,15 @@ fn what_cannot_be_told_apart_is_right_with_the_truth_beside_it() {
     let rivals = [("hysteresis", Some(3))];
     let ask = |answer: &str| outcome(Tier::Ambiguous, vec![hidden(30.0, &rivals)], answer);
     let both = ask(&said("missing_physics", "hysteresis", 3, "backlash", FITS));
-    assert!(both.first_right() && both.is_ambiguous() && both.called_ambiguous() && !both.counts());
+    assert!(
+        both.is_first_correct()
+            && both.is_ambiguous()
+            && both.reported_undetermined()
+            && !both.is_scored()
+    );
     let alone = ask(&said("missing_physics", "hysteresis", 3, "x", FITS));
-    assert!(!alone.first_right() && !alone.called_ambiguous());
-    assert!(ask(&none("undetermined")).called_ambiguous());
+    assert!(!alone.is_first_correct() && !alone.reported_undetermined());
+    assert!(ask(&none("undetermined")).reported_undetermined());
 }
 
 #[test]
@@ -92,7 +99,7 @@ fn the_figures_count_what_they_say() {
     let null = |answer: &str| outcome(Tier::Null, Vec::new(), answer);
     let outside = |answer: &str| {
         let mut law = hidden(30.0, &[]);
-        (law.effect, law.judged.unexplained_z) = (None, 30.0);
+        (law.effect, law.detectability.unexplained_z) = (None, 30.0);
         outcome(Tier::Outside, vec![law], answer)
     };
     let mut all = vec![
@@ -106,9 +113,9 @@ fn the_figures_count_what_they_say() {
         outside(&wrong),
     ];
     for (outcome, after) in all.iter_mut().zip([1.0, 5.0, 2.0]) {
-        outcome.errors = Some(Errors { before: 6.0, after, oracle: 1.0 });
+        outcome.errors = Some(PredictionErrors { before: 6.0, after, oracle: 1.0 });
     }
-    let seen = figures(7, "a", "b", &all);
+    let seen = compute_statistics(7, "a", "b", &all);
     assert_eq!((seen.counting, seen.nulls, seen.false_findings), (3, 2, 1));
     assert_eq!(seen.first_right, Some(2.0 / 3.0));
     let at_z: Vec<_> =

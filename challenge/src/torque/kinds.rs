@@ -1,8 +1,8 @@
 //! Kinds of hidden torque effects: names and keys in the model format (docs/reference/effects.md), and the conditions for them to be observable.
 //! Parameters are SI, in the order of the keys. Their laws: [`super::laws`].
 
-use crate::law::{self, Entry, Law};
-use Need::{Arm, OwnSpring, OwnViscous, Revolute, Several, Temperature};
+use crate::effect::{self, EffectKind, ParameterKey};
+use Requirement::{Arm, OwnSpring, OwnViscous, Revolute, Several, Temperature};
 
 /// Kinds of the torque dictionary, one per set of parameters, and kinds outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -38,7 +38,7 @@ pub enum Kind {
 
 /// Condition for an effect to be observable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Need {
+pub enum Requirement {
     /// A temperature that varies.
     Temperature,
     /// The model has viscous friction of the same joint.
@@ -53,50 +53,58 @@ pub enum Need {
     Arm,
 }
 
-/// Facts of a kind.
-pub type Facts = law::Facts<Need>;
+/// Specification of a kind of effect.
+pub type KindSpec = effect::KindSpec<Requirement>;
 /// An effect with its parameters.
-pub type Effect = law::Effect<Kind>;
+pub type Effect = effect::Effect<Kind>;
 
-const fn one(key: &'static str) -> Entry {
-    Entry::of(key, 1, 1.0)
+const fn one(key: &'static str) -> ParameterKey {
+    ParameterKey::of(key, 1, 1.0)
 }
 
-const fn two(turns: &'static str, slides: &'static str) -> Entry {
-    Entry { keys: [turns, slides], count: 1, si: 1.0, counted: true }
+const fn two(turns: &'static str, slides: &'static str) -> ParameterKey {
+    ParameterKey { keys: [turns, slides], count: 1, si: 1.0, is_scored: true }
 }
 
-const fn milli(turns: &'static str, slides: &'static str) -> Entry {
-    Entry { keys: [turns, slides], count: 1, si: 1e-3, counted: true }
+const fn milli(turns: &'static str, slides: &'static str) -> ParameterKey {
+    ParameterKey { keys: [turns, slides], count: 1, si: 1e-3, is_scored: true }
 }
 
 const fn of(
     name: &'static str,
-    entries: &'static [Entry],
+    entries: &'static [ParameterKey],
     leads: usize,
     not_negative: bool,
-    needs: &'static [Need],
-) -> Facts {
+    needs: &'static [Requirement],
+) -> KindSpec {
     let most = f64::INFINITY;
-    Facts { name: Some(name), of_joint: true, entries, leads, most, not_negative, needs }
+    KindSpec {
+        name: Some(name),
+        per_joint: true,
+        keys: entries,
+        linear_count: leads,
+        max_linear: most,
+        non_negative: not_negative,
+        needs,
+    }
 }
 
-const fn outside(needs: &'static [Need]) -> Facts {
-    const SIZE: &[Entry] = &[one("size")];
-    Facts { name: None, ..of("", SIZE, 1, false, needs) }
+const fn outside(needs: &'static [Requirement]) -> KindSpec {
+    const SIZE: &[ParameterKey] = &[one("size")];
+    KindSpec { name: None, ..of("", SIZE, 1, false, needs) }
 }
 
-const LEVEL: Entry = two("level_Nm", "level_N");
-const OFFSET: Entry = two("offset_Nm", "offset_N");
-const COEFFICIENT: Entry = one("coefficient");
-const PLACE: Entry = Entry::of("com_mm", 3, 1e-3);
-const MOMENT: Entry = Entry::of("first_moment_kgm", 3, 1.0);
+const LEVEL: ParameterKey = two("level_Nm", "level_N");
+const OFFSET: ParameterKey = two("offset_Nm", "offset_N");
+const COEFFICIENT: ParameterKey = one("coefficient");
+const PLACE: ParameterKey = ParameterKey::of("com_mm", 3, 1e-3);
+const MOMENT: ParameterKey = ParameterKey::of("first_moment_kgm", 3, 1.0);
 /// Elasto-slip elements and the law of the model format reach the same height, but along different curves.
-const REVERSAL: Entry = milli("reversal_mrad", "reversal_mm").loose();
+const REVERSAL: ParameterKey = milli("reversal_mrad", "reversal_mm").unscored();
 
 impl Kind {
     /// Every kind of the torque dictionary.
-    pub const LIBRARY: [Self; 18] = [
+    pub const DICTIONARY: [Self; 18] = [
         Self::CoulombFriction,
         Self::ViscousFriction,
         Self::StribeckFriction,
@@ -121,7 +129,7 @@ impl Kind {
     pub const OUTSIDE: [Self; 5] =
         [Self::SpeedCube, Self::PlaceFriction, Self::PlaceDamping, Self::CrossTorque, Self::Wander];
 
-    fn facts_of_joint(self) -> Facts {
+    fn joint_spec(self) -> KindSpec {
         match self {
             Self::CoulombFriction => of("coulomb_friction", const { &[LEVEL] }, 1, true, &[]),
             Self::ViscousFriction => of("viscous_friction", const { &[COEFFICIENT] }, 1, true, &[]),
@@ -181,45 +189,46 @@ impl Kind {
                 &[],
             ),
             Self::DriveGain => of("drive_gain", const { &[one("gain")] }, 1, false, &[]),
-            _ => self.facts_of_the_whole(),
+            _ => self.robot_spec(),
         }
     }
 
     /// Facts of kinds without a joint, and of kinds outside the dictionary.
-    fn facts_of_the_whole(self) -> Facts {
-        const DELAY: &[Entry] = &[milli("delay_ms", "delay_ms")];
-        const MASS: &[Entry] = &[one("mass_kg"), PLACE];
+    fn robot_spec(self) -> KindSpec {
+        const DELAY: &[ParameterKey] = &[milli("delay_ms", "delay_ms")];
+        const MASS: &[ParameterKey] = &[one("mass_kg"), PLACE];
         match self {
             Self::TorqueDelay => {
-                Facts { of_joint: false, ..of("torque_delay", DELAY, 1, true, &[]) }
+                KindSpec { per_joint: false, ..of("torque_delay", DELAY, 1, true, &[]) }
             }
-            Self::Payload => Facts { of_joint: false, ..of("payload", MASS, 1, true, &[]) },
+            Self::Payload => KindSpec { per_joint: false, ..of("payload", MASS, 1, true, &[]) },
             Self::CrossTorque => outside(&[Several]),
             _ => outside(&[]),
         }
     }
 }
 
-impl Law for Kind {
-    type Need = Need;
+impl EffectKind for Kind {
+    type Requirement = Requirement;
 
-    fn facts(self) -> Facts {
-        self.facts_of_joint()
+    fn spec(self) -> KindSpec {
+        self.joint_spec()
     }
 
     fn step(effect: &Effect, number: usize) -> f64 {
-        let size = effect.numbers[number].abs();
+        let size = effect.parameters[number].abs();
         match effect.kind {
             // A zero centre of mass, phase or rest position still needs a finite step.
             Self::Payload | Self::TorqueRipple | Self::Spring if number > 0 => size.max(0.1),
-            _ => size.max(effect.lead()).max(1e-9),
+            _ => size.max(effect.linear_magnitude()).max(1e-9),
         }
     }
 
     fn bounded(effect: &Effect, number: usize, wanted: f64) -> f64 {
-        let from = effect.numbers[number];
+        let from = effect.parameters[number];
         // Velocities and distances stay positive; masses, centres and phases are unbounded.
-        let scales = number == 1 && effect.kind.facts().leads == 1 && effect.numbers.len() <= 3;
+        let scales =
+            number == 1 && effect.kind.spec().linear_count == 1 && effect.parameters.len() <= 3;
         if scales && from > 0.0 { wanted.max(0.3 * from) } else { wanted }
     }
 }

@@ -5,15 +5,15 @@
 //! follow from one formula.
 
 use crate::arm::{JOINTS, Joints};
-use crate::chance::Chance;
-use crate::scene::Richness;
+use crate::rng::Rng;
+use crate::scene::Excitation;
 
 /// Position, velocity and acceleration.
-pub type State = [f64; 3];
+pub type JointState = [f64; 3];
 
 /// One joint's motion.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Track {
+pub enum JointMotion {
     /// Sines about a centre: amplitude, rate (rad/s), phase.
     Waves {
         /// Centre, rad or m.
@@ -33,17 +33,17 @@ pub struct Move {
     /// Start time, s.
     pub start_s: f64,
     /// Duration, s.
-    pub takes_s: f64,
+    pub duration_s: f64,
     /// Start and end position, rad or m.
     pub ends: [f64; 2],
     /// Fraction of the duration for acceleration, and the same for deceleration.
     pub ramp: f64,
 }
 
-impl Track {
+impl JointMotion {
     /// State at an instant; before the first and after the last move at rest.
     #[must_use]
-    pub fn at(&self, t_s: f64) -> State {
+    pub fn at(&self, t_s: f64) -> JointState {
         match self {
             Self::Waves { centre, waves, swell_s } => {
                 let t = t_s.max(0.0);
@@ -54,7 +54,7 @@ impl Track {
                     sum[1] += amplitude * rate * c;
                     sum[2] -= amplitude * rate * rate * s;
                 }
-                let [g, dg, ddg] = swell(t / swell_s);
+                let [g, dg, ddg] = smooth_step(t / swell_s);
                 let (dg, ddg) = (dg / swell_s, ddg / (swell_s * swell_s));
                 [
                     centre + g * sum[0],
@@ -74,7 +74,7 @@ impl Track {
 }
 
 /// Smooth step from 0 to 1 with rest at both ends: value, first and second derivative.
-fn swell(x: f64) -> State {
+fn smooth_step(x: f64) -> JointState {
     if x >= 1.0 {
         return [1.0, 0.0, 0.0];
     }
@@ -87,10 +87,10 @@ fn swell(x: f64) -> State {
 }
 
 impl Move {
-    fn at(&self, t_s: f64) -> State {
+    fn at(&self, t_s: f64) -> JointState {
         let [from, to] = self.ends;
         let (way, r) = (to - from, self.ramp);
-        let x = (t_s - self.start_s) / self.takes_s;
+        let x = (t_s - self.start_s) / self.duration_s;
         if x >= 1.0 {
             return [to, 0.0, 0.0];
         }
@@ -109,7 +109,11 @@ impl Move {
         } else {
             [speed * (x - 0.5 * r), speed, 0.0]
         };
-        [from + way * place, way * rate / self.takes_s, way * gain / (self.takes_s * self.takes_s)]
+        [
+            from + way * place,
+            way * rate / self.duration_s,
+            way * gain / (self.duration_s * self.duration_s),
+        ]
     }
 }
 
@@ -117,13 +121,13 @@ impl Move {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
     /// One per joint.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<JointMotion>,
     /// Sampling times, s from its start.
     pub times_s: Vec<f64>,
     /// Temperature of each joint at the start, °C.
-    pub warm_c: Joints,
+    pub start_c: Joints,
     /// Temperature rate of each joint, K/s.
-    pub warming: Joints,
+    pub warming_rate: Joints,
 }
 
 /// A motion.
@@ -134,24 +138,24 @@ pub struct Motion {
     /// Sampling rate, Hz.
     pub rate_hz: f64,
     /// Whether temperatures are recorded.
-    pub warms: bool,
+    pub has_temperatures: bool,
 }
 
 /// Range and maximum velocity of each joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Room {
+pub struct JointRange {
     /// Centre, rad or m.
-    pub home: f64,
+    pub centre: f64,
     /// Half of the range, rad or m.
-    pub reach: f64,
+    pub half_range: f64,
     /// Maximum velocity, rad/s or m/s.
-    pub fastest: f64,
+    pub max_speed: f64,
 }
 
 impl Segment {
     /// State of each joint at an instant.
     #[must_use]
-    pub fn at(&self, t_s: f64) -> [State; JOINTS] {
+    pub fn at(&self, t_s: f64) -> [JointState; JOINTS] {
         let mut all = [[0.0; 3]; JOINTS];
         all.iter_mut().zip(&self.tracks).for_each(|(state, track)| *state = track.at(t_s));
         all
@@ -159,8 +163,8 @@ impl Segment {
 
     /// Temperature of a joint at an instant, °C, as recorded.
     #[must_use]
-    pub fn celsius(&self, joint: usize, t_s: f64) -> f64 {
-        let warm = self.warm_c[joint] + self.warming[joint] * t_s;
+    pub fn temperature_c(&self, joint: usize, t_s: f64) -> f64 {
+        let warm = self.start_c[joint] + self.warming_rate[joint] * t_s;
         (warm * 100.0).round() / 100.0
     }
 }
@@ -173,76 +177,81 @@ impl Motion {
     }
 
     /// A random motion with this length, s, and rate, Hz.
-    pub fn draw(
-        rooms: &[Room],
+    pub fn random(
+        ranges: &[JointRange],
         (length_s, rate_hz): (f64, f64),
         warms: bool,
-        richness: Richness,
-        chance: &mut Chance,
+        excitation: Excitation,
+        rng: &mut Rng,
     ) -> Self {
         let parts = if warms { 6 } else { 1 };
         let mut levels: Vec<usize> = (0..parts).collect();
-        chance.shuffle(&mut levels);
-        let style = chance.pick(3);
-        let rise: Joints = std::array::from_fn(|_| chance.between(8.0, 20.0));
-        let moving = [chance.pick(rooms.len()), chance.pick(rooms.len())];
+        rng.shuffle(&mut levels);
+        let style = rng.uniform_index(3);
+        let rise: Joints = std::array::from_fn(|_| rng.uniform_between(8.0, 20.0));
+        let moving = [rng.uniform_index(ranges.len()), rng.uniform_index(ranges.len())];
         let segments = levels.into_iter().map(|level| {
             let takes_s = length_s / parts as f64;
-            let of_joint = |(joint, room): (usize, &Room)| match richness {
-                Richness::Full => full(room, takes_s, style, chance),
-                Richness::Poor if moving.contains(&joint) => poor(room, chance),
-                Richness::Poor => still(room, chance),
+            let of_joint = |(joint, range): (usize, &JointRange)| match excitation {
+                Excitation::Full => full_excitation(range, takes_s, style, rng),
+                Excitation::Poor if moving.contains(&joint) => weak_excitation(range, rng),
+                Excitation::Poor => at_rest(range, rng),
             };
-            let tracks = rooms.iter().enumerate().map(of_joint).collect();
+            let tracks = ranges.iter().enumerate().map(of_joint).collect();
             let count = (takes_s * rate_hz).round() as usize;
             let times_s = (0..count).map(|k| (k as f64 / rate_hz * 1e6).round() * 1e-6).collect();
             let share = level as f64 / parts as f64;
             let warm_c = rise.map(|rise| 20.0 + if warms { rise * share } else { 0.0 });
             let warming = rise.map(|rise| if warms { 0.3 * rise / length_s } else { 0.0 });
-            Segment { tracks, times_s, warm_c, warming }
+            Segment { tracks, times_s, start_c: warm_c, warming_rate: warming }
         });
-        Self { segments: segments.collect(), rate_hz, warms }
+        Self { segments: segments.collect(), rate_hz, has_temperatures: warms }
     }
 }
 
 /// One sinusoid of small amplitude.
-fn poor(room: &Room, chance: &mut Chance) -> Track {
-    let amplitude = room.reach * chance.between(0.1, 0.4);
-    let rate = chance.between(1.0, 4.0).min(room.fastest / amplitude);
+fn weak_excitation(range: &JointRange, rng: &mut Rng) -> JointMotion {
+    let amplitude = range.half_range * rng.uniform_between(0.1, 0.4);
+    let rate = rng.uniform_between(1.0, 4.0).min(range.max_speed / amplitude);
     let waves = vec![[amplitude, rate, 0.0]];
-    let centre = room.home + 0.4 * room.reach * chance.between(-1.0, 1.0);
-    Track::Waves { centre, waves, swell_s: 1.0 }
+    let centre = range.centre + 0.4 * range.half_range * rng.uniform_between(-1.0, 1.0);
+    JointMotion::Waves { centre, waves, swell_s: 1.0 }
 }
 
-fn still(room: &Room, chance: &mut Chance) -> Track {
-    let centre = room.home + 0.5 * room.reach * chance.between(-1.0, 1.0);
-    Track::Waves { centre, waves: Vec::new(), swell_s: 1.0 }
+fn at_rest(range: &JointRange, rng: &mut Rng) -> JointMotion {
+    let centre = range.centre + 0.5 * range.half_range * rng.uniform_between(-1.0, 1.0);
+    JointMotion::Waves { centre, waves: Vec::new(), swell_s: 1.0 }
 }
 
-fn full(room: &Room, length_s: f64, style: usize, chance: &mut Chance) -> Track {
+fn full_excitation(range: &JointRange, length_s: f64, style: usize, rng: &mut Rng) -> JointMotion {
     if style == 0 {
         let waves = [0.5, 0.25, 0.15, 0.1].iter().enumerate().map(|(k, share)| {
-            let amplitude = share * room.reach * chance.between(0.6, 1.0);
+            let amplitude = share * range.half_range * rng.uniform_between(0.6, 1.0);
             let low = 0.5 * 1.8_f64.powi(k as i32);
-            let rate = chance.log_between(low, 3.0 * low).min(0.7 * room.fastest / amplitude);
-            [amplitude, rate, chance.between(0.0, std::f64::consts::TAU)]
+            let rate =
+                rng.log_uniform_between(low, 3.0 * low).min(0.7 * range.max_speed / amplitude);
+            [amplitude, rate, rng.uniform_between(0.0, std::f64::consts::TAU)]
         });
-        return Track::Waves { centre: room.home, waves: waves.collect(), swell_s: 1.0 };
+        return JointMotion::Waves { centre: range.centre, waves: waves.collect(), swell_s: 1.0 };
     }
     let mut moves = Vec::new();
-    let place = |chance: &mut Chance| room.home + room.reach * chance.between(-1.0, 1.0);
-    let (mut t_s, mut from) = (chance.between(0.0, 0.3), place(chance));
+    let place = |rng: &mut Rng| range.centre + range.half_range * rng.uniform_between(-1.0, 1.0);
+    let (mut t_s, mut from) = (rng.uniform_between(0.0, 0.3), place(rng));
     while t_s < length_s {
-        let to = place(chance);
+        let to = place(rng);
         // Trapezoids have long phases of constant velocity; the others have short ones or none.
-        let ramp = if style == 1 { chance.between(0.15, 0.3) } else { chance.between(0.35, 0.5) };
-        let speed = room.fastest * chance.log_between(0.1, 1.0);
+        let ramp = if style == 1 {
+            rng.uniform_between(0.15, 0.3)
+        } else {
+            rng.uniform_between(0.35, 0.5)
+        };
+        let speed = range.max_speed * rng.log_uniform_between(0.1, 1.0);
         let takes_s = ((to - from).abs() / ((1.0 - ramp) * speed)).max(0.25);
-        moves.push(Move { start_s: t_s, takes_s, ends: [from, to], ramp });
-        let stop_s = if style == 1 { 0.1 } else { chance.between(0.0, 0.8) };
+        moves.push(Move { start_s: t_s, duration_s: takes_s, ends: [from, to], ramp });
+        let stop_s = if style == 1 { 0.1 } else { rng.uniform_between(0.0, 0.8) };
         (t_s, from) = (t_s + takes_s + stop_s, to);
     }
-    Track::Moves(moves)
+    JointMotion::Moves(moves)
 }
 
 #[cfg(test)]
@@ -251,9 +260,9 @@ mod tests {
 
     #[test]
     fn velocity_and_acceleration_are_the_slopes_of_what_stands_before_them() {
-        let room = Room { home: 0.2, reach: 1.0, fastest: 2.0 };
+        let range = JointRange { centre: 0.2, half_range: 1.0, max_speed: 2.0 };
         for style in 0..3 {
-            let track = full(&room, 6.0, style, &mut Chance::new(4, style as u64));
+            let track = full_excitation(&range, 6.0, style, &mut Rng::new(4, style as u64));
             for k in 1..590 {
                 let (t, h) = (0.01 * f64::from(k), 1e-5);
                 let ([before, now, after], mut off) =

@@ -8,7 +8,7 @@ const ORDER: usize = 24;
 /// A linear predictor of a signal from its past.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Predictor {
-    past: Vec<f64>,
+    coefficients: Vec<f64>,
     sigma: f64,
 }
 
@@ -36,17 +36,17 @@ impl Predictor {
             past.push(turn);
             error *= 1.0 - turn * turn;
         }
-        Self { past, sigma: error.sqrt() }
+        Self { coefficients: past, sigma: error.sqrt() }
     }
 
     /// Whitened pieces, concatenated, each without its first values.
     #[must_use]
-    pub fn white(&self, pieces: &[Vec<f64>]) -> Vec<f64> {
+    pub fn whiten(&self, pieces: &[Vec<f64>]) -> Vec<f64> {
         let mut all = Vec::new();
         for piece in pieces {
             for k in ORDER..piece.len() {
                 let said: f64 =
-                    self.past.iter().enumerate().map(|(j, a)| a * piece[k - 1 - j]).sum();
+                    self.coefficients.iter().enumerate().map(|(j, a)| a * piece[k - 1 - j]).sum();
                 all.push((piece[k] - said) / self.sigma);
             }
         }
@@ -57,19 +57,19 @@ impl Predictor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chance::Chance;
+    use crate::rng::Rng;
 
     #[test]
     fn noise_with_a_long_memory_comes_out_white() {
-        let mut chance = Chance::new(1, 0);
+        let mut rng = Rng::new(1, 0);
         let (mut a, mut b) = (0.0, 0.0);
         let noise: Vec<f64> = (0..20_000)
             .map(|_| {
-                (a, b) = (1.6 * a - 0.8 * b + 3.0 * chance.normal(), a);
+                (a, b) = (1.6 * a - 0.8 * b + 3.0 * rng.normal(), a);
                 a
             })
             .collect();
-        let white = Predictor::of(std::slice::from_ref(&noise)).white(&[noise]);
+        let white = Predictor::of(std::slice::from_ref(&noise)).whiten(&[noise]);
         let n = white.len() as f64;
         let mean =
             |lag: usize| white.iter().skip(lag).zip(&white).map(|(a, b)| a * b).sum::<f64>() / n;

@@ -243,7 +243,7 @@ pub unsafe extern "C" fn trued_client_wait_corrected(
         let limit = limit(limit_ns)?;
         let found = CLIENTS.with(client.addr(), |client| {
             let found = client.wait_corrected(seq, limit);
-            found.ok_or_else(|| match client.away() {
+            found.ok_or_else(|| match client.disconnect_reason() {
                 Some(away) => Fault::NotSent(away.into()),
                 None => Fault::TimedOut(limit),
             })
@@ -289,8 +289,8 @@ pub unsafe extern "C" fn trued_client_connection(
     guard(|| {
         // SAFETY: the rules of the header.
         let connection = unsafe { place(connection) }?;
-        let found =
-            CLIENTS.with(client.addr(), |client| Ok((client.connection(), client.away())))?;
+        let found = CLIENTS
+            .with(client.addr(), |client| Ok((client.connection(), client.disconnect_reason())))?;
         put(connection, Some(linked(found)))
     })
 }
@@ -310,7 +310,9 @@ pub unsafe extern "C" fn trued_client_next_event(
 }
 
 /// How it is, and why not.
-pub(crate) fn linked((how, away): (Connection, Option<::trued_client::Away>)) -> trued_connection {
+pub(crate) fn linked(
+    (how, away): (Connection, Option<::trued_client::DisconnectReason>),
+) -> trued_connection {
     let why =
         away.map_or(trued_code::TRUED_OK, |away| ::trued_client::ErrorKind::from(away).into());
     translate::connection(how, why)

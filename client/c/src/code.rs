@@ -10,7 +10,7 @@ use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-use ::trued_client::{AskError, ConnectError, ErrorKind, NotATarget, NotSent, Response};
+use ::trued_client::{ConnectError, ErrorKind, InvalidTarget, RequestError, Response, SendError};
 
 /// Return value of every function. Negative: an error, whose message is in trued_last_error().
 ///
@@ -122,11 +122,11 @@ pub(crate) enum Fault {
     #[error(transparent)]
     Connect(#[from] ConnectError),
     #[error(transparent)]
-    NotSent(#[from] NotSent),
+    NotSent(#[from] SendError),
     #[error(transparent)]
-    NotATarget(#[from] NotATarget),
+    NotATarget(#[from] InvalidTarget),
     #[error(transparent)]
-    Ask(#[from] AskError),
+    Ask(#[from] RequestError),
 }
 
 impl Fault {

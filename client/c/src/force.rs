@@ -75,7 +75,7 @@ pub unsafe extern "C" fn trued_force_connection(
         // SAFETY: the rules of the header.
         let connection = unsafe { place(connection) }?;
         let found = SOURCES.with(force.addr(), |source| {
-            let away = source.away();
+            let away = source.disconnect_reason();
             Ok((source.connection(), away))
         })?;
         put(connection, Some(linked(found)))

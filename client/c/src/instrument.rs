@@ -79,7 +79,7 @@ pub unsafe extern "C" fn trued_instrument_connection(
         // SAFETY: the rules of the header.
         let connection = unsafe { place(connection) }?;
         let found = INSTRUMENTS.with(instrument.addr(), |instrument| {
-            let away = instrument.away();
+            let away = instrument.disconnect_reason();
             Ok((instrument.connection(), away))
         })?;
         put(connection, Some(linked(found)))

@@ -70,8 +70,9 @@ pub unsafe extern "C" fn trued_monitor_connection(
     guard(|| {
         // SAFETY: the rules of the header.
         let connection = unsafe { place(connection) }?;
-        let found =
-            MONITORS.with(monitor.addr(), |monitor| Ok((monitor.connection(), monitor.away())))?;
+        let found = MONITORS.with(monitor.addr(), |monitor| {
+            Ok((monitor.connection(), monitor.disconnect_reason()))
+        })?;
         put(connection, Some(linked(found)))
     })
 }

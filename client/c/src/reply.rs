@@ -6,7 +6,7 @@ use core::ffi::c_char;
 use core::time::Duration;
 use std::path::Path;
 
-use ::trued_client::{Answer, AskError, ConnectError, Response};
+use ::trued_client::{Answer, ConnectError, RequestError, Response};
 use shm_schema::Cell;
 
 use crate::border::{Grows, Place, limit, place_if_any, text};
@@ -73,7 +73,7 @@ pub(crate) fn put<T: Grows>(to: Place<T>, found: Option<T>) -> Result<trued_code
 pub(crate) unsafe fn ask(
     answer: *mut trued_answer,
     limit_ns: u64,
-    ask: impl FnOnce(Duration) -> Result<Result<Response, AskError>, Fault>,
+    ask: impl FnOnce(Duration) -> Result<Result<Response, RequestError>, Fault>,
 ) -> Result<trued_code, Fault> {
     // SAFETY: the caller's promise.
     let answer = unsafe { place_if_any(answer) }?;

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use trued_client::{
-    Measured, NotSent, ProcessState, RecorderAction, RobotState, Setpoint, WrenchFrame,
+    Measured, ProcessState, RecorderAction, RobotState, SendError, Setpoint, WrenchFrame,
     monotonic_ns,
 };
 
@@ -155,12 +155,12 @@ impl Client {
     /// The answer to the command of that number, within the limit.
     fn wait_corrected(&self, py: Python<'_>, seq: u64, timeout: f64) -> PyResult<Corrected> {
         let limit: Duration = limit(timeout)?;
-        let found = self
-            .held
-            .wait(py, |client| client.wait_corrected(seq, limit).ok_or_else(|| client.away()))?;
+        let found = self.held.wait(py, |client| {
+            client.wait_corrected(seq, limit).ok_or_else(|| client.disconnect_reason())
+        })?;
         match found {
             Ok(corrected) => Ok(Corrected::new(py, &corrected)),
-            Err(Some(away)) => Err(NotSent::from(away).raise(py)),
+            Err(Some(away)) => Err(SendError::from(away).raise(py)),
             Err(None) => Err(raised(py, "TimedOut", format!("no answer within {limit:?}"))),
         }
     }
@@ -178,7 +178,8 @@ impl Client {
 
     /// State of the connection.
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
-        self.held.with(py, |client| Connection::new(client.connection(), client.away()))
+        self.held
+            .with(py, |client| Connection::new(client.connection(), client.disconnect_reason()))
     }
 
     /// Events of the connection, oldest first.

@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trued_client::{AskError, ConnectError, ErrorKind, NotATarget, NotSent};
+use trued_client::{ConnectError, ErrorKind, InvalidTarget, RequestError, SendError};
 
 /// The exception of that name, with those words.
 pub(crate) fn raised(py: Python<'_>, class: &str, words: String) -> PyErr {
@@ -43,19 +43,19 @@ impl Kind for ConnectError {
     }
 }
 
-impl Kind for NotSent {
+impl Kind for SendError {
     fn kind(&self) -> ErrorKind {
         self.kind()
     }
 }
 
-impl Kind for NotATarget {
+impl Kind for InvalidTarget {
     fn kind(&self) -> ErrorKind {
         self.kind()
     }
 }
 
-impl Kind for AskError {
+impl Kind for RequestError {
     fn kind(&self) -> ErrorKind {
         self.kind()
     }

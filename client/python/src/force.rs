@@ -68,7 +68,7 @@ impl ForceSource {
 
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
         self.held.with(py, |source| {
-            let away = source.away();
+            let away = source.disconnect_reason();
             Connection::new(source.connection(), away)
         })
     }

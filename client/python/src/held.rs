@@ -10,7 +10,7 @@ use numpy::{AllowTypeChange, PyArrayLike1, PyArrayLikeDyn};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use shm_schema::{Answer as Code, Cell, Response};
-use trued_client::{AskError, ConnectError, JOINTS_MAX};
+use trued_client::{ConnectError, JOINTS_MAX, RequestError};
 
 use crate::errors::{Kind, raised};
 use crate::told::Answer;
@@ -65,7 +65,7 @@ impl<T: Send> Held<T> {
         &self,
         py: Python<'_>,
         timeout: f64,
-        ask: impl FnOnce(&mut T, Duration) -> Result<Response, AskError> + Send,
+        ask: impl FnOnce(&mut T, Duration) -> Result<Response, RequestError> + Send,
     ) -> PyResult<Answer> {
         let limit = limit(timeout)?;
         let response = self.wait(py, |held| ask(held, limit))?.map_err(|e| e.raise(py))?;

@@ -35,7 +35,7 @@ impl Instrument {
 
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
         self.held.with(py, |instrument| {
-            let away = instrument.away();
+            let away = instrument.disconnect_reason();
             Connection::new(instrument.connection(), away)
         })
     }

@@ -37,7 +37,8 @@ impl Monitor {
 
     /// State of the connection.
     fn connection(&self, py: Python<'_>) -> PyResult<Connection> {
-        self.held.with(py, |monitor| Connection::new(monitor.connection(), monitor.away()))
+        self.held
+            .with(py, |monitor| Connection::new(monitor.connection(), monitor.disconnect_reason()))
     }
 
     /// Events of the connection, oldest first.

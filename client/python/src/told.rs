@@ -329,7 +329,10 @@ pub(crate) struct Connection {
 }
 
 impl Connection {
-    pub(crate) fn new(from: trued_client::Connection, away: Option<trued_client::Away>) -> Self {
+    pub(crate) fn new(
+        from: trued_client::Connection,
+        away: Option<trued_client::DisconnectReason>,
+    ) -> Self {
         match from {
             trued_client::Connection::Connected { pid, epoch } => Self::joined(pid, epoch),
             trued_client::Connection::Lost => {
@@ -344,7 +347,7 @@ impl Connection {
         Self { is_connected: true, pid, epoch, why: None, words }
     }
 
-    fn lost(away: Option<trued_client::Away>, words: String) -> Self {
+    fn lost(away: Option<trued_client::DisconnectReason>, words: String) -> Self {
         let why = away.map(|away| ErrorKind::from(away).name());
         Self { is_connected: false, pid: None, epoch: None, why, words }
     }
@@ -354,7 +357,9 @@ impl From<ConnectionEvent> for Connection {
     fn from(from: ConnectionEvent) -> Self {
         match from {
             ConnectionEvent::Connected { pid, epoch } => Self::joined(pid, epoch),
-            ConnectionEvent::Lost { away, why } => Self::lost(Some(away), why),
+            ConnectionEvent::Lost { disconnect_reason, why } => {
+                Self::lost(Some(disconnect_reason), why)
+            }
         }
     }
 }

@@ -98,10 +98,10 @@ fn a_command_that_is_no_number_is_an_error_and_changes_nothing() {
     cell.ticks(300, Some(0.003));
     let before = (cell.output.sent(), cell.output.correction());
     for (bad, error) in [
-        (&[0.5, f64::NAN][..], NotATarget::NotFinite { joint: 2 }),
-        (&[f64::INFINITY], NotATarget::NotFinite { joint: 1 }),
-        (&[], NotATarget::Joints(0)),
-        (&[0.0; 17], NotATarget::Joints(17)),
+        (&[0.5, f64::NAN][..], InvalidTarget::NotFinite { joint: 2 }),
+        (&[f64::INFINITY], InvalidTarget::NotFinite { joint: 1 }),
+        (&[], InvalidTarget::Joints(0)),
+        (&[0.0; 17], InvalidTarget::Joints(17)),
     ] {
         assert_eq!(cell.output.target(bad, None, None, cell.now_ns + 5 * MS), Err(error));
         assert_eq!((cell.output.sent(), cell.output.correction()), before);

@@ -3,14 +3,14 @@
 use std::time::{Duration, Instant};
 
 use crate::mini::{Process, Runtime, Who};
-use shm_schema::{Command, Role, Seat, monotonic_ns};
+use shm_schema::{Command, Role, RoleClaim, monotonic_ns};
 use trued_client::Client;
 
 #[test]
 fn a_place_that_stays_taken_costs_a_new_epoch_and_less_than_a_second() {
     let runtime = Runtime::new("jam");
     let daemon = Process::start(Who::Daemon, &runtime);
-    let mut thief = Seat::new(&runtime.cell(), Role::Monitor);
+    let mut thief = RoleClaim::new(&runtime.cell(), Role::Monitor);
     let joined = loop {
         match thief.join() {
             Ok(joined) => break joined,

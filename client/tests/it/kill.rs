@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use crate::mini::{Process, Runtime, Who};
-use shm_schema::{monotonic_ns, sweep};
+use shm_schema::{monotonic_ns, remove_leftovers};
 
 const ROUNDS: u64 = 20;
 const JAM: Duration = Duration::from_secs(10);
@@ -132,6 +132,6 @@ fn what_two_killed_processes_leave_is_swept() {
     pair.daemon.kill();
     pair.cell.kill();
     assert!(!runtime.left().is_empty());
-    sweep(&runtime.cell()).unwrap();
+    remove_leftovers(&runtime.cell()).unwrap();
     assert_eq!(runtime.left(), Vec::<String>::new());
 }

@@ -51,7 +51,7 @@ impl Runtime {
 
 impl Drop for Runtime {
     fn drop(&mut self) {
-        let _ = sweep(&self.cell());
+        let _ = remove_leftovers(&self.cell());
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
@@ -197,7 +197,7 @@ fn serve(side: &DaemonSide, over: &AtomicBool, hears: bool) -> bool {
             status.seq += 1;
             statuses.send(&status);
             control.serve(|request| Response::to(request, Answer::Done, "pong"));
-            if side.supervise().knocked {
+            if side.supervise().epoch_requested {
                 return true;
             }
         }

@@ -5,9 +5,9 @@ use std::time::{Duration, Instant};
 
 use shm_schema::*;
 use trued_client::{
-    AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ErrorKind, ForceSamples,
-    ForceSource, HORIZON_POINTS_MAX, Monitor, NotATarget, NotSent, Samples, Setpoint, Source,
-    WrenchFrame,
+    Client, ConnectError, Connection, ConnectionEvent, DisconnectReason, ErrorKind, ForceSamples,
+    ForceSource, HORIZON_POINTS_MAX, InvalidTarget, Monitor, RequestError, Samples, SendError,
+    Setpoint, Source, WrenchFrame,
 };
 
 use crate::mini::Runtime;
@@ -117,10 +117,10 @@ fn too_many_joints_are_refused_before_they_are_sent() {
     let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
     assert!(matches!(
         client.send(&[0.0; 17].into()),
-        Err(NotSent::NotATarget(NotATarget::Joints(17)))
+        Err(SendError::InvalidTarget(InvalidTarget::Joints(17)))
     ));
     let none = client.send(&Setpoint::new(&[]));
-    assert!(matches!(none, Err(NotSent::NotATarget(NotATarget::Joints(0)))));
+    assert!(matches!(none, Err(SendError::InvalidTarget(InvalidTarget::Joints(0)))));
     assert!(daemon.turn().is_none());
 }
 
@@ -141,7 +141,7 @@ fn a_request_is_answered_to_client_and_monitor() {
     });
     assert_eq!(answers.0.message.as_str(), "/etc/robot.toml");
     assert_eq!(answers.1.answer(), Ok(Answer::Done));
-    assert!(matches!(answers.2, AskError::BadPath { .. }));
+    assert!(matches!(answers.2, RequestError::BadPath { .. }));
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn a_request_that_nobody_answers_ends_in_time() {
     let mut daemon = Daemon::start(&cell);
     let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
     let limit = Duration::from_millis(20);
-    assert_eq!(client.ping(limit), Err(AskError::TimedOut { limit }));
+    assert_eq!(client.ping(limit), Err(RequestError::TimedOut { limit }));
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn force_in_single_precision_arrives_channel_by_channel_in_double() {
     assert_eq!(block.channel(3), &[] as &[f64]);
     assert_eq!(block.flags, ForceBlock::INPUT_F32);
     for bad in [ForceSamples { channels: 4, ..force }, ForceSamples { channels: 2, ..force }] {
-        assert!(matches!(source.send(&bad), Err(NotSent::Invalid { .. })));
+        assert!(matches!(source.send(&bad), Err(SendError::Invalid { .. })));
     }
     for _ in 0..70 {
         let _ = source.send(&force);
@@ -239,14 +239,17 @@ fn of_a_horizon_that_is_too_long_the_first_points_are_sent_and_of_a_bad_one_none
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let points = [[0.0; 6], [0.0, 0.0, bad, bad, 0.0, 0.0]];
         let refused = client.set_horizon(&points).unwrap_err();
-        assert_eq!(refused, NotSent::HorizonNotFinite { point: 2, joint: 3 });
+        assert_eq!(refused, SendError::HorizonNotFinite { point: 2, joint: 3 });
         assert_eq!(refused.kind(), ErrorKind::Argument);
     }
     let none = client.set_horizon::<0>(&[[]]);
-    assert_eq!(none, Err(NotSent::NotATarget(NotATarget::Joints(0))));
-    assert_eq!(client.set_horizon(&[[0.0; 17]]), Err(NotSent::NotATarget(NotATarget::Joints(17))));
+    assert_eq!(none, Err(SendError::InvalidTarget(InvalidTarget::Joints(0))));
+    assert_eq!(
+        client.set_horizon(&[[0.0; 17]]),
+        Err(SendError::InvalidTarget(InvalidTarget::Joints(17)))
+    );
     let torn = client.set_horizon_flat(&[0.0; 7], 6);
-    assert!(matches!(torn, Err(NotSent::Invalid { value: 7, .. })), "{torn:?}");
+    assert!(matches!(torn, Err(SendError::Invalid { value: 7, .. })), "{torn:?}");
     assert!(horizons.take_newest().is_none(), "nothing was sent");
 
     assert_eq!(client.set_horizon_flat(&[1.0, 2.0, 3.0, 4.0], 2), Ok(2));
@@ -264,7 +267,7 @@ fn a_daemon_that_has_restarted_gets_the_next_horizon() {
         beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
     };
     let point = [[0.5; 6]];
-    assert_eq!(client.set_horizon(&point), Err(NotSent::Lost), "nobody takes it");
+    assert_eq!(client.set_horizon(&point), Err(SendError::Lost), "nobody takes it");
     let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
     assert_eq!(client.set_horizon(&point), Ok(1));
     assert_eq!(horizons.take_newest().unwrap().seq, 2);
@@ -275,7 +278,10 @@ fn a_daemon_that_has_restarted_gets_the_next_horizon() {
         assert!(start.elapsed() < LIMIT);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert_eq!(client.set_horizon(&point), Err(NotSent::Away(Away::DaemonLost)));
+    assert_eq!(
+        client.set_horizon(&point),
+        Err(SendError::Disconnected(DisconnectReason::DaemonLost))
+    );
     let mut daemon = Daemon::start(&cell);
     let mut horizons = daemon.side.ports().subscriber::<Horizon>().unwrap();
     while client.connection() == Connection::Lost {
@@ -283,7 +289,11 @@ fn a_daemon_that_has_restarted_gets_the_next_horizon() {
         daemon.turn();
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert_eq!(client.set_horizon(&point), Err(NotSent::Away(Away::DaemonRestarted)), "said once");
+    assert_eq!(
+        client.set_horizon(&point),
+        Err(SendError::Disconnected(DisconnectReason::DaemonRestarted)),
+        "said once"
+    );
     assert_eq!(client.set_horizon(&point), Ok(1));
     let seq = client.send(&[0.5; 6].into()).unwrap();
     let (command, horizon) = (daemon.turn().unwrap(), horizons.take_newest().unwrap());
@@ -334,7 +344,10 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         assert!(start.elapsed() < LIMIT);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Away(Away::DaemonLost)));
+    assert_eq!(
+        client.send(&[0.0; 6].into()),
+        Err(SendError::Disconnected(DisconnectReason::DaemonLost))
+    );
     let target = client.target_for(&[0.3; 6], monotonic_ns()).unwrap();
     assert_eq!(target.source(), Source::Plain);
     assert!(matches!(client.next_event(), Some(ConnectionEvent::Lost { .. })));
@@ -346,7 +359,11 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_ne!(client.connection(), first);
-    assert_eq!(client.ping(LIMIT), Err(AskError::Away(Away::DaemonRestarted)), "said once");
+    assert_eq!(
+        client.ping(LIMIT),
+        Err(RequestError::Disconnected(DisconnectReason::DaemonRestarted)),
+        "said once"
+    );
     assert!(client.send(&[0.0; 6].into()).is_ok());
     assert!(daemon.turn().is_some());
 }
@@ -380,22 +397,22 @@ fn a_client_of_another_version_or_user_says_which_while_it_runs() {
         let cell = cell.clone();
         beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
     };
-    let until = |client: &mut Client, why: Option<Away>| {
+    let until = |client: &mut Client, why: Option<DisconnectReason>| {
         let start = Instant::now();
-        while client.away() != why {
-            assert!(start.elapsed() < LIMIT, "{:?}", client.away());
+        while client.disconnect_reason() != why {
+            assert!(start.elapsed() < LIMIT, "{:?}", client.disconnect_reason());
             std::thread::sleep(Duration::from_millis(1));
         }
-        assert_eq!(client.send(&[0.0; 6].into()).err(), why.map(NotSent::Away));
+        assert_eq!(client.send(&[0.0; 6].into()).err(), why.map(SendError::Disconnected));
     };
     until(&mut client, None);
     // No daemon gives its directory that mode.
     let mode = |mode| std::os::unix::fs::PermissionsExt::from_mode(mode);
     std::fs::set_permissions(cell.dir(), mode(0o755)).unwrap();
-    until(&mut client, Some(Away::WrongUser));
+    until(&mut client, Some(DisconnectReason::WrongUser));
     std::fs::set_permissions(cell.dir(), mode(0o700)).unwrap();
     until(&mut client, None);
     let current = cell.dir().join("current");
     std::fs::write(&current, "trued.current/9\n").unwrap();
-    until(&mut client, Some(Away::VersionMismatch));
+    until(&mut client, Some(DisconnectReason::VersionMismatch));
 }

@@ -160,9 +160,12 @@ fn largest_gain(time_constant: f64, delay: f64) -> f64 {
 
 #[test]
 fn the_gain_margin_is_two_at_every_delay_up_to_twice_the_stated_one() {
-    let margins: Vec<f64> =
-        (0..=8).map(|k| 1.0 / largest_gain(FEED_DELAYS, 0.25 * f64::from(k))).collect();
-    println!("T = {FEED_DELAYS} delays: gain margins of at least {margins:.2?} at 0 to 2 delays");
+    let margins: Vec<f64> = (0..=8)
+        .map(|k| 1.0 / largest_gain(FEED_TIME_CONSTANT_DELAYS, 0.25 * f64::from(k)))
+        .collect();
+    println!(
+        "T = {FEED_TIME_CONSTANT_DELAYS} delays: gain margins of at least {margins:.2?} at 0 to 2 delays"
+    );
     assert!(margins.iter().all(|margin| *margin >= 2.0), "{margins:?}");
     assert!(1.0 / largest_gain(1.0, 2.0) < 2.0, "a shorter time constant would not do");
 }
@@ -287,7 +290,7 @@ fn what_is_not_sent_is_found_and_told_and_the_programmed_feed_goes_out() {
     assert!(bench.ticks(8000, 250.0).iter().all(|o| *o == 1.0));
     let report = bench.feed.report();
     assert_eq!(report.state, FeedState::Observing);
-    assert!((report.wanted - 0.4).abs() < 1e-3, "{report:?}");
+    assert!((report.requested - 0.4).abs() < 1e-3, "{report:?}");
 }
 
 #[test]
@@ -406,7 +409,7 @@ proptest! {
         for force in forces {
             lower.tick(force);
             higher.tick(force);
-            let wanted = [&lower, &higher].map(|bench| bench.feed.report().wanted);
+            let wanted = [&lower, &higher].map(|bench| bench.feed.report().requested);
             prop_assert!(wanted[1] >= wanted[0], "{wanted:?}");
         }
     }

@@ -23,14 +23,14 @@ fn settings() -> TrimSettings {
         limit_m: 2e-3,
         rules: TrimRules::default(),
     };
-    settings.time_constant_s = DELAYS * settings.delay_s();
+    settings.time_constant_s = TRIM_TIME_CONSTANT_DELAYS * settings.delay_s();
     settings
 }
 
 /// A source of chance (xorshift, G. Marsaglia 2003).
-struct Chance(u64);
+struct Rng(u64);
 
-impl Chance {
+impl Rng {
     fn unit(&mut self) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -50,7 +50,7 @@ impl Chance {
 /// An instrument and a tool with their true properties, which may differ from the stated ones.
 struct Bench {
     trim: Trim,
-    chance: Chance,
+    rng: Rng,
     now_ns: u64,
     /// Tool positions sent in the last `reaction_ms`, oldest first.
     sent: VecDeque<DVec3>,
@@ -73,7 +73,7 @@ impl Bench {
     fn new(settings: TrimSettings) -> Self {
         Self {
             trim: Trim::new(settings),
-            chance: Chance(0x9e37_79b9),
+            rng: Rng(0x9e37_79b9),
             now_ns: START_NS,
             sent: VecDeque::new(),
             reaction_ms: 10,
@@ -115,10 +115,10 @@ impl Bench {
         let now_ns = self.now_ns;
         while self.under_way.front().is_some_and(|(at_ns, _)| *at_ns <= now_ns) {
             let (_, sample) = self.under_way.pop_front().expect("just seen");
-            self.trim.take(&sample, now_ns);
+            self.trim.add_measurement(&sample, now_ns);
         }
         let sent_m = path_m + self.trim.step(now_ns, self.corrects);
-        self.trim.expect(now_ns, Some(&Frame::translation(sent_m)));
+        self.trim.store_prediction(now_ns, Some(&Frame::translation(sent_m)));
         self.sent.push_back(sent_m);
         while self.sent.len() > self.reaction_ms + 1 {
             self.sent.pop_front();
@@ -131,11 +131,10 @@ impl Bench {
     }
 
     fn measure(&mut self, tool_m: DVec3) {
-        let lost = self.is_blind || self.chance.unit() < self.dropouts;
-        let jumps = self.chance.unit() < self.jumps;
-        let jump_m =
-            if jumps { self.chance.vector().normalize_or_zero() * 1e-3 } else { DVec3::ZERO };
-        let noise_m = self.noise_m * self.chance.vector();
+        let lost = self.is_blind || self.rng.unit() < self.dropouts;
+        let jumps = self.rng.unit() < self.jumps;
+        let jump_m = if jumps { self.rng.vector().normalize_or_zero() * 1e-3 } else { DVec3::ZERO };
+        let noise_m = self.noise_m * self.rng.vector();
         if lost {
             return;
         }
@@ -199,12 +198,15 @@ fn gain_margin(time_constant: f64, delay: f64) -> f64 {
 
 #[test]
 fn the_gain_margin_is_two_at_every_delay_up_to_twice_the_stated_one() {
-    for time_constant in [2.0, DELAYS] {
+    for time_constant in [2.0, TRIM_TIME_CONSTANT_DELAYS] {
         let margins: Vec<f64> =
             (0..=8).map(|k| gain_margin(time_constant, 0.25 * f64::from(k))).collect();
         println!("T = {time_constant} delays: gain margins {margins:.2?} at 0 to 2 delays");
         let least = margins.iter().fold(f64::INFINITY, |least, x| least.min(*x));
-        assert!(least >= if time_constant == DELAYS { 3.6 } else { 2.0 }, "{margins:?}");
+        assert!(
+            least >= if time_constant == TRIM_TIME_CONSTANT_DELAYS { 3.6 } else { 2.0 },
+            "{margins:?}"
+        );
         assert!(margins[4] >= 3.6, "at the stated delay {margins:?}");
     }
     assert!(gain_margin(1.0, 2.0) < 2.0, "a shorter time constant would not do");
@@ -222,7 +224,7 @@ fn a_static_error_is_gone_within_two_seconds_by_an_instrument_as_it_is() {
     assert!(largest(after) < 3e-5, "{:e}", largest(after));
     let report = bench.trim.report();
     assert!(report.measurements > 800 && report.refused > 5, "{report:?}");
-    assert!((report.found_m.x - 1e-3).abs() < 3e-5, "{report:?}");
+    assert!((report.model_error_m.x - 1e-3).abs() < 3e-5, "{report:?}");
 }
 
 #[test]
@@ -270,7 +272,7 @@ fn noise_leaves_in_the_trim_what_its_formula_says() {
     bench.rest(3000, 0.0);
     let values = bench.rest(200_000, 0.0);
     let found = (values.iter().map(|x| x * x).sum::<f64>() / values.len() as f64).sqrt();
-    let wanted = settings().noise_left_m();
+    let wanted = settings().trim_noise_m();
     println!("noise in the trim {:.2} µm, by the formula {:.2} µm", 1e6 * found, 1e6 * wanted);
     assert!((found / wanted - 1.0).abs() < 0.2, "{found:e} {wanted:e}");
 }
@@ -280,7 +282,7 @@ fn nothing_winds_up_while_the_trim_is_not_sent_or_is_bounded() {
     let mut bench = Bench { corrects: false, ..Bench::new(settings()) };
     assert!(bench.rest(60_000, 1e-3).iter().all(|x| *x == 1e-3), "shadow sends nothing");
     assert_eq!(bench.said(), (TrimState::Observing, TrimReason::None));
-    assert!((bench.trim.report().found_m.x - 1e-3).abs() < 1e-9);
+    assert!((bench.trim.report().model_error_m.x - 1e-3).abs() < 1e-9);
     bench.corrects = true;
     let errors = bench.rest(2000, 1e-3);
     assert!(errors.iter().all(|x| *x > -1e-6), "no overshoot after a minute of shadow");
@@ -346,7 +348,7 @@ fn observing_finds_the_error_and_sends_nothing() {
     let mut bench = Bench::new(TrimSettings { is_sent: false, ..settings() });
     assert!(bench.rest(3000, 1e-3).iter().all(|x| *x == 1e-3));
     assert_eq!(bench.said(), (TrimState::Observing, TrimReason::None));
-    assert!((bench.trim.report().found_m.x - 1e-3).abs() < 1e-6);
+    assert!((bench.trim.report().model_error_m.x - 1e-3).abs() < 1e-6);
 }
 
 #[test]
@@ -374,15 +376,15 @@ fn a_measurement_that_makes_no_sense_is_refused_by_name_and_changes_nothing() {
         (PointSample { t_ns: 0, ..sound }, TrimReason::OutOfOrder),
     ];
     for (k, (sample, reason)) in (1..).zip(cases) {
-        bench.trim.take(&sample, now_ns);
+        bench.trim.add_measurement(&sample, now_ns);
         let refused = bench.trim.report().refused - before.refused;
         assert_eq!((bench.trim.last_refusal, refused), (reason, k));
     }
     bench.now_ns += 100 * MS;
-    bench.trim.take(&sound, bench.now_ns);
+    bench.trim.add_measurement(&sound, bench.now_ns);
     assert_eq!(bench.trim.last_refusal, TrimReason::Late, "105 ms old, 20 ms are stated");
     let mut idle = Trim::new(settings());
-    idle.take(&sound, now_ns);
+    idle.add_measurement(&sound, now_ns);
     assert_eq!(idle.last_refusal, TrimReason::NotPredicted);
     bench.trim.step(bench.now_ns, true);
     assert_eq!(bench.trim.report().trim_m, before.trim_m);
@@ -401,7 +403,7 @@ proptest! {
     ) {
         let mut bench = Bench::delayed(settings(), times);
         (bench.dropouts, bench.jumps, bench.noise_m) = (dropouts, jumps, 2e-5);
-        bench.chance = Chance(seed);
+        bench.rng = Rng(seed);
         let mut before = DVec3::ZERO;
         let mut late = Vec::new();
         for k in 0..8000_u32 {

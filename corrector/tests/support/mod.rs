@@ -2,12 +2,13 @@
 //! calibrations find.
 #![allow(dead_code, reason = "every test file uses its own part of this")]
 
-use corrector::{Command, Corrector, Outcome, Settings, World};
+use corrector::{Command, Corrector, CycleInputs, Outcome, Settings};
 use envelope::Limits;
 use glam::{DMat3, DVec3};
 use physics::arm::GRAVITY;
 use physics::{
-    AnyEffect, Arm, Body, Given, JOINTS_MAX, Joint, JointKind, Joints, Model, Tool, Wrench,
+    AnyEffect, Arm, Body, JOINTS_MAX, Joint, JointKind, Joints, Model, ParameterValues, Tool,
+    Wrench,
 };
 
 pub(crate) const DT_NS: u64 = 1_000_000;
@@ -86,7 +87,7 @@ pub(crate) fn effect(
     joint: Option<usize>,
     given: &[(&str, &[f64])],
 ) -> AnyEffect {
-    AnyEffect::build(kind, arm, joint, Given(given)).expect("a sound effect")
+    AnyEffect::build(kind, arm, joint, ParameterValues(given)).expect("a sound effect")
 }
 
 /// The errors of one joint, SI.
@@ -177,13 +178,18 @@ pub(crate) fn load() -> Wrench {
 pub(crate) struct Run {
     pub(crate) corrector: Corrector,
     pub(crate) model: Model,
-    pub(crate) world: World,
+    pub(crate) world: CycleInputs,
     pub(crate) cycles: u64,
 }
 
 impl Run {
     pub(crate) fn new(model: Model, settings: Settings) -> Self {
-        Self { corrector: Corrector::new(settings), model, world: World::default(), cycles: 0 }
+        Self {
+            corrector: Corrector::new(settings),
+            model,
+            world: CycleInputs::default(),
+            cycles: 0,
+        }
     }
 
     pub(crate) fn cycle(&mut self, q: &[f64]) -> Outcome {
@@ -194,7 +200,7 @@ impl Run {
 
     pub(crate) fn give(&mut self, command: &Command, now_ns: u64) -> Outcome {
         let wanted = self.corrector.correct(&self.model, command, &self.world, now_ns);
-        let outcome = self.corrector.bound(&self.model, &wanted);
+        let outcome = self.corrector.limit(&self.model, &wanted);
         self.corrector.prepare(&self.model);
         outcome
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use recording::cell::{CellConfig, Feed, FeedLimit, FeedMode};
 use recording::check::Findings;
-use recording::faults::{Fault, Faults, Place};
+use recording::faults::{Fault, Faults, Location};
 use recording::files::{FileError, read_text};
 use recording::model::RobotModel;
 use shm_schema::Cell;
@@ -47,7 +47,7 @@ pub fn cell(path: &Path) -> Result<Findings, FileError> {
         }
     };
     if let Some(config) = config {
-        findings.faults.extend(with_places(&name, &text, misfits(&name, &config, &model)));
+        findings.faults.extend(with_places(&name, &text, startup_faults(&name, &config, &model)));
         let mode = format!("{:?}", config.mode).to_lowercase();
         let robot = &model.file.name;
         let feed = config.feed.map(feed_summary).unwrap_or_default();
@@ -72,8 +72,8 @@ fn feed_summary(feed: Feed) -> String {
     }
 }
 
-/// What the daemon's start would refuse.
-fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
+/// Faults for which the daemon would refuse to start.
+fn startup_faults(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     let arm = &model.physics.arm;
     let mut found = Vec::new();
     if let Err(faults) = config.check_against(name, &joint_kinds(arm)) {
@@ -97,16 +97,16 @@ fn with_places(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
     if found.is_empty() {
         return None;
     }
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     for fault in found {
-        let place = fault.place.clone().or_else(|| place_of(text, &fault.key));
-        faults.push(Fault { place, ..fault });
+        let place = fault.location.clone().or_else(|| place_of(text, &fault.key));
+        faults.push(Fault { location: place, ..fault });
     }
-    faults.or::<()>(None).err()
+    faults.into_result::<()>(None).err()
 }
 
 /// Position of `table.key`, of a root key, or of a table's header.
-fn place_of(text: &str, path: &str) -> Option<Place> {
+fn place_of(text: &str, path: &str) -> Option<Location> {
     let (wanted, key) = path.split_once('.').unwrap_or(("", path));
     let mut table = String::new();
     for (number, line) in text.lines().enumerate() {
@@ -115,10 +115,14 @@ fn place_of(text: &str, path: &str) -> Option<Place> {
         if let Some(head) = trimmed.strip_prefix('[') {
             table = head.split(']').next().unwrap_or("").trim().to_owned();
             if wanted.is_empty() && table == key {
-                return Some(Place::in_line(number + 1, line, &(start..line.trim_end().len())));
+                return Some(Location::from_line(
+                    number + 1,
+                    line,
+                    &(start..line.trim_end().len()),
+                ));
             }
         } else if table == wanted && is_key(trimmed, key) {
-            return Some(Place::in_line(number + 1, line, &(start..start + key.len())));
+            return Some(Location::from_line(number + 1, line, &(start..start + key.len())));
         }
     }
     None

@@ -4,24 +4,24 @@ use recording::model::{ModelFile, RobotModel};
 use report::fixed;
 
 use super::MODELS;
-use super::calibrated::Calibrated;
-use crate::entries::renewed_file;
+use super::models::CalibrationResult;
+use crate::entries::updated_file;
 use crate::error::Error;
 
-impl Calibrated {
+impl CalibrationResult {
     /// The base model's file with the fitted effects, as text of a model file.
     ///
     /// # Errors
     /// [`Error::Internal`]
     pub fn model_toml(&self) -> Result<String, Error> {
-        let mut file = renewed_file(&self.base, &self.entries);
+        let mut file = updated_file(&self.base, &self.entries);
         let name = file.name.strip_suffix(", nominal").unwrap_or(&file.name);
         file.name = if name.ends_with(", calibrated") {
             name.to_owned()
         } else {
             format!("{name}, calibrated")
         };
-        explain(&mut file, self);
+        add_origin(&mut file, self);
         let text = file.to_toml();
         RobotModel::parse("the calibrated model", &text).map_err(Error::internal)?;
         Ok(text)
@@ -29,9 +29,9 @@ impl Calibrated {
 }
 
 /// Adds the origin of the model as comments.
-fn explain(file: &mut ModelFile, found: &Calibrated) {
+fn add_origin(file: &mut ModelFile, found: &CalibrationResult) {
     let names: Vec<&str> =
-        (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
+        (0..found.campaign.recordings.len()).map(|place| found.recording_name(place)).collect();
     let mm = |metres: f64| fixed(metres * 1e3, 4);
     let errors = MODELS.iter().zip(&found.errors);
     let means: Vec<String> = errors.map(|(name, e)| format!("{name} {}", mm(e.mean()))).collect();
@@ -58,7 +58,7 @@ fn explain(file: &mut ModelFile, found: &Calibrated) {
             means.join(", "),
             mm(advanced.quantile(0.95)),
             mm(advanced.max()),
-            found.split.says
+            found.split.description
         ),
     );
 }

@@ -2,16 +2,20 @@
 
 use std::path::Path;
 
-use diagnosis::proof::Errors;
-use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, count, significant};
+use diagnosis::hold_out::PositionErrors;
+use report::{
+    Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, pluralise, significant,
+};
 
-use super::around::{lines, numbers as numbers_around};
-use super::calibrated::{Approached, Calibrated, OfRecording};
-use super::result::moves_in;
-use super::text::{in_tolerance, named, words};
+use super::fixed_objects::{lines, object_parameters as numbers_around};
+use super::models::{ApproachErrors, CalibrationResult, RecordingErrors};
+use super::result::motion_kind;
+use super::text::{effect_name, model_name, tolerance_text};
 use super::{MODELS, mm};
-use crate::drawings::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
-use crate::entries::Entry;
+use crate::drawings::{
+    JointEffect, RankedEffect, arm_with_errors, dominant_joints, effects_by_joint, ranking,
+};
+use crate::entries::FittedEffect;
 
 /// Largest number of outliers in the table.
 const OUTLIERS: usize = 50;
@@ -21,7 +25,7 @@ const SPREAD: &str =
 /// Roles of the [`MODELS`] in figures.
 const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
-impl Calibrated {
+impl CalibrationResult {
     /// The page. `written`: the file to which the model was written.
     #[must_use]
     pub fn page(&self, written: Option<&Path>) -> Page {
@@ -30,30 +34,33 @@ impl Calibrated {
 }
 
 /// Renders the page.
-fn render(found: &Calibrated, written: Option<&Path>) -> Page {
+fn render(found: &CalibrationResult, written: Option<&Path>) -> Page {
     let names: Vec<&str> =
-        (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
+        (0..found.campaign.recordings.len()).map(|place| found.recording_name(place)).collect();
     let page = Page::new(format!("Calibration of {}", found.base.file.name))
         .kicker("trued calibrate")
         .robot(found.base.file.identity().to_string());
-    let mut page =
-        next(picture(verdict(page, found, written).numbers(numbers(found)), found), found, written);
-    page = notes(page, found).section("Validation").table(&errors(found));
+    let mut page = next_step(
+        main_figure(verdict(page, found, written).numbers(key_figures(found)), found),
+        found,
+        written,
+    );
+    page = objections_and_warnings(page, found).section("Validation").table(&error_table(found));
     if !found.tool_errors.is_empty() {
         page = page.figure(SPREAD, &histogram(found));
     }
-    if found.of_recordings.len() > 1 {
-        page = page.table(&of_recordings(found));
+    if found.recording_errors.len() > 1 {
+        page = page.table(&recording_table(found));
     }
-    if !found.stationed.is_empty() {
-        page = page.table(&stations(found));
+    if !found.station_errors.is_empty() {
+        page = page.table(&station_table(found));
     }
-    if !found.approached.is_empty() {
+    if !found.approach_errors.is_empty() {
         page = page.folded("Errors by approach direction of a joint", |page| {
-            page.table(&approach(&found.approached))
+            page.table(&approach_table(&found.approach_errors))
         });
     }
-    page = what_was_found(page, found);
+    page = identified_effects(page, found);
     let by_themselves = found.sweeps_and_loads.lines();
     if !by_themselves.is_empty() {
         page = page
@@ -61,29 +68,32 @@ fn render(found: &Calibrated, written: Option<&Path>) -> Page {
             .text("Independent estimates from runs in which one joint moves alone, and from poses measured with and without a load, to compare with the full calibration.")
             .list(&by_themselves);
     }
-    page = open(page, found);
+    page = undetermined_section(page, found);
     let seed =
         found.seed.map_or("none: defined by the recordings".to_owned(), |seed| seed.to_string());
     page.section("Data").facts([
         ("Recordings", names.join(", ")),
-        ("Split", found.split.says.clone()),
+        ("Split", found.split.description.clone()),
         ("Seed", seed),
-        ("Model written", format!("{}, fitted to {}", named(written), count(found.poses, "pose"))),
+        (
+            "Model written",
+            format!("{}, fitted to {}", model_name(written), pluralise(found.poses, "pose")),
+        ),
     ])
 }
 
-fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
+fn verdict(page: Page, found: &CalibrationResult, written: Option<&Path>) -> Page {
     let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
     let sentence = format!(
         "On {} not used in any fit, the mean tool error of the new model is {} mm, and 95 % of the errors are within {} mm; the mean was {} mm with the given \
          model, and {} mm with calibrated geometry alone.",
-        count(found.split.training.iter().filter(|trains| !**trains).count(), "pose"),
+        pluralise(found.split.training.iter().filter(|trains| !**trains).count(), "pose"),
         significant(advanced, 2),
         significant(mm(found.errors[2].quantile(0.95)), 2),
         significant(nominal, 2),
         significant(calibrated, 2),
     );
-    match found.refused.as_slice() {
+    match found.rejection_reasons.as_slice() {
         [] => match found.tolerance() {
             None => {
                 page.verdict(Tone::Good, "calibrated and validated on held-out poses", &sentence)
@@ -93,7 +103,7 @@ fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
                     true => (Tone::Good, "calibrated, within the tolerance"),
                     false => (Tone::Bad, "calibrated, but outside the tolerance"),
                 };
-                let against = in_tolerance(tolerance);
+                let against = tolerance_text(tolerance);
                 page.verdict(tone, word, &format!("Tolerance of {against}. {sentence}"))
             }
         },
@@ -110,9 +120,9 @@ fn verdict(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
 }
 
 /// The arm with the errors at its tool; if no point was measured, the distribution of errors.
-fn picture(page: Page, found: &Calibrated) -> Page {
+fn main_figure(page: Page, found: &CalibrationResult) -> Page {
     let arm = &found.base.physics.arm;
-    let lit = guilty(arm.count(), &sizes(found));
+    let lit = dominant_joints(arm.count(), &displacements(found));
     let Some((drawing, factor)) = arm_with_errors(arm, &found.campaign, &found.tool_errors, &lit)
     else {
         return page.figure(SPREAD, &histogram(found));
@@ -126,7 +136,7 @@ fn picture(page: Page, found: &Calibrated) -> Page {
     page.figure(&caption, &drawing)
 }
 
-fn next(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
+fn next_step(page: Page, found: &CalibrationResult, written: Option<&Path>) -> Page {
     let Some(model) = written else {
         return page.next(
             "Read why the model was rejected (below), correct the causes, and measure again.",
@@ -140,25 +150,26 @@ fn next(page: Page, found: &Calibrated, written: Option<&Path>) -> Page {
 }
 
 /// Displacement of the tool by each effect, mm.
-fn sizes(found: &Calibrated) -> Vec<OfJoint> {
+fn displacements(found: &CalibrationResult) -> Vec<JointEffect> {
     let known = found.entries.iter().filter(|entry| !entry.is_empty());
     known
-        .map(|entry| OfJoint {
-            effect: words(entry.kind()),
+        .map(|entry| JointEffect {
+            effect: effect_name(entry.kind()),
             joint: entry.joint(),
             size: mm(entry.share_m),
         })
         .collect()
 }
 
-fn what_was_found(page: Page, found: &Calibrated) -> Page {
+fn identified_effects(page: Page, found: &CalibrationResult) -> Page {
     let mut page = page.section("Identified effects");
-    let name = |entry: &Entry| {
+    let name = |entry: &FittedEffect| {
         let whose = entry.joint().map_or(String::new(), |joint| format!(", joint {joint}"));
-        format!("{}{whose}", words(entry.kind()))
+        format!("{}{whose}", effect_name(entry.kind()))
     };
     let known = || found.entries.iter().filter(|entry| !entry.is_empty());
-    let ranked = known().map(|entry| Ranked { name: name(entry), size: Some(mm(entry.share_m)) });
+    let ranked =
+        known().map(|entry| RankedEffect { name: name(entry), size: Some(mm(entry.share_m)) });
     let axis = Axis::new("Effect at the tool", "mm RMS");
     if let Some(bars) = ranking("Effect of each term at the tool", axis, ranked) {
         page = page.figure(
@@ -167,9 +178,13 @@ fn what_was_found(page: Page, found: &Calibrated) -> Page {
         );
     }
     let caption = "RMS displacement of the tool over the measured poses, mm";
-    page = page.table(&by_joint(caption, found.base.physics.arm.count(), &sizes(found)));
+    page = page.table(&effects_by_joint(
+        caption,
+        found.base.physics.arm.count(),
+        &displacements(found),
+    ));
     page = page.folded("Parameters", |page| {
-        page.table(&parameters(found)).text("± is the standard uncertainty; `–` means that the data do not determine the parameter, which kept its value.")
+        page.table(&parameter_table(found)).text("± is the standard uncertainty; `–` means that the data do not determine the parameter, which kept its value.")
     });
     let around = lines(&numbers_around(&found.fit));
     if !around.is_empty() {
@@ -177,13 +192,13 @@ fn what_was_found(page: Page, found: &Calibrated) -> Page {
             .text("Measuring frames, targets and contacted surfaces, estimated in the base frame:")
             .list(&around);
     }
-    let nests = found.nests();
+    let nests = found.frame_drift();
     if nests.is_empty() { page } else { page.list(&nests) }
 }
 
 /// Objections to the model, and warnings.
-fn notes(mut page: Page, found: &Calibrated) -> Page {
-    for reason in &found.refused {
+fn objections_and_warnings(mut page: Page, found: &CalibrationResult) -> Page {
+    for reason in &found.rejection_reasons {
         page = page.note(Tone::Bad, "Validation failed", reason);
     }
     if let Some((first, others)) = found.warnings.split_first() {
@@ -196,7 +211,7 @@ fn notes(mut page: Page, found: &Calibrated) -> Page {
 }
 
 /// Key figures without a tone: an improvement is not necessarily sufficient.
-fn numbers(found: &Calibrated) -> Vec<Number> {
+fn key_figures(found: &CalibrationResult) -> Vec<Number> {
     let of = |k: usize| {
         let errors = &found.errors[k];
         let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
@@ -206,18 +221,18 @@ fn numbers(found: &Calibrated) -> Vec<Number> {
     vec![of(0), of(1), of(2), Number::text("Effects in the model", effects.to_string())]
 }
 
-fn errors(found: &Calibrated) -> Table {
+fn error_table(found: &CalibrationResult) -> Table {
     let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)", "Points"];
     // The smallest error matters most: one more digit for it.
     let heads = heads.map(|head| Column::new(head).digits(4));
     let table = Table::new("Errors on held-out poses", heads);
     MODELS.iter().zip(&found.errors).fold(table, |table, (name, errors)| {
         let points = Cell::from(errors.sorted_m.len() as f64);
-        table.row(std::iter::once(Cell::from(*name)).chain(four(errors)).chain([points]))
+        table.row(std::iter::once(Cell::from(*name)).chain(error_cells(errors)).chain([points]))
     })
 }
 
-fn histogram(found: &Calibrated) -> report::Svg {
+fn histogram(found: &CalibrationResult) -> report::Svg {
     let plot = Histogram::new("Held-out errors", Axis::new("Error", "mm").log());
     let named = MODELS.iter().zip(ROLES).zip(&found.errors);
     named
@@ -228,29 +243,29 @@ fn histogram(found: &Calibrated) -> report::Svg {
 }
 
 /// Mean, median, 95 % quantile and maximum, mm.
-fn four(errors: &Errors) -> [Cell; 4] {
+fn error_cells(errors: &PositionErrors) -> [Cell; 4] {
     [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()]
         .map(|error| Cell::from(mm(error)))
 }
 
-fn of_recordings(found: &Calibrated) -> Table {
+fn recording_table(found: &CalibrationResult) -> Table {
     let heads =
         ["Recording", "Poses", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
     let table = Table::new("Errors on held-out poses, by recording", heads);
-    let rows = |one: &OfRecording, table: Table| {
+    let rows = |one: &RecordingErrors, table: Table| {
         MODELS.iter().zip(&one.errors).fold(table, |table, (name, errors)| {
             let head = [
-                found.recording(one.recording).into(),
-                moves_in(one.planar).into(),
+                found.recording_name(one.recording).into(),
+                motion_kind(one.planar).into(),
                 (*name).into(),
             ];
-            table.row(head.into_iter().chain(four(errors)))
+            table.row(head.into_iter().chain(error_cells(errors)))
         })
     };
-    found.of_recordings.iter().fold(table, |table, one| rows(one, table))
+    found.recording_errors.iter().fold(table, |table, one| rows(one, table))
 }
 
-fn stations(found: &Calibrated) -> Table {
+fn station_table(found: &CalibrationResult) -> Table {
     let heads = [
         "Station",
         "Recording",
@@ -262,18 +277,18 @@ fn stations(found: &Calibrated) -> Table {
         "Points",
     ];
     let table = Table::new("Held-out errors by station of the instrument", heads);
-    found.stationed.iter().fold(table, |table, one| {
+    found.station_errors.iter().fold(table, |table, one| {
         let [nominal, calibrated, advanced] = &one.errors;
-        let means = [nominal, calibrated, advanced].map(Errors::mean);
+        let means = [nominal, calibrated, advanced].map(PositionErrors::mean);
         let cells = means.into_iter().chain([advanced.quantile(0.95), advanced.max()]);
         let named =
-            [Cell::from((one.frame + 1).to_string()), found.recording(one.recording).into()];
+            [Cell::from((one.frame + 1).to_string()), found.recording_name(one.recording).into()];
         let points = Cell::from(advanced.sorted_m.len() as f64);
         table.row(named.into_iter().chain(cells.map(|error| Cell::from(mm(error)))).chain([points]))
     })
 }
 
-fn approach(approached: &[Approached]) -> Table {
+fn approach_table(approached: &[ApproachErrors]) -> Table {
     let heads =
         ["Joint", "Arrived", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
     let mut table = Table::new("Held-out errors by approach direction of a joint", heads);
@@ -281,14 +296,14 @@ fn approach(approached: &[Approached]) -> Table {
         for (side, way) in ["rising", "falling"].into_iter().enumerate() {
             for (name, errors) in MODELS.iter().zip(&one.errors) {
                 let head = [(one.joint + 1).to_string().into(), way.into(), (*name).into()];
-                table = table.row(head.into_iter().chain(four(&errors[side])));
+                table = table.row(head.into_iter().chain(error_cells(&errors[side])));
             }
         }
     }
     table
 }
 
-fn parameters(found: &Calibrated) -> Table {
+fn parameter_table(found: &CalibrationResult) -> Table {
     let heads = [
         Column::new("Joint"),
         Column::new("Effect"),
@@ -298,20 +313,20 @@ fn parameters(found: &Calibrated) -> Table {
         Column::new("Effect at the tool (mm)"),
     ];
     let mut table = Table::new("Parameters, in the units of the model file", heads);
-    let mut entries: Vec<&Entry> = found.entries.iter().collect();
+    let mut entries: Vec<&FittedEffect> = found.entries.iter().collect();
     entries.sort_by(|a, b| {
         (a.joint(), b.share_m)
             .partial_cmp(&(b.joint(), a.share_m))
             .unwrap_or(std::cmp::Ordering::Equal)
     });
     for entry in entries {
-        for number in &entry.numbers {
+        for number in &entry.parameters {
             let joint = entry.joint().map_or("robot".to_owned(), |joint| joint.to_string());
             let index = number.index.map(|index| format!(" {index}")).unwrap_or_default();
             let sigma = number.sigma.map_or("–".to_owned(), |sigma| significant(sigma, 2));
             table = table.row([
                 joint.into(),
-                words(entry.kind()).into(),
+                effect_name(entry.kind()).into(),
                 format!("{}{index}", number.key).into(),
                 significant(number.value, 4).into(),
                 sigma.into(),
@@ -322,24 +337,25 @@ fn parameters(found: &Calibrated) -> Table {
     table
 }
 
-fn open(mut page: Page, found: &Calibrated) -> Page {
-    let undetermined = found.undetermined();
+fn undetermined_section(mut page: Page, found: &CalibrationResult) -> Page {
+    let undetermined = found.undetermined_sentences();
     if !undetermined.is_empty() {
         page = page
             .section("Not identifiable from these data")
             .text("These parameters cannot be identified individually: of all values that explain the readings equally well, the model contains the smallest. Other poses, a known measuring frame or known reflector positions may determine them. Summary:")
-            .list(found.left_open())
+            .list(found.undetermined_by_reason())
             .folded("All parameters", |page| page.list(undetermined));
     }
     if !found.outliers.is_empty() {
         let heads = ["Recording", "Row", "Error (mm)"];
-        let words = format!("{} with a weight below one half", count(found.outliers.len(), "pose"));
+        let words =
+            format!("{} with a weight below one half", pluralise(found.outliers.len(), "pose"));
         let outliers = found.outliers.iter().take(OUTLIERS);
         let table = outliers.fold(Table::new(words, heads), |table, outlier| {
             table.row([
-                found.recording(outlier.recording).into(),
+                found.recording_name(outlier.recording).into(),
                 (outlier.row as f64).into(),
-                mm(outlier.off_m).into(),
+                mm(outlier.error_m).into(),
             ])
         });
         page = page.section("Outliers").table(&table);

@@ -2,15 +2,15 @@
 
 use std::path::Path;
 
-use diagnosis::gross::Suspicion;
-use diagnosis::proof::Errors;
+use diagnosis::gross_errors::SuspectedError;
+use diagnosis::hold_out::PositionErrors;
 use recording::program;
 use serde::Serialize;
 
-use super::around::{Number, numbers};
-use super::calibrated::{Approached, Calibrated, OfRecording, Outlier, Stationed};
+use super::fixed_objects::{ObjectParameter, object_parameters};
+use super::models::{ApproachErrors, CalibrationResult, Outlier, RecordingErrors, StationErrors};
 use super::{Tolerance, mm, sweeps_and_loads};
-use crate::entries::Entry;
+use crate::entries::FittedEffect;
 use crate::error::Error;
 
 /// Name of the format.
@@ -21,15 +21,15 @@ const BINS: u8 = 40;
 /// A rejected calibration: `trued.calibrate/1`.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub struct Refused<'a> {
+pub struct Rejection<'a> {
     faults: Vec<&'a str>,
 }
 
-impl<'a> Refused<'a> {
+impl<'a> Rejection<'a> {
     /// For these gross errors.
     #[must_use]
-    pub fn of(faults: &'a [Suspicion]) -> Self {
-        Self { faults: faults.iter().map(|fault| fault.says.as_str()).collect() }
+    pub fn of(faults: &'a [SuspectedError]) -> Self {
+        Self { faults: faults.iter().map(|fault| fault.message.as_str()).collect() }
     }
 }
 
@@ -49,9 +49,9 @@ pub struct Report {
     tolerance: Option<Tolerance>,
     seed: Option<u64>,
     split: String,
-    poses: Poses,
-    heldout: Heldout<Figures>,
-    heldout_errors: Heldout<Vec<f64>>,
+    poses: PoseCounts,
+    heldout: PerModel<Figures>,
+    heldout_errors: PerModel<Vec<f64>>,
     histogram: HistogramReport,
     by_recording: Vec<RecordingReport>,
     parameters: Vec<ParameterReport>,
@@ -64,9 +64,9 @@ pub struct Report {
     residuals: Vec<ResidualReport>,
     conditioning: ConditioningReport,
     targets_tool_mm: Vec<[f64; 3]>,
-    things: Vec<Number>,
+    things: Vec<ObjectParameter>,
     #[serde(flatten)]
-    alone: sweeps_and_loads::Report,
+    alone: sweeps_and_loads::SweepsAndLoadsReport,
     warnings: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ struct ConditioningReport {
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Poses {
+struct PoseCounts {
     training: usize,
     heldout: usize,
     written_model: usize,
@@ -98,14 +98,14 @@ struct Poses {
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Heldout<T> {
+struct PerModel<T> {
     nominal: T,
     calibrated: T,
     advanced: T,
 }
 
-impl<T> Heldout<T> {
-    fn of(errors: &[Errors; 3], of: impl Fn(&Errors) -> T) -> Self {
+impl<T> PerModel<T> {
+    fn of(errors: &[PositionErrors; 3], of: impl Fn(&PositionErrors) -> T) -> Self {
         let [nominal, calibrated, advanced] = errors.each_ref().map(of);
         Self { nominal, calibrated, advanced }
     }
@@ -146,18 +146,18 @@ struct OutlierReport {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ApproachReport {
     joint: usize,
-    rising: ByModel,
-    falling: ByModel,
+    rising: FiguresPerModel,
+    falling: FiguresPerModel,
 }
 
-type ByModel = Heldout<Figures>;
+type FiguresPerModel = PerModel<Figures>;
 
 /// Number of held-out errors between each edge and the next.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct HistogramReport {
     edges: Vec<f64>,
-    counts: Heldout<Vec<usize>>,
+    counts: PerModel<Vec<usize>>,
 }
 
 #[derive(Serialize)]
@@ -165,7 +165,7 @@ struct HistogramReport {
 struct RecordingReport {
     recording: String,
     moves: &'static str,
-    heldout: ByModel,
+    heldout: FiguresPerModel,
 }
 
 #[derive(Serialize)]
@@ -173,10 +173,10 @@ struct RecordingReport {
 struct StationReport {
     station: usize,
     recording: String,
-    heldout: Heldout<Figures>,
+    heldout: PerModel<Figures>,
 }
 
-fn figures(errors: &Errors) -> Figures {
+fn figures(errors: &PositionErrors) -> Figures {
     Figures {
         mean: mm(errors.mean()),
         median: mm(errors.quantile(0.5)),
@@ -186,44 +186,44 @@ fn figures(errors: &Errors) -> Figures {
     }
 }
 
-fn station(found: &Calibrated, one: &Stationed) -> StationReport {
-    let recording = found.recording(one.recording).to_owned();
-    StationReport { station: one.frame + 1, recording, heldout: Heldout::of(&one.errors, figures) }
+fn station_report(found: &CalibrationResult, one: &StationErrors) -> StationReport {
+    let recording = found.recording_name(one.recording).to_owned();
+    StationReport { station: one.frame + 1, recording, heldout: PerModel::of(&one.errors, figures) }
 }
 
-impl Calibrated {
+impl CalibrationResult {
     /// The result as an object. `written`: the file to which the model was written.
     #[must_use]
     pub fn report(&self, written: Option<&Path>) -> Report {
         let training = self.split.training.iter().filter(|trains| **trains).count();
         let all = self.split.training.len();
         let targets = self.fit.surroundings.targets.iter();
-        let in_mm = |errors: &Errors| errors.sorted_m.iter().map(|e| mm(*e)).collect();
+        let in_mm = |errors: &PositionErrors| errors.sorted_m.iter().map(|e| mm(*e)).collect();
         Report {
             unit: "mm",
             model: self.base.file.name.clone(),
             robot: self.base.file.identity().to_string(),
             out: written.map(|path| path.display().to_string()),
-            refused: self.refused.clone(),
+            refused: self.rejection_reasons.clone(),
             tolerance: self.tolerance(),
             seed: self.seed,
-            split: self.split.says.clone(),
-            poses: Poses { training, heldout: all - training, written_model: self.poses },
-            heldout: Heldout::of(&self.errors, figures),
-            heldout_errors: Heldout::of(&self.errors, in_mm),
+            split: self.split.description.clone(),
+            poses: PoseCounts { training, heldout: all - training, written_model: self.poses },
+            heldout: PerModel::of(&self.errors, figures),
+            heldout_errors: PerModel::of(&self.errors, in_mm),
             histogram: histogram(&self.errors),
-            by_recording: by_recording(self),
-            parameters: self.entries.iter().flat_map(parameters).collect(),
+            by_recording: recording_reports(self),
+            parameters: self.entries.iter().flat_map(parameter_reports).collect(),
             outliers: self.outliers.iter().map(|outlier| outlier.row).collect(),
-            outlier_poses: outliers(self),
-            undetermined: self.undetermined(),
-            left_open: self.left_open(),
-            approach: approach(self),
-            things: numbers(&self.fit),
+            outlier_poses: outlier_reports(self),
+            undetermined: self.undetermined_sentences(),
+            left_open: self.undetermined_by_reason(),
+            approach: approach_reports(self),
+            things: object_parameters(&self.fit),
             alone: self.sweeps_and_loads.report(),
-            stations: self.stationed.iter().map(|one| station(self, one)).collect(),
-            residuals: residuals(self),
-            conditioning: conditioning(self),
+            stations: self.station_errors.iter().map(|one| station_report(self, one)).collect(),
+            residuals: residual_reports(self),
+            conditioning: conditioning_report(self),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: self.warnings.clone(),
         }
@@ -239,8 +239,8 @@ impl Calibrated {
     }
 }
 
-fn residuals(found: &Calibrated) -> Vec<ResidualReport> {
-    let Calibrated { campaign, fit, .. } = found;
+fn residual_reports(found: &CalibrationResult) -> Vec<ResidualReport> {
+    let CalibrationResult { campaign, fit, .. } = found;
     let reads = |place: usize| {
         campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| seen.instrument == place)
     };
@@ -254,13 +254,13 @@ fn residuals(found: &Calibrated) -> Vec<ResidualReport> {
     of.filter(|(place, _)| reads(*place)).map(report).collect()
 }
 
-fn conditioning(found: &Calibrated) -> ConditioningReport {
+fn conditioning_report(found: &CalibrationResult) -> ConditioningReport {
     let diagnosis::Conditioning { fitted, determined, condition } = found.fit.conditioning();
     ConditioningReport { fitted, determined, condition }
 }
 
-fn parameters(entry: &Entry) -> impl Iterator<Item = ParameterReport> + '_ {
-    entry.numbers.iter().filter(|number| number.free).map(|number| ParameterReport {
+fn parameter_reports(entry: &FittedEffect) -> impl Iterator<Item = ParameterReport> + '_ {
+    entry.parameters.iter().filter(|number| number.free).map(|number| ParameterReport {
         effect: entry.kind(),
         joint: entry.joint(),
         parameter: number.key.clone(),
@@ -272,32 +272,32 @@ fn parameters(entry: &Entry) -> impl Iterator<Item = ParameterReport> + '_ {
     })
 }
 
-fn outliers(found: &Calibrated) -> Vec<OutlierReport> {
+fn outlier_reports(found: &CalibrationResult) -> Vec<OutlierReport> {
     let outlier = |outlier: &Outlier| OutlierReport {
-        recording: found.recording(outlier.recording).to_owned(),
+        recording: found.recording_name(outlier.recording).to_owned(),
         row: outlier.row,
-        off_mm: mm(outlier.off_m),
+        off_mm: mm(outlier.error_m),
     };
     found.outliers.iter().map(outlier).collect()
 }
 
-fn approach(found: &Calibrated) -> Vec<ApproachReport> {
-    let of = |one: &Approached| {
+fn approach_reports(found: &CalibrationResult) -> Vec<ApproachReport> {
+    let of = |one: &ApproachErrors| {
         let side = |k: usize| {
             let [nominal, calibrated, advanced] = one.errors.each_ref().map(|e| figures(&e[k]));
-            Heldout { nominal, calibrated, advanced }
+            PerModel { nominal, calibrated, advanced }
         };
         ApproachReport { joint: one.joint + 1, rising: side(0), falling: side(1) }
     };
-    found.approached.iter().map(of).collect()
+    found.approach_errors.iter().map(of).collect()
 }
 
 /// Equal bins from zero to the largest error of all models.
-fn histogram(errors: &[Errors; 3]) -> HistogramReport {
+fn histogram(errors: &[PositionErrors; 3]) -> HistogramReport {
     let largest = errors.iter().map(|errors| mm(errors.max())).fold(0.0, f64::max);
     let width = largest / f64::from(BINS);
     let edges: Vec<f64> = (0..=BINS).map(|k| f64::from(k) * width).collect();
-    let counts = |errors: &Errors| {
+    let counts = |errors: &PositionErrors| {
         let mut counts = vec![0; usize::from(BINS)];
         for error in &errors.sorted_m {
             let bin = edges[1..].iter().position(|edge| mm(*error) < *edge);
@@ -305,19 +305,19 @@ fn histogram(errors: &[Errors; 3]) -> HistogramReport {
         }
         counts
     };
-    HistogramReport { counts: Heldout::of(errors, counts), edges }
+    HistogramReport { counts: PerModel::of(errors, counts), edges }
 }
 
-fn by_recording(found: &Calibrated) -> Vec<RecordingReport> {
-    let of = |one: &OfRecording| RecordingReport {
-        recording: found.recording(one.recording).to_owned(),
-        moves: moves_in(one.planar),
-        heldout: Heldout::of(&one.errors, figures),
+fn recording_reports(found: &CalibrationResult) -> Vec<RecordingReport> {
+    let of = |one: &RecordingErrors| RecordingReport {
+        recording: found.recording_name(one.recording).to_owned(),
+        moves: motion_kind(one.planar),
+        heldout: PerModel::of(&one.errors, figures),
     };
-    found.of_recordings.iter().map(of).collect()
+    found.recording_errors.iter().map(of).collect()
 }
 
 /// Kind of motion of the tool between the poses of a recording.
-pub(super) fn moves_in(planar: bool) -> &'static str {
+pub(super) fn motion_kind(planar: bool) -> &'static str {
     if planar { "planar" } else { "spatial" }
 }

@@ -1,21 +1,21 @@
 //! Division into training and held-out poses: as stated in the recordings, otherwise drawn at random.
 
-use diagnosis::proof::Split;
-use diagnosis::{Campaign, Pose, from_recording};
-use recording::series::{Heldout, Recording};
-use report::count;
+use diagnosis::hold_out::HoldOutSplit;
+use diagnosis::{Campaign, Pose, campaign_import};
+use recording::series::{HeldOut, Recording};
+use report::pluralise;
 
 use super::Settings;
 use crate::error::Error;
 
 /// How the poses were split.
-pub(super) struct Parts {
-    pub(super) split: Split,
+pub(super) struct PoseSplit {
+    pub(super) split: HoldOutSplit,
     /// The seed, if the held-out poses were drawn at random.
     pub(super) seed: Option<u64>,
 }
 
-impl Parts {
+impl PoseSplit {
     /// # Errors
     /// Too few poses on either side, or a station of the instrument that the training poses do not determine.
     pub(super) fn of(
@@ -23,29 +23,29 @@ impl Parts {
         recordings: &[Recording],
         settings: &Settings,
     ) -> Result<Self, Error> {
-        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
+        let is_said = |recording: &Recording| recording.metadata.heldout != HeldOut::Unspecified;
         let parts = if recordings.iter().any(is_said) {
-            let held = from_recording::held_out(campaign, recordings);
+            let held = campaign_import::held_out(campaign, recordings);
             let training: Vec<bool> = held.iter().map(|held| !held).collect();
             let trains = training.iter().filter(|trains| **trains).count();
             let says = format!(
                 "{trains} of {} poses in the training set, as stated by `heldout` in the recordings",
                 held.len()
             );
-            Self { split: Split { training, says }, seed: None }
+            Self { split: HoldOutSplit { training, description: says }, seed: None }
         } else {
             let seed = settings.seed;
-            let split = Split::random(campaign, 1.0 - settings.heldout_share, seed);
+            let split = HoldOutSplit::random(campaign, 1.0 - settings.heldout_share, seed);
             Self { split, seed: Some(seed) }
         };
-        check_poses(campaign, &parts.split, settings.training_poses_least)?;
-        check_stations(campaign, &parts.split, settings.station_readings_least)?;
+        require_poses(campaign, &parts.split, settings.training_poses_least)?;
+        require_station_readings(campaign, &parts.split, settings.station_readings_least)?;
         Ok(parts)
     }
 }
 
 /// Checks that lengths were measured on both sides.
-fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
+fn require_poses(campaign: &Campaign, split: &HoldOutSplit, least: usize) -> Result<(), Error> {
     let is_length = |pose: &Pose| pose.seen.iter().any(|s| s.reading.is_length());
     let poses = campaign.poses.iter().zip(&split.training);
     let part = |wanted: bool| {
@@ -56,14 +56,18 @@ fn check_poses(campaign: &Campaign, split: &Split, least: usize) -> Result<(), E
         return Err(Error::input(format!(
             "the tool was measured at {} for training and {held} held out, expected at least {least} and 1; measure more poses \
              (a few dozen for a robot's geometry), or change --heldout",
-            count(trains, "pose")
+            pluralise(trains, "pose")
         )));
     }
     Ok(())
 }
 
 /// A station that the training poses do not determine cannot be validated.
-fn check_stations(campaign: &Campaign, split: &Split, least: usize) -> Result<(), Error> {
+fn require_station_readings(
+    campaign: &Campaign,
+    split: &HoldOutSplit,
+    least: usize,
+) -> Result<(), Error> {
     for (frame, station) in campaign.surroundings.frames.iter().enumerate() {
         let poses = campaign.poses.iter().zip(&split.training);
         let here = poses.filter(|(pose, _)| pose.frame() == Some(frame));
@@ -74,7 +78,7 @@ fn check_stations(campaign: &Campaign, split: &Split, least: usize) -> Result<()
                 "station {} of the instrument has {} in the training set and {} held out, expected at least {least} to estimate its \
                  pose; measure more from there, assign its rows to another `station`, or change --heldout",
                 frame + 1,
-                count(seen, "reading"),
+                pluralise(seen, "reading"),
                 held.len()
             )));
         }

@@ -5,11 +5,11 @@
 
 mod text;
 
-use diagnosis::loaded::{self, NEGLIGIBLE_M, Worth};
-use diagnosis::on_links::{self, BaseTilt};
-use diagnosis::single_joint::{JointAxis, Sag};
-use diagnosis::stiffness::{Compliances, one_after_the_other};
-use diagnosis::sweeps::{self, OfJoint, Relative, Said};
+use diagnosis::link_targets::{self, BaseTilt};
+use diagnosis::load_pairs::{self, EnhancedEffectAtPose, NEGLIGIBLE_M};
+use diagnosis::single_joint::{JointAxis, SagCorrection};
+use diagnosis::stiffness::{Compliances, estimate_joint_by_joint};
+use diagnosis::sweeps::{self, JointSweepModel, RelativeAxes, SweepResult};
 use diagnosis::{Campaign, Fit};
 use recording::series::Recording;
 use serde::Serialize;
@@ -23,21 +23,21 @@ const COMPLIANCE: f64 = 1e6;
 
 /// Separate results of single-joint sweeps and of pairs of loaded and unloaded poses.
 pub struct SweepsAndLoads {
-    said: Vec<Said>,
-    joints: Vec<OfJoint>,
-    axes: Vec<Relative>,
+    sweep_results: Vec<SweepResult>,
+    joints: Vec<JointSweepModel>,
+    axes: Vec<RelativeAxes>,
     pairs: usize,
     compliances: Option<Compliances>,
     by_links: Option<Compliances>,
     base_tilt: Option<BaseTilt>,
-    worth: Vec<Worth>,
+    load_effects: Vec<EnhancedEffectAtPose>,
     rows: Vec<(usize, usize)>,
-    taken_out: bool,
+    is_sag_removed: bool,
 }
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(super) struct Report {
+pub(super) struct SweepsAndLoadsReport {
     single_joint: Vec<SweepReport>,
     joint_models: Vec<ModelReport>,
     axes: Vec<AxesReport>,
@@ -119,7 +119,7 @@ struct StiffnessReport {
     one_by_one: Vec<CompliantJoint>,
     not_told: Vec<usize>,
     left: Option<f64>,
-    by_load_um: Option<Bending>,
+    by_load_um: Option<LoadDeflection>,
 }
 
 #[derive(Serialize)]
@@ -134,7 +134,7 @@ struct CompliantJoint {
 /// Effect of the load-induced change of geometry, with the resulting model.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct Bending {
+struct LoadDeflection {
     poses: usize,
     deflection_median: f64,
     deflection_max: f64,
@@ -147,48 +147,64 @@ struct Bending {
 
 impl SweepsAndLoads {
     /// `fit` provides the poses of the instruments and the compliances.
-    pub(super) fn of(campaign: &Campaign, recordings: &[Recording], fit: &Fit, sag: Sag) -> Self {
+    pub(super) fn of(
+        campaign: &Campaign,
+        recordings: &[Recording],
+        fit: &Fit,
+        sag: SagCorrection,
+    ) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
-        let taken_out = sag != Sag::AsMeasured;
-        let said = sweeps::said(model, sag, sweeps::sweeps(&model.arm, campaign, around));
-        let joints = sweeps::of_joints(&model.arm, &said);
-        let axes = sweeps::relative(&said);
-        let pairs = loaded::pairs(&model.arm, campaign, around);
+        let taken_out = sag != SagCorrection::AsMeasured;
+        let said = sweeps::analyse_sweeps(model, sag, sweeps::sweeps(&model.arm, campaign, around));
+        let joints = sweeps::joint_models(&model.arm, &said);
+        let axes = sweeps::relative_axes(&said);
+        let pairs = load_pairs::pairs(&model.arm, campaign, around);
         let noise_m = typical_noise(campaign, fit);
-        let compliances = loaded::compliances(&model.arm, &pairs, noise_m).ok().flatten();
-        let on_links = on_links::points(campaign, recordings, around);
-        let cases = on_links::loaded(&model.arm, campaign, &on_links);
-        let by_links = one_after_the_other(&model.arm, &cases, noise_m).ok();
+        let compliances = load_pairs::compliances(&model.arm, &pairs, noise_m).ok().flatten();
+        let on_links = link_targets::points(campaign, recordings, around);
+        let cases = link_targets::loaded_links(&model.arm, campaign, &on_links);
+        let by_links = estimate_joint_by_joint(&model.arm, &cases, noise_m).ok();
         let by_links = by_links.filter(|_| !cases.is_empty());
-        let base_tilt = on_links::base_tilt(&on_links, noise_m);
-        let worth = loaded::worth(model, campaign);
+        let base_tilt = link_targets::base_tilt(&on_links, noise_m);
+        let worth = load_pairs::enhanced_effects(model, campaign);
         let rows = campaign.poses.iter().map(|pose| (pose.recording, pose.row + 1)).collect();
         let pairs = pairs.len();
-        Self { said, joints, axes, pairs, compliances, by_links, base_tilt, worth, rows, taken_out }
+        Self {
+            sweep_results: said,
+            joints,
+            axes,
+            pairs,
+            compliances,
+            by_links,
+            base_tilt,
+            load_effects: worth,
+            rows,
+            is_sag_removed: taken_out,
+        }
     }
 
-    pub(super) fn report(&self) -> Report {
-        Report {
-            single_joint: self.said.iter().map(|said| self.sweep(said)).collect(),
-            joint_models: self.joints.iter().flat_map(model).collect(),
-            axes: self.axes.iter().map(axes).collect(),
+    pub(super) fn report(&self) -> SweepsAndLoadsReport {
+        SweepsAndLoadsReport {
+            single_joint: self.sweep_results.iter().map(|said| self.sweep(said)).collect(),
+            joint_models: self.joints.iter().flat_map(joint_model).collect(),
+            axes: self.axes.iter().map(axes_report).collect(),
             stiffness: self.stiffness(),
             base_tilt: self.base_tilt.map(|tilt| TiltReport {
                 row: self.rows[tilt.pose].1,
                 poses: tilt.poses,
                 turn_mrad: (tilt.largest.turn * MILLI).to_array(),
                 sigma_mrad: tilt.largest.sigma_rad * MILLI,
-                blind: tilt.largest.blind.to_array(),
+                blind: tilt.largest.unobservable_axis.to_array(),
             }),
         }
     }
 
-    fn sweep(&self, said: &Said) -> SweepReport {
+    fn sweep(&self, said: &SweepResult) -> SweepReport {
         let axis = said.axis.as_ref().ok();
         let error = said.error.as_ref();
         let errors = said.errors.iter().flat_map(|errors| &errors.steps);
         let sag = |axis: &JointAxis| SagReport {
-            taken_out: self.taken_out,
+            taken_out: self.is_sag_removed,
             moved_points_um: axis.moved_by_sag_m * MICRO,
             turned_axis_mrad: axis.turned_by_sag.length() * MILLI,
             shifted_axis_um: axis.shifted_by_sag.length() * MICRO,
@@ -202,7 +218,7 @@ impl SweepsAndLoads {
             sigma_tilt_mrad: error.map(|error| error.sigma_tilt_rad.map(|x| x * MILLI)),
             shift_um: error.map(|error| (error.shift_m * MICRO).to_array()),
             sigma_shift_um: error.map(|error| error.sigma_shift_m.map(|x| x * MICRO)),
-            noise_um: axis.map(|axis| axis.axis.left_m * MICRO),
+            noise_um: axis.map(|axis| axis.axis.residual_rms_m * MICRO),
             sag: axis.map(sag),
             steps: errors
                 .map(|step| StepReport {
@@ -216,23 +232,23 @@ impl SweepsAndLoads {
     }
 
     fn stiffness(&self) -> Option<StiffnessReport> {
-        if self.compliances.is_none() && self.by_links.is_none() && self.worth.is_empty() {
+        if self.compliances.is_none() && self.by_links.is_none() && self.load_effects.is_empty() {
             return None;
         }
         let open = |found: &Compliances| found.undetermined.iter().map(|j| j + 1).collect();
         Some(StiffnessReport {
             pairs: self.pairs,
-            joints: self.compliances.iter().flat_map(joints_of).collect(),
-            one_by_one: self.by_links.iter().flat_map(joints_of).collect(),
+            joints: self.compliances.iter().flat_map(compliant_joints).collect(),
+            one_by_one: self.by_links.iter().flat_map(compliant_joints).collect(),
             not_told: self.compliances.as_ref().map(open).unwrap_or_default(),
-            left: self.compliances.as_ref().map(|found| found.left),
-            by_load_um: self.bending(),
+            left: self.compliances.as_ref().map(|found| found.normalised_rms),
+            by_load_um: self.load_deflection(),
         })
     }
 
-    fn bending(&self) -> Option<Bending> {
-        let effects = || self.worth.iter().filter_map(|w| Some((w.pose, w.effect?)));
-        let sorted = |of: &dyn Fn(&diagnosis::enhanced::EnhancedEffect) -> f64| {
+    fn load_deflection(&self) -> Option<LoadDeflection> {
+        let effects = || self.load_effects.iter().filter_map(|w| Some((w.pose, w.effect?)));
+        let sorted = |of: &dyn Fn(&diagnosis::enhanced_stiffness::EnhancedEffect) -> f64| {
             let mut all: Vec<f64> = effects().map(|(_, effect)| of(&effect) * MICRO).collect();
             all.sort_by(f64::total_cmp);
             (all.get(all.len() / 2).copied(), all.last().copied())
@@ -240,8 +256,8 @@ impl SweepsAndLoads {
         let (deflection_median, deflection_max) = sorted(&|effect| effect.deflection_m);
         let (enhanced_median, enhanced_max) = sorted(&|effect| effect.by_wrench_m);
         let small = effects().filter(|(_, effect)| effect.by_wrench_m <= NEGLIGIBLE_M);
-        Some(Bending {
-            poses: self.worth.len(),
+        Some(LoadDeflection {
+            poses: self.load_effects.len(),
             deflection_median: deflection_median?,
             deflection_max: deflection_max?,
             enhanced_median: enhanced_median?,
@@ -264,7 +280,7 @@ impl SweepsAndLoads {
     }
 }
 
-fn joints_of(found: &Compliances) -> Vec<CompliantJoint> {
+fn compliant_joints(found: &Compliances) -> Vec<CompliantJoint> {
     let joint = |(joint, value): (usize, &Option<f64>)| {
         Some(CompliantJoint {
             joint: joint + 1,
@@ -276,7 +292,7 @@ fn joints_of(found: &Compliances) -> Vec<CompliantJoint> {
     found.value.iter().enumerate().filter_map(joint).collect()
 }
 
-fn model(of: &OfJoint) -> Vec<ModelReport> {
+fn joint_model(of: &JointSweepModel) -> Vec<ModelReport> {
     let hypothesis = &of.model.hypothesis;
     let values = hypothesis.values();
     let each = hypothesis.free.iter().zip(values).zip(&of.model.determined);
@@ -289,7 +305,7 @@ fn model(of: &OfJoint) -> Vec<ModelReport> {
     .collect()
 }
 
-fn axes(relative: &Relative) -> AxesReport {
+fn axes_report(relative: &RelativeAxes) -> AxesReport {
     AxesReport {
         joints: [relative.joints.0 + 1, relative.joints.1 + 1],
         angle_mrad: relative.angle_rad * MILLI,

@@ -2,23 +2,23 @@
 
 use std::path::Path;
 
-use report::{TextTable, count, fixed, significant};
+use report::{TextTable, fixed, pluralise, significant};
 
-use super::around::{lines, numbers};
-use super::calibrated::{Calibrated, Outlier};
+use super::fixed_objects::{lines, object_parameters};
+use super::models::{CalibrationResult, Outlier};
 use super::{MODELS, Tolerance, mm};
-use crate::entries::Entry;
+use crate::entries::FittedEffect;
 
 /// Effects that move the tool by less than this fraction of the largest are not listed.
-const TOLD: f64 = 0.02;
+const LISTED_SHARE_LEAST: f64 = 0.02;
 /// Largest number of effects listed per joint.
-const EFFECTS: usize = 4;
+const EFFECTS_PER_JOINT_MOST: usize = 4;
 /// Largest number of outliers listed one by one.
-const NAMED: usize = 2;
+const OUTLIERS_LISTED_MOST: usize = 2;
 /// Smallest noise for which a check is planned, mm; below the noise of any instrument.
-const LEAST_SIGMA_MM: f64 = 1e-4;
+const SIGMA_LEAST_MM: f64 = 1e-4;
 
-impl Calibrated {
+impl CalibrationResult {
     /// The result as text; its table is at most `width_max` characters wide. `written`: the file to which the model was written.
     #[must_use]
     pub fn text(&self, written: Option<&Path>, width_max: Option<usize>) -> String {
@@ -28,37 +28,44 @@ impl Calibrated {
             let cells = of.map(|error| fixed(mm(error), 3));
             table = table.row(std::iter::once((*name).to_owned()).chain(cells));
         }
-        let mut text =
-            format!("{}: {}\n{}", self.base.file.name, self.split.says, table.render(width_max));
+        let mut text = format!(
+            "{}: {}\n{}",
+            self.base.file.name,
+            self.split.description,
+            table.render(width_max)
+        );
         text += "effects, RMS displacement at the tool, mm\n";
-        for line in per_joint(self) {
+        for line in effects_per_joint(self) {
             text += &format!("  {line}\n");
         }
-        for line in lines(&numbers(&self.fit)).into_iter().chain(self.sweeps_and_loads.lines()) {
+        for line in
+            lines(&object_parameters(&self.fit)).into_iter().chain(self.sweeps_and_loads.lines())
+        {
             text += &format!("  {line}\n");
         }
-        for sentence in self.nests() {
+        for sentence in self.frame_drift() {
             text += &format!("frame     {sentence}\n");
         }
-        for sentence in self.left_open() {
+        for sentence in self.undetermined_by_reason() {
             text += &format!("open      {sentence}\n");
         }
-        let rest = |all: usize| if all > NAMED { "; …" } else { "" };
+        let rest = |all: usize| if all > OUTLIERS_LISTED_MOST { "; …" } else { "" };
         if !self.outliers.is_empty() {
             let row = |outlier: &Outlier| {
-                let name = self.recording(outlier.recording);
-                format!("{name} row {} by {} mm", outlier.row, significant(mm(outlier.off_m), 2))
+                let name = self.recording_name(outlier.recording);
+                format!("{name} row {} by {} mm", outlier.row, significant(mm(outlier.error_m), 2))
             };
-            let some: Vec<String> = self.outliers.iter().take(NAMED).map(row).collect();
-            let many = count(self.outliers.len(), "outlier");
+            let some: Vec<String> =
+                self.outliers.iter().take(OUTLIERS_LISTED_MOST).map(row).collect();
+            let many = pluralise(self.outliers.len(), "outlier");
             text +=
                 &format!("outliers  {many}: {}{}\n", some.join("; "), rest(self.outliers.len()));
         }
         if let Some(tolerance) = self.tolerance() {
-            text += &format!("tolerance {}\n", in_tolerance(tolerance));
+            text += &format!("tolerance {}\n", tolerance_text(tolerance));
         }
-        let poses = count(self.poses, "pose");
-        text += &format!("model     {}, fitted to {poses}", named(written));
+        let poses = pluralise(self.poses, "pose");
+        text += &format!("model     {}, fitted to {poses}", model_name(written));
         if let Some(path) = written {
             text += &format!("\ncheck     {}", self.check_command(path));
         }
@@ -74,7 +81,7 @@ impl Calibrated {
         let out = model.display();
         let mut text = format!(
             "trued plan --check --model {out} --sigma-mm {:.4}",
-            mm(axis_m).max(LEAST_SIGMA_MM)
+            mm(axis_m).max(SIGMA_LEAST_MM)
         );
         for target in &self.fit.surroundings.targets {
             let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
@@ -89,12 +96,12 @@ impl Calibrated {
 }
 
 /// The file to which the model was written.
-pub(super) fn named(written: Option<&Path>) -> String {
+pub(super) fn model_name(written: Option<&Path>) -> String {
     written.map_or_else(|| "none".to_owned(), |path| path.display().to_string())
 }
 
 /// The evaluation of a tolerance as text.
-pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
+pub(super) fn tolerance_text(tolerance: Tolerance) -> String {
     let Tolerance { tolerance_mm, p95_mm, met } = tolerance;
     let word = if met { "met" } else { "not met" };
     format!(
@@ -105,10 +112,11 @@ pub(super) fn in_tolerance(tolerance: Tolerance) -> String {
 }
 
 /// Lines of the significant effects per joint, largest displacement of the tool first.
-fn per_joint(found: &Calibrated) -> Vec<String> {
-    let mut told: Vec<&Entry> = found.entries.iter().filter(|entry| !entry.is_empty()).collect();
+fn effects_per_joint(found: &CalibrationResult) -> Vec<String> {
+    let mut told: Vec<&FittedEffect> =
+        found.entries.iter().filter(|entry| !entry.is_empty()).collect();
     told.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
-    let least = TOLD * told.first().map_or(0.0, |entry| entry.share_m);
+    let least = LISTED_SHARE_LEAST * told.first().map_or(0.0, |entry| entry.share_m);
     let mut joints: Vec<Option<usize>> = Vec::new();
     for entry in &told {
         if !joints.contains(&entry.joint()) {
@@ -117,8 +125,9 @@ fn per_joint(found: &Calibrated) -> Vec<String> {
     }
     let line = |joint: Option<usize>| {
         let of = told.iter().filter(|entry| entry.joint() == joint && entry.share_m >= least);
-        let words = of.map(|entry| format!("{} {}", words(entry.kind()), moves(entry)));
-        let words: Vec<String> = words.take(EFFECTS).collect();
+        let words =
+            of.map(|entry| format!("{} {}", effect_name(entry.kind()), displacement_text(entry)));
+        let words: Vec<String> = words.take(EFFECTS_PER_JOINT_MOST).collect();
         let whose = joint.map_or("robot".to_owned(), |joint| format!("joint {joint}"));
         (!words.is_empty()).then(|| format!("{whose}: {}", words.join(", ")))
     };
@@ -126,13 +135,13 @@ fn per_joint(found: &Calibrated) -> Vec<String> {
 }
 
 /// Name of an effect for users.
-pub(super) fn words(kind: &str) -> String {
+pub(super) fn effect_name(kind: &str) -> String {
     match kind {
         "joint_polynomial" => "an unexplained remainder".to_owned(),
         _ => kind.replace('_', " "),
     }
 }
 
-fn moves(entry: &Entry) -> String {
+fn displacement_text(entry: &FittedEffect) -> String {
     significant(mm(entry.share_m), 2)
 }

@@ -4,16 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::{Fit, Undetermined};
+use diagnosis::{Fit, UndeterminedParameter};
 use physics::AnyEffect;
 
-use super::text::words;
+use super::text::effect_name;
 
 /// Why a parameter is undetermined, in the order of the sentences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Reason {
     /// No measurement depends on it.
-    Unseen,
+    Unmeasured,
     /// Its estimate would be negative.
     AtZero,
     /// Confounded with the pose of the instrument.
@@ -25,20 +25,20 @@ enum Reason {
 }
 
 impl Reason {
-    fn of(open: &Undetermined) -> Self {
-        let with = |what: &str| open.with.iter().any(|partner| partner.contains(what));
-        match open.with.as_slice() {
-            [] if open.what.contains("negative") => Self::AtZero,
-            [] => Self::Unseen,
+    fn of(open: &UndeterminedParameter) -> Self {
+        let with = |what: &str| open.confounded_with.iter().any(|partner| partner.contains(what));
+        match open.confounded_with.as_slice() {
+            [] if open.name.contains("negative") => Self::AtZero,
+            [] => Self::Unmeasured,
             _ if with("measuring frame") => Self::Frame,
             _ if with("on the tool") => Self::Target,
             _ => Self::Others,
         }
     }
 
-    fn says(self, names: &str) -> String {
+    fn sentence(self, names: &str) -> String {
         match self {
-            Self::Unseen => format!("these poses do not determine {names}"),
+            Self::Unmeasured => format!("these poses do not determine {names}"),
             Self::AtZero => format!("{names} would be negative and were set to zero"),
             Self::Frame => format!(
                 "{names} cannot be separated from the pose of the instrument, which was estimated along"
@@ -58,7 +58,7 @@ impl Reason {
 /// One sentence per reason.
 pub(super) fn sentences<'a>(
     fit: &Fit,
-    open: impl Iterator<Item = &'a Undetermined>,
+    open: impl Iterator<Item = &'a UndeterminedParameter>,
 ) -> Vec<String> {
     let first = fit.column_of(0);
     // By reason, joint (those of the whole robot and extrinsic ones last), and effect; in the order of the joints.
@@ -67,7 +67,8 @@ pub(super) fn sentences<'a>(
         let free = one.column.checked_sub(first).and_then(|k| fit.hypothesis.free.get(k));
         let effect = free.and_then(|free| fit.hypothesis.effect_of(free));
         let joint = effect.and_then(AnyEffect::joint);
-        let name = effect.map_or_else(|| one.what.clone(), |effect| words(effect.spec().kind));
+        let name =
+            effect.map_or_else(|| one.name.clone(), |effect| effect_name(effect.spec().kind));
         let of_joint = groups.entry(Reason::of(one)).or_default();
         let names = of_joint.entry(joint.unwrap_or(usize::MAX)).or_default();
         if !names.contains(&name) {
@@ -76,16 +77,16 @@ pub(super) fn sentences<'a>(
     }
     let said = |(reason, joints): (Reason, BTreeMap<usize, Vec<String>>)| {
         let of_joint = |(joint, names): (&usize, &Vec<String>)| match joint {
-            &usize::MAX => list(names),
-            joint => format!("joint {}'s {}", joint + 1, list(names)),
+            &usize::MAX => joined(names),
+            joint => format!("joint {}'s {}", joint + 1, joined(names)),
         };
-        reason.says(&joints.iter().map(of_joint).collect::<Vec<_>>().join("; "))
+        reason.sentence(&joints.iter().map(of_joint).collect::<Vec<_>>().join("; "))
     };
     groups.into_iter().map(said).collect()
 }
 
 /// Joins names: `a, b and c`.
-fn list(names: &[String]) -> String {
+fn joined(names: &[String]) -> String {
     match names {
         [] => String::new(),
         [one] => one.clone(),

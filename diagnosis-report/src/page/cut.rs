@@ -2,7 +2,7 @@
 //!
 //! The number of points in each drawing is bounded; all values come from the result.
 
-use diagnosis::force::{Compared, Traced};
+use diagnosis::force::{CutComparison, ForceTrace};
 use report::{Axis, Multiples, Page, Plot, Role, Series, Svg};
 use spectrum::welch::{Segments, welch};
 
@@ -12,24 +12,24 @@ const POINTS: usize = 1000;
 const SEGMENT: usize = 2048;
 const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
-pub(crate) fn figures(page: Page, compared: &Compared) -> Page {
-    let turn: Vec<&Traced> = compared.traces.iter().collect();
+pub(crate) fn figures(page: Page, compared: &CutComparison) -> Page {
+    let turn: Vec<&ForceTrace> = compared.traces.iter().collect();
     page.section("DiagnosedForces compared with the cutting force model")
         .figure(
             "One spindle revolution: measured force, stated force model, and force model with the findings.",
             &all(&turn, "One revolution", &|one| {
                 Plot::new(AXES[one.axis], Axis::new("turn", ""), Axis::new("force", "N"))
-                    .series(Series::dots("measured", points(&one.turn, &one.read)).role(Role::Truth))
-                    .series(Series::dots("stated model", points(&one.turn, &one.law[0])).role(Role::Before))
-                    .series(Series::dots("with the findings", points(&one.turn, &one.law[1])).role(Role::After))
+                    .series(Series::dots("measured", points(&one.revolution, &one.measured)).role(Role::Truth))
+                    .series(Series::dots("stated model", points(&one.revolution, &one.predicted[0])).role(Role::Before))
+                    .series(Series::dots("with the findings", points(&one.revolution, &one.predicted[1])).role(Role::After))
             }),
         )
         .figure(
             "Error of the force model over time, before and after.",
             &all(&turn, "Over time", &|one| {
                 Plot::new(AXES[one.axis], Axis::new("time", "s"), Axis::new("error", "N"))
-                    .series(Series::dots("stated model", points(&one.t_s, &one.off[0])).role(Role::Before))
-                    .series(Series::dots("with the findings", points(&one.t_s, &one.off[1])).role(Role::After))
+                    .series(Series::dots("stated model", points(&one.t_s, &one.residuals[0])).role(Role::Before))
+                    .series(Series::dots("with the findings", points(&one.t_s, &one.residuals[1])).role(Role::After))
             }),
         )
         .figure(
@@ -37,16 +37,16 @@ pub(crate) fn figures(page: Page, compared: &Compared) -> Page {
             &all(&turn, "Spectra", &|one| {
                 let hertz = Axis::new("frequency", "Hz");
                 Plot::new(AXES[one.axis], hertz, Axis::new("error", "N²/Hz").log())
-                    .series(Series::line("stated model", power(&one.run[0], one.rate_hz)).role(Role::Before))
+                    .series(Series::line("stated model", power(&one.residual_run[0], one.rate_hz)).role(Role::Before))
                     .series(Series::line(
                         "with the findings",
-                        power(&one.run[1], one.rate_hz),
+                        power(&one.residual_run[1], one.rate_hz),
                     ).role(Role::After))
             }),
         )
 }
 
-fn all(traces: &[&Traced], title: &str, plot: &dyn Fn(&Traced) -> Plot) -> Svg {
+fn all(traces: &[&ForceTrace], title: &str, plot: &dyn Fn(&ForceTrace) -> Plot) -> Svg {
     let start = Multiples::new(title, 1).own_y();
     traces.iter().fold(start, |all, one| all.plot(plot(one))).render()
 }

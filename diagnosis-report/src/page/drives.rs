@@ -10,14 +10,14 @@ use report::{
     Axis, Bars, Column, Histogram, Multiples, Page, Plot, Role, Series, Table, significant,
 };
 
-use super::{Diagnosed, Figure, Report, first, rest, words};
+use super::{Figure, Report, RobotDiagnosis, details, findings_section, first_screen};
 
 /// Largest number of joints that are drawn.
 const JOINTS: usize = 6;
 
 pub(crate) fn domain(
     page: Page,
-    found: &Diagnosed,
+    found: &RobotDiagnosis,
     torques: &Diagnosis,
     report: &Report,
     dir: &Path,
@@ -27,16 +27,16 @@ pub(crate) fn domain(
         caption:
             "Torque error over time, before and after: recorded minus model, low-pass filtered."
                 .to_owned(),
-        drawing: over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
+        drawing: error_over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
     };
     // For one or two joints, bars add nothing to the numbers.
     let (picture, below) = match report.joints.len() {
         0..=2 => (over_time, None),
-        _ => (each_joint(report, unit), Some(over_time)),
+        _ => (error_by_joint(report, unit), Some(over_time)),
     };
-    let page = first(page, report, true, Some(picture), dir);
-    let mut page = words(page, report, found.base.physics.arm.count());
-    page = page.section("All joints").table(&joints(report, unit));
+    let page = first_screen(page, report, true, Some(picture), dir);
+    let mut page = findings_section(page, report, found.base.physics.arm.count());
+    page = page.section("All joints").table(&joint_table(report, unit));
     page = page.section("Before and after");
     if let Some(figure) = below {
         page = page.figure(&figure.caption, &figure.drawing);
@@ -46,12 +46,12 @@ pub(crate) fn domain(
     let speed = if slides { "m/s" } else { "rad/s" };
     page = page.figure(
         "Torque error over joint speed: friction appears as the step at zero speed, the slope, and the difference between the directions.",
-        &over(torques, unit, "speed", speed, &|trace, k| trace.speed[k]),
+        &error_over(torques, unit, "speed", speed, &|trace, k| trace.speed[k]),
     );
     let held = |side: usize| -> Vec<f64> {
         let of = |trace: &Trace| -> Vec<f64> {
-            let rows = (0..trace.held.len()).filter(|k| trace.held[*k]);
-            rows.map(|k| trace.off[side][k].abs()).collect()
+            let rows = (0..trace.is_test_row.len()).filter(|k| trace.is_test_row[*k]);
+            rows.map(|k| trace.residuals[side][k].abs()).collect()
         };
         torques.traces.iter().flat_map(of).collect()
     };
@@ -64,7 +64,7 @@ pub(crate) fn domain(
         "Distribution of the errors of held-out rows, which were not used in any fit, all joints.",
         &sizes.render(),
     );
-    page = rest(page, report).section("Data processing").list(&report.notes);
+    page = details(page, report).section("Data processing").list(&report.notes);
     page.facts([
         ("Rows of each joint", report.samples.to_string()),
         ("Held out", report.heldout.clone()),
@@ -74,7 +74,7 @@ pub(crate) fn domain(
 }
 
 /// Torque error of each joint, before and after.
-fn each_joint(report: &Report, unit: &str) -> Figure {
+fn error_by_joint(report: &Report, unit: &str) -> Figure {
     let axis = Axis::new("Error", format!("{unit} RMS"));
     let bars = Bars::new("Torque error of each joint", axis)
         .groups(["given model", "with the findings"])
@@ -87,7 +87,7 @@ fn each_joint(report: &Report, unit: &str) -> Figure {
     Figure { caption, drawing: bars.render() }
 }
 
-fn joints(report: &Report, unit: &str) -> Table {
+fn joint_table(report: &Report, unit: &str) -> Table {
     let heads =
         ["Joint", "Torque", "Error before", "Error after", "Outside low-speed zones", "Residual"];
     let table = Table::new(format!("RMS on held-out rows, {unit}"), heads.map(Column::new));
@@ -105,7 +105,7 @@ fn joints(report: &Report, unit: &str) -> Table {
 }
 
 /// Torque error of each joint over a covariate, before and after.
-fn over(
+fn error_over(
     torques: &Diagnosis,
     unit: &str,
     name: &str,
@@ -116,7 +116,7 @@ fn over(
     let mut all = Multiples::new(format!("Torque error over {name}"), columns).own_y();
     for trace in torques.traces.iter().take(JOINTS) {
         let points = |side: usize| -> Vec<(f64, f64)> {
-            (0..trace.t_s.len()).map(|k| (place(trace, k), trace.off[side][k])).collect()
+            (0..trace.t_s.len()).map(|k| (place(trace, k), trace.residuals[side][k])).collect()
         };
         let plot = Plot::new(
             format!("Joint {}", trace.joint + 1),

@@ -2,15 +2,15 @@
 //!
 //! The number of points in each drawing is bounded, and the caption reports what was omitted; all values come from the result.
 
-use diagnosis::diagnose::{Diagnosis, Over, Trace};
+use diagnosis::diagnose::{CovariatePlot, Diagnosis, ResidualSeries};
 use physics::Arm;
 use physics::JointKind;
 use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Role, Series, Svg, significant};
 
 use super::{Figure, tables};
 
-use crate::drawings::{arm_with_errors, guilty, tool_errors};
-use crate::result::{Place, Report};
+use crate::drawings::{arm_with_errors, dominant_joints, tool_errors};
+use crate::result::{MapCellReport, Report};
 
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
@@ -28,7 +28,7 @@ pub(crate) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<F
     let held = |pose: usize| training.get(pose).is_some_and(|trains| !trains);
     let fits = [&diagnosis.given, &diagnosis.fit];
     let errors = tool_errors(&diagnosis.campaign, arm, fits, held);
-    let lit = guilty(arm.count(), &tables::sizes(report));
+    let lit = dominant_joints(arm.count(), &tables::sizes(report));
     let (drawing, factor) = arm_with_errors(arm, &diagnosis.campaign, &errors, &lit)?;
     let lit = if lit.is_empty() { "" } else { " Red: joints with the largest findings." };
     let caption = format!(
@@ -50,7 +50,7 @@ pub(crate) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
 }
 
 /// Validation: residual over time, distribution, spectrum.
-pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn validation(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let unit = report.unit;
     let mut page = page.section("Before and after");
     let traces = diagnosis.traces();
@@ -69,7 +69,7 @@ pub(crate) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
         page = page.figure(
             &format!(
                 "Spectrum of the errors over the longest evenly sampled section ({} s): amplitude density, mean of the channels.",
-                significant(spectra.stretch_s, 3)
+                significant(spectra.duration_s, 3)
             ),
             &figure,
         );
@@ -82,17 +82,17 @@ fn stride(count: usize) -> usize {
     count.div_ceil(POINTS).max(1)
 }
 
-fn left_out(stride: usize) -> String {
+fn omission_note(stride: usize) -> String {
     if stride > 1 { format!(" One reading in {stride} is drawn.") } else { String::new() }
 }
 
-fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, String) {
+fn over_time(diagnosis: &Diagnosis, traces: &[ResidualSeries], unit: &str) -> (Svg, String) {
     let elapsed = diagnosis.elapsed_s();
     let longest = traces.iter().map(|trace| trace.off.len()).max().unwrap_or(0);
     let stride = stride(longest);
     let whole = elapsed.last().copied().unwrap_or(0.0);
     let (factor, name) = if whole > 7200.0 { (1.0 / 3600.0, "h") } else { (1.0, "s") };
-    let series = |trace: &Trace, side: usize| {
+    let series = |trace: &ResidualSeries, side: usize| {
         let points = trace.off.iter().step_by(stride);
         let points: Vec<(f64, f64)> =
             points.map(|(pose, off)| (factor * elapsed[*pose], MILLI * off[side])).collect();
@@ -108,7 +108,7 @@ fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, Strin
             .series(series(trace, 1));
         all = all.plot(plot);
     }
-    let mut says = left_out(stride);
+    let mut says = omission_note(stride);
     if traces.len() > CHANNELS {
         says += &format!(" The first {CHANNELS} of {} channels.", traces.len());
     }
@@ -139,7 +139,7 @@ fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
 }
 
 /// A covariate for users, with its unit and the factor from SI to it.
-fn worded(word: &str, slides: bool) -> (String, &'static str, f64) {
+fn covariate_label(word: &str, slides: bool) -> (String, &'static str, f64) {
     let stem: String = word.chars().take_while(|c| c.is_ascii_lowercase() && *c != '_').collect();
     let joint: String = word.chars().filter(char::is_ascii_digit).collect();
     let of = |what: &str| {
@@ -164,7 +164,7 @@ fn worded(word: &str, slides: bool) -> (String, &'static str, f64) {
     }
 }
 
-fn slides(diagnosis: &Diagnosis, word: &str) -> bool {
+fn is_prismatic(diagnosis: &Diagnosis, word: &str) -> bool {
     let digits: String = word.chars().filter(char::is_ascii_digit).collect();
     let joint = digits.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
     let joints = diagnosis.given.hypothesis.model.arm.joints();
@@ -172,13 +172,14 @@ fn slides(diagnosis: &Diagnosis, word: &str) -> bool {
 }
 
 /// The map: deviation of each joint where it is most significant.
-pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn error_map(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let clear = report.map.iter().filter(|place| place.ci95[0] * place.ci95[1] > 0.0);
-    let mut cells: Vec<&Place> = Vec::new();
+    let mut cells: Vec<&MapCellReport> = Vec::new();
     for place in clear {
         // Of the cells of one joint and covariate only the most significant is shown.
-        let known =
-            |other: &&Place| (other.joint, &other.depends_on) == (place.joint, &place.depends_on);
+        let known = |other: &&MapCellReport| {
+            (other.joint, &other.depends_on) == (place.joint, &place.depends_on)
+        };
         if cells.len() < CELLS && !cells.iter().any(known) {
             cells.push(place);
         }
@@ -191,7 +192,7 @@ pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page
         Axis::new("Equivalent error of the joint alone", "mrad, or mm for a linear joint"),
     );
     for cell in cells {
-        let name = format!("joint {}: {}", cell.joint, part(diagnosis, cell));
+        let name = format!("joint {}: {}", cell.joint, cell_range(diagnosis, cell));
         bars = bars.row(name, [Bar::new(cell.off).between(cell.ci95[0], cell.ci95[1])]);
     }
     page.section("Where model and recording differ")
@@ -203,20 +204,24 @@ pub(crate) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page
 }
 
 /// Range of a map cell for users: `q3 10 to 20 deg`, `joint 3 rising`.
-fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
+fn cell_range(diagnosis: &Diagnosis, cell: &MapCellReport) -> String {
     let word = &cell.depends_on;
     if let Some(joint) = word.strip_prefix("direction_") {
         let way = if cell.from + cell.to > 0.0 { "rising" } else { "falling" };
         return format!("joint {joint} {way}");
     }
-    let (_, unit, factor) = worded(word, slides(diagnosis, word));
+    let (_, unit, factor) = covariate_label(word, is_prismatic(diagnosis, word));
     let [from, to] = [cell.from, cell.to].map(|edge| significant(factor * edge, 2));
     let name = word.trim_end_matches("_C").trim_end_matches("_s").trim_end_matches("_rpm");
     format!("{name} {from} to {to} {unit}")
 }
 
 /// Each finding over the covariate on which it depends.
-pub(crate) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(crate) fn findings_over_covariates(
+    mut page: Page,
+    diagnosis: &Diagnosis,
+    report: &Report,
+) -> Page {
     let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
     let mut first = true;
     for (finding, reported) in shown {
@@ -228,17 +233,17 @@ pub(crate) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) 
         let caption = format!(
             "{} Dots: readings, with all other findings subtracted.{}",
             reported.says,
-            left_out(stride)
+            omission_note(stride)
         );
-        page = page.figure(&caption, &over_word(diagnosis, &over, stride));
+        page = page.figure(&caption, &over_covariate(diagnosis, &over, stride));
     }
     page
 }
 
-fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
-    let (what, unit, factor) = worded(&over.word, slides(diagnosis, &over.word));
+fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) -> Svg {
+    let (what, unit, factor) = covariate_label(&over.word, is_prismatic(diagnosis, &over.word));
     let joint = over.joint;
-    let sliding = joint.is_some_and(|j| slides(diagnosis, &format!("q{}", j + 1)));
+    let sliding = joint.is_some_and(|j| is_prismatic(diagnosis, &format!("q{}", j + 1)));
     let off = if joint.is_none() || sliding { "mm" } else { "mrad" };
     let y = match joint {
         Some(joint) => Axis::new(format!("Error of joint {}", joint + 1), off),
@@ -263,7 +268,7 @@ fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
 }
 
 /// Posterior probabilities of the alternatives to each finding.
-pub(crate) fn rivals(report: &Report) -> Svg {
+pub(crate) fn probabilities_of_alternatives(report: &Report) -> Svg {
     let mut bars = Bars::new("Rivals", Axis::new("Probability", "").range(0.0, 1.0));
     let whose = |effect: &str, joint: Option<usize>| {
         let joint = joint.map_or(String::new(), |joint| format!(", joint {joint}"));

@@ -6,15 +6,15 @@ use diagnosis::force::Diagnosis;
 use report::{Axis, Bars, Column, Number, Page, Plot, Series, Svg, Table, Tone, significant};
 
 use super::{cut, tables, tone};
-use crate::forces::DiagnosedForces;
-use crate::result::{NotTested, Report};
+use crate::forces::ForceDiagnosis;
+use crate::result::{Report, UntestedEffect};
 
 /// Largest number of points of a drawing.
 const POINTS: usize = 2000;
 /// Largest number of tones that are drawn.
 const TONES: usize = 12;
 
-pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
+pub(crate) fn render(found: &ForceDiagnosis, report: &Report) -> Page {
     let page = Page::new("Diagnosis of forces at the tool")
         .kicker("trued diagnose")
         .robot(found.base.file.identity().to_string());
@@ -24,7 +24,7 @@ pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
             page.verdict(Tone::Bad, "not evaluated", &why)
                 .next("Correct the cause named in the verdict and diagnose again.", None)
         }
-        Ok(diagnosis) => judged(page, diagnosis, report),
+        Ok(diagnosis) => evaluated(page, diagnosis, report),
     };
     if report.notes.is_empty() {
         return page;
@@ -32,7 +32,7 @@ pub(crate) fn render(found: &DiagnosedForces, report: &Report) -> Page {
     page.section("Data processing").list(&report.notes)
 }
 
-fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+fn evaluated(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let word = report.verdict.replace('_', " ");
     let mut page = page
         .verdict(tone(report), &word, &sentence(diagnosis, report))
@@ -57,10 +57,11 @@ fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     if let Some(rest) = &report.unexplained {
         page = page.note(Tone::Caution, "Unexplained", &rest.says);
     }
-    if let Ok(compared) = &diagnosis.compared {
+    if let Ok(compared) = &diagnosis.cut_comparison {
         page = cut::figures(page, compared);
         if !report.not_tested.is_empty() {
-            let open = |one: &NotTested| format!("{}: {}", one.effect.replace('_', " "), one.why);
+            let open =
+                |one: &UntestedEffect| format!("{}: {}", one.effect.replace('_', " "), one.why);
             let open: Vec<String> = report.not_tested.iter().map(open).collect();
             page = page.section("Not observable in this recording").list(&open);
         }
@@ -76,7 +77,7 @@ fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
 }
 
 fn sentence(diagnosis: &Diagnosis, report: &Report) -> String {
-    match &diagnosis.compared {
+    match &diagnosis.cut_comparison {
         Ok(_) => format!(
             "RMS force error: {} {unit} with the stated cutting model and {} {unit} with the findings; the tool: {}.",
             tables::rms(report.heldout_rms_before),

@@ -2,7 +2,7 @@
 
 use report::{Column, Table, significant};
 
-use crate::drawings::{self, OfJoint};
+use crate::drawings::{self, JointEffect};
 
 use crate::result::{Alternative, Interval, Report, ReportedFinding, Value};
 
@@ -26,18 +26,18 @@ pub(crate) fn candidates(report: &Report) -> Table {
 }
 
 /// Effect of each finding on the measurement.
-pub(crate) fn sizes(report: &Report) -> Vec<OfJoint> {
+pub(crate) fn sizes(report: &Report) -> Vec<JointEffect> {
     let size = |reported: &ReportedFinding| {
         let size = reported.size.as_ref()?.rms;
-        Some(OfJoint { effect: reported.effect.replace('_', " "), joint: reported.joint, size })
+        Some(JointEffect { effect: reported.effect.replace('_', " "), joint: reported.joint, size })
     };
-    report.claims().filter_map(size).collect()
+    report.all_findings().filter_map(size).collect()
 }
 
 /// Effects of the findings, by effect and joint.
 pub(crate) fn by_joint(report: &Report, joints: usize) -> Table {
     let caption = format!("Effect of each finding, RMS, {}", report.unit);
-    drawings::by_joint(&caption, joints, &sizes(report))
+    drawings::effects_by_joint(&caption, joints, &sizes(report))
 }
 
 fn table(title: String, all: &[ReportedFinding]) -> Table {
@@ -69,7 +69,7 @@ pub(crate) fn parameters(report: &Report) -> Table {
     let heads = ["Effect", "Joint", "Parameter", "Value", "95 % interval"];
     let mut table =
         Table::new("Parameters, in the units of the model file", heads.map(Column::new));
-    for reported in report.claims() {
+    for reported in report.all_findings() {
         for (key, value) in &reported.parameters {
             let row = |value: f64, ci: Interval, is_determined: bool| {
                 let interval = match ci {

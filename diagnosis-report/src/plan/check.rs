@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 
 use diagnosis::Hypothesis;
 use diagnosis::plan::Criterion;
-use diagnosis::plan::check::{Checkup, Terms, poses};
+use diagnosis::plan::check::{ErrorRates, PlannedCheck, plan_check};
 use diagnosis::plan::starting_point::StartingPoint;
-use report::{Number, Page, Table, TextLine, TextTable, Tone, count, fixed, significant};
+use report::{Number, Page, Table, TextLine, TextTable, Tone, fixed, pluralise, significant};
 use serde::Serialize;
 
 use super::files::PlanFile;
 use super::page::{PageContent, numbered, render};
-use super::{DetectableReport, Robot, Settings, assumptions, detectable_table, least_detectable};
+use super::{DetectableReport, Robot, Settings, assumptions, detectable_table, minimum_detectable};
 use crate::error::Error;
-use crate::positions::{columns, shown};
+use crate::positions::{columns, joint_positions_text};
 
 /// Poses of a check: `trued.plan/1` (docs/reference/results.md).
 #[derive(Serialize)]
@@ -35,9 +35,9 @@ pub struct CheckPlan<'a> {
     robot: Robot<'a>,
     settings: &'a Settings,
     start: StartingPoint,
-    terms: Terms,
+    terms: ErrorRates,
     /// The chosen poses.
-    pub found: Checkup,
+    pub found: PlannedCheck,
 }
 
 /// Chooses `count` poses at which damage is detectable.
@@ -64,14 +64,14 @@ pub struct CheckPlan<'a> {
 pub fn check_poses<'a>(
     robot: Robot<'a>,
     settings: &'a Settings,
-    terms: &Terms,
+    terms: &ErrorRates,
     criterion: Criterion,
     count: usize,
 ) -> Result<CheckPlan<'a>, Error> {
     let mut start = settings.start(robot)?;
     start.task.hypothesis = Hypothesis::fixed(robot.model.physics);
     let wish = settings.wish(count, criterion);
-    let found = poses(&start.task, &robot.model.sigma, &wish, terms).map_err(Error::input)?;
+    let found = plan_check(&start.task, &robot.model.sigma, &wish, terms).map_err(Error::input)?;
     Ok(CheckPlan { robot, settings, start, terms: *terms, found })
 }
 
@@ -88,7 +88,7 @@ impl CheckPlan<'_> {
             power: terms.power,
             poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
             detectable: DetectableReport::all(&model.physics, &found.detectable),
-            not_checked: settings.not_checked(&start.task.sees),
+            not_checked: settings.not_checked(&start.task.measurement),
         }
     }
 
@@ -97,13 +97,13 @@ impl CheckPlan<'_> {
     pub fn text(&self, width_max: Option<usize>) -> Vec<TextLine> {
         let Self { robot, settings, start, found, .. } = self;
         let model = &robot.model.physics;
-        let head = count(found.poses.len(), "pose");
+        let head = pluralise(found.poses.len(), "pose");
         let rest = format!(" for a check (seed {})", settings.seed);
         let mut lines = vec![TextLine::with_head(Tone::Plain, head, rest)];
         let poses = found.poses.iter().enumerate();
-        let table = poses
-            .fold(TextTable::new(["pose", "joints, deg (mm)"]), |table, (place, q)| {
-                table.row([(place + 1).to_string(), shown(&model.arm, q)])
+        let table =
+            poses.fold(TextTable::new(["pose", "joints, deg (mm)"]), |table, (place, q)| {
+                table.row([(place + 1).to_string(), joint_positions_text(&model.arm, q)])
             });
         lines.push(table.render(width_max).into());
         let (detected, false_alarms) = self.rates();
@@ -114,7 +114,7 @@ impl CheckPlan<'_> {
         lines.push(detectable_table(model, &found.detectable, width_max).into());
         let assumed = assumptions(*robot).into_iter();
         lines.extend(assumed.map(|warning| TextLine::from(format!("note: {warning}"))));
-        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines.extend(settings.closing(&settings.not_checked(&start.task.measurement)));
         lines
     }
 
@@ -125,13 +125,15 @@ impl CheckPlan<'_> {
         let heads = ["Damage", "Minimum detectable change"];
         let start_table = Table::new("Detectable damage", heads);
         let detectable = found.detectable.iter().fold(start_table, |table, one| {
-            table
-                .row([one.damage.says().into(), least_detectable(&robot.model.physics, one).into()])
+            table.row([
+                one.damage.says().into(),
+                minimum_detectable(&robot.model.physics, one).into(),
+            ])
         });
         let (detected, false_alarms) = self.rates();
-        let not_checked = settings.not_checked(&start.task.sees);
+        let not_checked = settings.not_checked(&start.task.measurement);
         let content = PageContent {
-            verdict: format!("{} for a check", count(found.poses.len(), "pose")),
+            verdict: format!("{} for a check", pluralise(found.poses.len(), "pose")),
             sentence: format!(
                 "Damage of the size in the table is detected in {detected} of 100 cases, with {false_alarms} false alarms in 1000 undamaged robots."
             ),
@@ -141,7 +143,7 @@ impl CheckPlan<'_> {
             open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
             next: (
                 "Load the program and run it slowly first; measure, enter the readings in poses.csv, and evaluate them.",
-                settings.measured_by("plan --check", ""),
+                settings.evaluation_command("plan --check", ""),
             ),
         };
         render(robot.model, &content)
@@ -159,7 +161,7 @@ impl CheckPlan<'_> {
 
     /// Number of detections per 100 damaged robots, and of false alarms per 1000 undamaged ones.
     fn rates(&self) -> (String, String) {
-        let Terms { alarm, power } = self.terms;
+        let ErrorRates { alarm, power } = self.terms;
         (fixed(100.0 * power, 0), significant(1e3 * alarm, 2))
     }
 }

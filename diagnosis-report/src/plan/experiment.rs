@@ -4,7 +4,7 @@
 //! diagnosis. The motion is the one that the diagnosis has evaluated, within the limits and speeds of its model. The robot's surroundings are not
 //! considered; this is stated.
 
-use diagnosis::diagnose::experiment::{self, Measured, menu};
+use diagnosis::diagnose::experiment::{self, MeasuredChannels, catalogue};
 use physics::Arm;
 use recording::series::{Channel, JOINTS_MAX, Recording, TARGETS_MAX};
 use report::{TextLine, significant};
@@ -39,7 +39,7 @@ pub struct Request {
     /// Expected separation of the alternatives, as a log-likelihood ratio.
     pub expected_separation: f64,
     /// Quantities to be measured.
-    pub measured: Measured,
+    pub measured: MeasuredChannels,
 }
 
 /// The required keys of `diagnosis.json`.
@@ -92,7 +92,7 @@ impl Request {
     /// The experiment for this arm; `None` if this version has no experiment of that name.
     #[must_use]
     pub fn experiment(&self, arm: &Arm) -> Option<Experiment<'_>> {
-        let motion = menu(arm).into_iter().find(|one| one.name == self.name)?;
+        let motion = catalogue(arm).into_iter().find(|one| one.name == self.name)?;
         Some(Experiment { request: self, motion })
     }
 }
@@ -142,7 +142,7 @@ impl Experiment<'_> {
 }
 
 /// Finds columns by their names without units.
-fn measured(names: &[String]) -> Result<Measured, NoRequest> {
+fn measured(names: &[String]) -> Result<MeasuredChannels, NoRequest> {
     let points = (0..TARGETS_MAX).flat_map(|t| (0..3).map(move |axis| Channel::Target(t, axis)));
     let all = (0..3).map(Channel::Position).chain(points);
     let all = all.chain((0..4).map(Channel::Orientation)).chain((0..JOINTS_MAX).map(Channel::Link));
@@ -151,5 +151,5 @@ fn measured(names: &[String]) -> Result<Measured, NoRequest> {
         let found = all.iter().copied().find(|channel| channel.base() == *name);
         found.ok_or_else(|| NoRequest::NotMeasured(name.clone()))
     };
-    Ok(Measured { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
+    Ok(MeasuredChannels { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
 }

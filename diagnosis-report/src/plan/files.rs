@@ -4,13 +4,13 @@
 
 use std::collections::BTreeSet;
 
-use diagnosis::plan::order::home;
-use diagnosis::plan::{Patch, Sees, Task};
-use diagnosis::{Fitted, Noise};
+use diagnosis::plan::pose_order::home;
+use diagnosis::plan::{MeasurementKind, Task, TouchSurface};
+use diagnosis::{FitParameter, ReadingNoise};
 use physics::Joints;
 use recording::files::FileError;
 use recording::model::RobotModel;
-use recording::programs::{Approach, Axis, Krl, Program, Rapid, Tour};
+use recording::programs::{Approach, Axis, Krl, Program, ProgramRequest, Rapid};
 use recording::series::{Channel, Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 
 use crate::error::Error;
@@ -71,7 +71,7 @@ impl Programs {
     ) -> Result<Vec<PlanFile>, Error> {
         let arm = &model.physics.arm;
         let list = |q: &Joints| q[..arm.count()].to_vec();
-        let tour = Tour {
+        let tour = ProgramRequest {
             name: "poses".to_owned(),
             home: list(&home(arm, &task.reach)),
             poses: stops.iter().map(list).collect(),
@@ -84,16 +84,17 @@ impl Programs {
         let rapid = program.rapid(&Rapid::default()).map_err(FileError::from)?;
         let columns = columns(task);
         let mut recording = program.recording(&columns);
-        if let Noise::Equal(sigma) = task.noise {
+        if let ReadingNoise::Equal(sigma) = task.noise {
             let lengths = columns.iter().filter(|c| {
                 matches!(c, Channel::Position(_) | Channel::Target(..) | Channel::Distance(_))
             });
-            recording.about.sigma = lengths.map(|column| (*column, sigma)).collect();
+            recording.metadata.sigma = lengths.map(|column| (*column, sigma)).collect();
         }
-        recording.about.gauges = gauges(task);
-        recording.about.measured_in_base = task.surroundings.frames.iter().all(|frame| !frame.free);
+        recording.metadata.gauges = gauges(task);
+        recording.metadata.measured_in_base =
+            task.surroundings.frames.iter().all(|frame| !frame.free);
         let targets = task.surroundings.targets.iter().enumerate();
-        recording.about.targets_tool = targets
+        recording.metadata.targets_tool = targets
             .filter(|(_, target)| !target.free)
             .map(|(place, target)| (place, target.value.to_array()))
             .collect();
@@ -110,13 +111,13 @@ impl Programs {
 
 /// Columns for the measurements.
 fn columns(task: &Task) -> Vec<Channel> {
-    let orientation_rad = match &task.sees {
-        Sees::Points { orientation_rad, .. } => orientation_rad,
-        Sees::Distance { .. } => return vec![Channel::Distance(0)],
-        Sees::Touch(patches) => {
-            let touches = |patch: &Patch| match patch {
-                Patch::Plane { .. } => Channel::TouchPlane,
-                Patch::Sphere(_) => Channel::TouchSphere,
+    let orientation_rad = match &task.measurement {
+        MeasurementKind::Points { orientation_rad, .. } => orientation_rad,
+        MeasurementKind::Distance { .. } => return vec![Channel::Distance(0)],
+        MeasurementKind::Touch(patches) => {
+            let touches = |patch: &TouchSurface| match patch {
+                TouchSurface::Plane { .. } => Channel::TouchPlane,
+                TouchSurface::Sphere(_) => Channel::TouchSphere,
             };
             return patches.iter().map(touches).collect::<BTreeSet<_>>().into_iter().collect();
         }
@@ -139,9 +140,9 @@ fn gauges(task: &Task) -> Gauges {
     let around = &task.surroundings;
     let target = (!around.targets.is_empty()).then_some(0);
     let mut gauges = Gauges::default();
-    match &task.sees {
-        Sees::Points { .. } => {}
-        Sees::Distance { .. } => {
+    match &task.measurement {
+        MeasurementKind::Points { .. } => {}
+        MeasurementKind::Distance { .. } => {
             gauges.distances = (0..)
                 .zip(around.anchors.iter().take(1).map(|anchor| Distance {
                     anchor_m: known(anchor.place).map(|at| at.to_array()),
@@ -150,9 +151,9 @@ fn gauges(task: &Task) -> Gauges {
                 }))
                 .collect();
         }
-        Sees::Touch(_) => {
+        MeasurementKind::Touch(_) => {
             let sigma_m = match task.noise {
-                Noise::Equal(sigma) => Some(sigma),
+                ReadingNoise::Equal(sigma) => Some(sigma),
                 _ => None,
             };
             gauges.probe = Some(Probe { radius_m: 0.0, target, sigma_m });
@@ -173,7 +174,7 @@ fn gauges(task: &Task) -> Gauges {
     gauges
 }
 
-fn known<T>(fitted: Fitted<T>) -> Option<T> {
+fn known<T>(fitted: FitParameter<T>) -> Option<T> {
     (!fitted.free).then_some(fitted.value)
 }
 
@@ -181,12 +182,12 @@ fn known<T>(fitted: Fitted<T>) -> Option<T> {
 mod tests {
     use std::path::Path;
 
-    use recording::series::about_path;
+    use recording::series::metadata_path;
 
     use super::*;
 
     #[test]
     fn the_description_has_the_name_that_belongs_to_the_list() {
-        assert_eq!(about_path(Path::new(LIST)), Path::new(FILES[0]));
+        assert_eq!(metadata_path(Path::new(LIST)), Path::new(FILES[0]));
     }
 }

@@ -2,18 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::plan::iso::{Cube, cube, largest_cube};
+use diagnosis::plan::iso::{IsoCube, cube, largest_cube};
 use diagnosis::plan::starting_point::StartingPoint;
 use glam::DVec3;
 use physics::Joints;
-use report::{Number, Page, TextLine, TextTable, count, fixed};
+use report::{Number, Page, TextLine, TextTable, fixed, pluralise};
 use serde::Serialize;
 
 use super::files::PlanFile;
 use super::page::{PageContent, render};
 use super::{MILLI, Robot, Settings};
 use crate::error::Error;
-use crate::positions::{columns, shown};
+use crate::positions::{columns, joint_positions_text};
 
 /// Edges of a cube may differ by this much, m: below the resolution of the options.
 const SAME_EDGE_M: f64 = 1e-6;
@@ -40,11 +40,11 @@ pub struct IsoPlan<'a> {
     start: StartingPoint,
     cycles: usize,
     /// The cube and its poses.
-    pub found: Cube,
+    pub found: IsoCube,
 }
 
 /// Places the test cube: in the box of the settings' zone, otherwise the largest one in front of the arm. `along_base`: direction of the tool's z
-/// axis, base frame, unit length; `cycles`: visits of each pose, 30 by the standard ([`diagnosis::plan::iso::VISITS`]).
+/// axis, base frame, unit length; `cycles`: visits of each pose, 30 by the standard ([`diagnosis::plan::iso::VISITS_REQUIRED`]).
 ///
 /// ```no_run
 /// use diagnosis_report::plan::{Robot, Settings, iso_poses};
@@ -104,7 +104,7 @@ impl IsoPlan<'_> {
             cube_middle_mm: (MILLI * found.middle).to_array(),
             cube_edge_mm: MILLI * found.edge_m,
             poses: found.poses.iter().map(|q| columns(&model.physics.arm, q)).collect(),
-            not_checked: settings.not_checked(&start.task.sees),
+            not_checked: settings.not_checked(&start.task.measurement),
         }
     }
 
@@ -112,16 +112,19 @@ impl IsoPlan<'_> {
     #[must_use]
     pub fn text(&self, width_max: Option<usize>) -> Vec<TextLine> {
         let Self { robot, settings, start, cycles, found } = self;
-        let cycles = count(*cycles, "cycle");
+        let cycles = pluralise(*cycles, "cycle");
         let mut lines = vec![format!("{}; {cycles} of P5, P4, P3, P2, P1", self.cube()).into()];
         let poses = found.poses.iter().enumerate();
         let table =
             poses.fold(TextTable::new(["pose", "joints, deg (mm)"]), |table, (place, q)| {
-                table.row([format!("P{}", place + 1), shown(&robot.model.physics.arm, q)])
+                table.row([
+                    format!("P{}", place + 1),
+                    joint_positions_text(&robot.model.physics.arm, q),
+                ])
             });
         lines.push(table.render(width_max).into());
         lines.push("the standard requires rated load, rated speed and a warm robot: set them on the controller".into());
-        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines.extend(settings.closing(&settings.not_checked(&start.task.measurement)));
         lines
     }
 
@@ -130,13 +133,13 @@ impl IsoPlan<'_> {
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, cycles, found } = self;
         let names = (1..).map(|place| format!("P{place}"));
-        let not_checked = settings.not_checked(&start.task.sees);
+        let not_checked = settings.not_checked(&start.task.measurement);
         let content = PageContent {
-            verdict: format!("five poses, {}", count(*cycles, "cycle")),
+            verdict: format!("five poses, {}", pluralise(*cycles, "cycle")),
             sentence: format!(
                 "{} (base frame): the tool goes through P5, P4, P3, P2, P1, {}.",
                 report::capitalised(&self.cube()),
-                count(*cycles, "time")
+                pluralise(*cycles, "time")
             ),
             numbers: vec![
                 Number::new("Edge of the cube", MILLI * found.edge_m, "mm"),
@@ -147,7 +150,7 @@ impl IsoPlan<'_> {
             open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
             next: (
                 "Set rated load and rated speed, warm the robot up, run the program slowly first; then measure and evaluate.",
-                settings.measured_by("plan --iso9283", ""),
+                settings.evaluation_command("plan --iso9283", ""),
             ),
         };
         render(robot.model, &content)

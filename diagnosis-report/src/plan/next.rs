@@ -1,17 +1,17 @@
 //! The next pose to measure, and whether measuring it is worthwhile.
 
-use diagnosis::plan::next::AHEAD;
+use diagnosis::plan::next_pose::LOOKAHEAD_POSES;
 use diagnosis::plan::starting_point::StartingPoint;
-use diagnosis::plan::{Next, next};
-use report::{Number, Page, TextLine, Tone, count};
+use diagnosis::plan::{NextPose, best_next_pose};
+use report::{Number, Page, TextLine, Tone, pluralise};
 use serde::Serialize;
 
 use super::files::PlanFile;
 use super::page::{PageContent, render};
-use super::poses::{PoseReport, before_and_after, mm};
+use super::poses::{PoseReport, mm, uncertainty_change};
 use super::{MILLI, Robot, Settings};
 use crate::error::Error;
-use crate::positions::shown;
+use crate::positions::joint_positions_text;
 
 /// The next pose: `trued.plan/1` (docs/reference/results.md).
 #[derive(Serialize)]
@@ -37,7 +37,7 @@ pub struct NextPlan<'a> {
     start: StartingPoint,
     worth_mm: f64,
     /// The chosen pose.
-    pub found: Next,
+    pub found: NextPose,
 }
 
 /// Chooses the pose that reduces the tool's expected error most. `worth_mm`: least reduction of that error by ten more poses for measuring to be
@@ -66,7 +66,7 @@ pub fn next_pose<'a>(
 ) -> Result<NextPlan<'a>, Error> {
     let start = settings.start_with_zone(robot)?;
     let Settings { candidates, seed, .. } = settings;
-    let found = next(&start.task, start.known(), *candidates, 1e-3 * worth_mm, *seed)
+    let found = best_next_pose(&start.task, start.known(), *candidates, 1e-3 * worth_mm, *seed)
         .map_err(Error::input)?;
     Ok(NextPlan { robot, settings, start, worth_mm, found })
 }
@@ -87,7 +87,7 @@ impl NextPlan<'_> {
             tool_with_ten_more_mm: MILLI * later_m,
             worth_mm: self.worth_mm,
             pose: PoseReport::of(model, &found.pose),
-            not_checked: settings.not_checked(&start.task.sees),
+            not_checked: settings.not_checked(&start.task.measurement),
         }
     }
 
@@ -102,7 +102,7 @@ impl NextPlan<'_> {
         } else {
             TextLine::with_head(Tone::Plain, "go on", format!(": {improvement}"))
         };
-        let q = shown(&robot.model.physics.arm, &found.pose.q);
+        let q = joint_positions_text(&robot.model.physics.arm, &found.pose.q);
         let [before_m, after_m] = found.pose.tool_m;
         let mut lines = vec![
             first,
@@ -115,7 +115,7 @@ impl NextPlan<'_> {
             )
             .into(),
         ];
-        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines.extend(settings.closing(&settings.not_checked(&start.task.measurement)));
         lines
     }
 
@@ -123,10 +123,10 @@ impl NextPlan<'_> {
     #[must_use]
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, worth_mm, found } = self;
-        let whereabouts = settings.whereabouts();
+        let whereabouts = settings.region();
         let improved = self.improved_parameters();
         let improved = improved.iter().map(|one| format!("becomes surer: {one}"));
-        let not_checked = settings.not_checked(&start.task.sees);
+        let not_checked = settings.not_checked(&start.task.measurement);
         let open = improved.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
         let [before_m, after_m] = found.pose.tool_m;
         let content = PageContent {
@@ -141,7 +141,7 @@ impl NextPlan<'_> {
             poses: vec![("next".to_owned(), found.pose.q)],
             details: Vec::new(),
             open: open.collect(),
-            next: settings.to_calibrate(),
+            next: settings.calibration_steps(),
         };
         render(robot.model, &content)
     }
@@ -160,15 +160,15 @@ impl NextPlan<'_> {
     fn improvement(&self) -> String {
         let [now_m, later_m] = self.found.tool_m;
         format!(
-            "{} measured; expected error of the tool {} mm {}; {AHEAD} more poses would reduce it by {} mm",
-            count(self.start.measured_poses(), "pose"),
+            "{} measured; expected error of the tool {} mm {}; {LOOKAHEAD_POSES} more poses would reduce it by {} mm",
+            pluralise(self.start.measured_poses(), "pose"),
             mm(now_m),
-            self.settings.whereabouts(),
+            self.settings.region(),
             mm(now_m - later_m)
         )
     }
 
     fn improved_parameters(&self) -> Vec<String> {
-        self.found.pose.falls.iter().map(before_and_after).collect()
+        self.found.pose.reductions.iter().map(uncertainty_change).collect()
     }
 }

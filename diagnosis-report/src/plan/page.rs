@@ -6,7 +6,7 @@ use physics::Joints;
 use recording::model::RobotModel;
 use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
 
-use crate::drawings::places;
+use crate::drawings::joint_points;
 use crate::positions::columns;
 
 /// Poses per drawing: as many as fit on one sheet of paper.
@@ -29,10 +29,9 @@ pub(super) struct PageContent<'a> {
 /// Renders the page.
 pub(super) fn render(model: &RobotModel, content: &PageContent<'_>) -> Page {
     let arm = &model.physics.arm;
-    let drawn = content
-        .poses
-        .iter()
-        .fold(ArmPoses::new("Poses"), |all, (name, q)| all.pose(name.clone(), places(arm, q)));
+    let drawn = content.poses.iter().fold(ArmPoses::new("Poses"), |all, (name, q)| {
+        all.pose(name.clone(), joint_points(arm, q))
+    });
     let part = |from: usize| -> Svg { drawn.render_part(from..from + DRAWN) };
     let caption = |from: usize| {
         let to = (from + DRAWN).min(content.poses.len());

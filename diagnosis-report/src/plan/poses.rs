@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use diagnosis::plan::starting_point::StartingPoint;
-use diagnosis::plan::{Added, Criterion, Falls, Plan, plan};
+use diagnosis::plan::{Criterion, Plan, PoseContribution, UncertaintyReduction, plan};
 use physics::Joints;
 use recording::model::RobotModel;
-use report::{Number, Page, Table, TextLine, TextTable, Tone, count, significant};
+use report::{Number, Page, Table, TextLine, TextTable, Tone, pluralise, significant};
 use serde::Serialize;
 
 use super::files::PlanFile;
 use super::page::{PageContent, numbered, render};
 use super::{MILLI, Robot, Settings};
 use crate::error::Error;
-use crate::positions::{columns, shown};
+use crate::positions::{columns, joint_positions_text};
 
 /// Largest number of open questions in the text.
 const OPEN: usize = 3;
@@ -30,7 +30,7 @@ pub struct PosesReport<'a> {
     candidates: usize,
     measured_poses: usize,
     poses: Vec<PoseReport>,
-    numbers: Vec<FallsReport>,
+    numbers: Vec<UncertaintyReport>,
     undetermined: &'a [String],
     not_checked: Vec<&'static str>,
     out: Option<PathBuf>,
@@ -46,12 +46,12 @@ pub(super) struct PoseReport {
     o1: Option<f64>,
     tool_before_mm: f64,
     tool_after_mm: f64,
-    surer: Vec<FallsReport>,
+    surer: Vec<UncertaintyReport>,
 }
 
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-struct FallsReport {
+struct UncertaintyReport {
     what: String,
     unit: &'static str,
     sigma_before: f64,
@@ -59,7 +59,7 @@ struct FallsReport {
 }
 
 impl PoseReport {
-    pub(super) fn of(model: &RobotModel, pose: &Added) -> Self {
+    pub(super) fn of(model: &RobotModel, pose: &PoseContribution) -> Self {
         Self {
             q: columns(&model.physics.arm, &pose.q),
             readings: pose.readings,
@@ -67,13 +67,13 @@ impl PoseReport {
             o1: pose.o1,
             tool_before_mm: MILLI * pose.tool_m[0],
             tool_after_mm: MILLI * pose.tool_m[1],
-            surer: pose.falls.iter().map(FallsReport::of).collect(),
+            surer: pose.reductions.iter().map(UncertaintyReport::of).collect(),
         }
     }
 }
 
-impl FallsReport {
-    fn of(falls: &Falls) -> Self {
+impl UncertaintyReport {
+    fn of(falls: &UncertaintyReduction) -> Self {
         let (suffix, si) = falls.unit;
         Self {
             what: falls.what.clone(),
@@ -90,7 +90,7 @@ pub(super) fn mm(metres: f64) -> String {
 }
 
 /// A parameter's standard uncertainty before and after: `joint 4's offset (joint_offset) 0.42 → 0.11 mrad`.
-pub(super) fn before_and_after(falls: &Falls) -> String {
+pub(super) fn uncertainty_change(falls: &UncertaintyReduction) -> String {
     let (suffix, si) = falls.unit;
     let number = |sigma: f64| significant(sigma / si, 2);
     let unit = suffix.trim_start_matches('_').replace("_per_", "/");
@@ -158,9 +158,9 @@ impl PosesPlan<'_> {
             candidates: found.candidates,
             measured_poses: start.measured_poses(),
             poses: found.poses.iter().map(|pose| PoseReport::of(model, pose)).collect(),
-            numbers: found.numbers.iter().map(FallsReport::of).collect(),
+            numbers: found.numbers.iter().map(UncertaintyReport::of).collect(),
             undetermined: &found.undetermined,
-            not_checked: settings.not_checked(&start.task.sees),
+            not_checked: settings.not_checked(&start.task.measurement),
             out: settings.out.clone(),
         }
     }
@@ -173,14 +173,14 @@ impl PosesPlan<'_> {
             " of {} that pass (seed {}), {}; measured so far: {}",
             found.candidates,
             settings.seed,
-            self.best_for(),
+            self.criterion_text(),
             start.measured_poses()
         );
-        let head = count(found.poses.len(), "pose");
+        let head = pluralise(found.poses.len(), "pose");
         let mut lines = vec![TextLine::with_head(Tone::Plain, head, rest)];
         lines.push(self.table_of_poses(width_max).into());
         if let (Some(first), Some(last)) = (found.poses.first(), found.poses.last()) {
-            let whereabouts = settings.whereabouts();
+            let whereabouts = settings.region();
             let (before, after) = (mm(first.tool_m[0]), mm(last.tool_m[1]));
             lines.push(
                 format!(
@@ -196,7 +196,7 @@ impl PosesPlan<'_> {
             lines
                 .push(format!("stays open: {more} more; all are in the JSON (--json FILE)").into());
         }
-        lines.extend(settings.closing(&settings.not_checked(&start.task.sees)));
+        lines.extend(settings.closing(&settings.not_checked(&start.task.measurement)));
         lines
     }
 
@@ -204,7 +204,7 @@ impl PosesPlan<'_> {
     #[must_use]
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, found, .. } = self;
-        let whereabouts = settings.whereabouts();
+        let whereabouts = settings.region();
         let expected = found.poses.first().zip(found.poses.last());
         let [before, after] = expected.map_or([f64::NAN; 2], |(first, last)| {
             [MILLI * first.tool_m[0], MILLI * last.tool_m[1]]
@@ -213,15 +213,15 @@ impl PosesPlan<'_> {
             .undetermined
             .iter()
             .map(|open| format!("not identifiable from these poses: {open}"));
-        let not_checked = settings.not_checked(&start.task.sees);
+        let not_checked = settings.not_checked(&start.task.measurement);
         let open = open.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
         let content = PageContent {
-            verdict: format!("{} to measure", count(found.poses.len(), "pose")),
+            verdict: format!("{} to measure", pluralise(found.poses.len(), "pose")),
             sentence: format!(
                 "{} of {} that pass, {}. With them the tool's expected error {whereabouts} falls from {} to {} mm.",
-                count(found.poses.len(), "pose"),
+                pluralise(found.poses.len(), "pose"),
                 found.candidates,
-                self.best_for(),
+                self.criterion_text(),
                 significant(before, 2),
                 significant(after, 2)
             ),
@@ -233,7 +233,7 @@ impl PosesPlan<'_> {
             poses: numbered(&self.stops()),
             details: vec![self.table_of_uncertainties()],
             open: open.collect(),
-            next: settings.to_calibrate(),
+            next: settings.calibration_steps(),
         };
         render(robot.model, &content)
     }
@@ -254,7 +254,7 @@ impl PosesPlan<'_> {
 
     fn table_of_uncertainties(&self) -> Table {
         let heads = ["Parameter", "Unit", "Uncertainty now", "Afterwards"];
-        self.found.numbers.iter().map(FallsReport::of).fold(
+        self.found.numbers.iter().map(UncertaintyReport::of).fold(
             Table::new("Standard uncertainty of the identified parameters", heads),
             |table, falls| {
                 let unit = falls.unit.replace("_per_", "/");
@@ -274,10 +274,11 @@ impl PosesPlan<'_> {
         let start = TextTable::new(["pose", "joints, deg (mm)", "tool, mm"]);
         let table = self.found.poses.iter().enumerate().fold(start, |table, (place, pose)| {
             let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
-            table.row([(place + 1).to_string(), shown(arm, &pose.q), tool])
+            table.row([(place + 1).to_string(), joint_positions_text(arm, &pose.q), tool])
         });
         let table = table.render(width_max);
-        let improved = self.found.poses.iter().map(|pose| pose.falls.first().map(before_and_after));
+        let improved =
+            self.found.poses.iter().map(|pose| pose.reductions.first().map(uncertainty_change));
         let lines = table.lines().zip(std::iter::once(None).chain(improved));
         lines.fold(String::new(), |text, (line, improved)| match improved {
             Some(improved) => format!("{text}{line}\n      {improved}\n"),
@@ -285,12 +286,12 @@ impl PosesPlan<'_> {
         })
     }
 
-    fn best_for(&self) -> String {
+    fn criterion_text(&self) -> String {
         match self.criterion {
             Criterion::D => "best for all parameters together (D)".to_owned(),
             Criterion::O1 => "best by information per reading (O1)".to_owned(),
             Criterion::Random => "random".to_owned(),
-            Criterion::Zone => format!("best for the tool {}", self.settings.whereabouts()),
+            Criterion::Zone => format!("best for the tool {}", self.settings.region()),
         }
     }
 }

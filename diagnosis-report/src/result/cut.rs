@@ -3,22 +3,22 @@
 //! Indistinguishable effects are reported with the recording that would distinguish them. Only fitted values are reported.
 
 use diagnosis::diagnose::Verdict;
-use diagnosis::force::{Compared, Rest};
+use diagnosis::force::{CutComparison, UnexplainedForce};
 use diagnosis::torque::Finding;
 use recording::model::{EffectEntry, RobotModel};
 use report::significant;
 
 use super::drives::{alternatives, parameters};
-use super::{NotTested, Report, ReportedFinding, Size, Unexplained, Where};
-use crate::drives::entry;
+use super::{FindingLocation, Report, ReportedFinding, Size, Unexplained, UntestedEffect};
+use crate::drives::file_entry;
 
 /// Names of the axes in files.
 const CHANNELS: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
 impl Report {
     /// The report with the results of the comparison instead of those of the forces alone.
-    pub(crate) fn against_cut(self, base: &RobotModel, compared: &Compared) -> Self {
-        let not_tested = |(effect, why): &(&'static str, &'static str)| NotTested {
+    pub(crate) fn with_cut_comparison(self, base: &RobotModel, compared: &CutComparison) -> Self {
+        let not_tested = |(effect, why): &(&'static str, &'static str)| UntestedEffect {
             effect,
             joint: None,
             why: (*why).to_owned(),
@@ -32,9 +32,9 @@ impl Report {
             noise_rms: compared.noise,
             heldout_rms_before: Some(compared.heldout[0]),
             heldout_rms_after: Some(compared.heldout[1]),
-            heldout: compared.says.clone(),
-            findings: compared.findings.iter().map(|one| reported(base, one)).collect(),
-            candidates: compared.candidates.iter().map(|one| reported(base, one)).collect(),
+            heldout: compared.heldout_description.clone(),
+            findings: compared.findings.iter().map(|one| reported_finding(base, one)).collect(),
+            candidates: compared.candidates.iter().map(|one| reported_finding(base, one)).collect(),
             next_experiment: next_experiment(compared),
             not_tested: compared.not_tested.iter().map(not_tested).collect(),
             unexplained: compared.unexplained.as_ref().map(unexplained),
@@ -44,9 +44,9 @@ impl Report {
     }
 }
 
-fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
-    let entry = entry(base, finding);
-    let frequency = finding.numbers.iter().find(|number| number.stem == "frequency");
+fn reported_finding(base: &RobotModel, finding: &Finding) -> ReportedFinding {
+    let entry = file_entry(base, finding);
+    let frequency = finding.parameters.iter().find(|number| number.stem == "frequency");
     ReportedFinding {
         effect: finding.kind,
         joint: None,
@@ -58,7 +58,7 @@ fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
         heldout_rms_without: Some(finding.heldout_without),
         size: Some(Size::of(finding.size, 1.0)),
         group: None,
-        place: Where {
+        location: FindingLocation {
             joint: None,
             channels: CHANNELS.map(str::to_owned).to_vec(),
             condition: condition(finding.kind).to_owned(),
@@ -66,7 +66,7 @@ fn reported(base: &RobotModel, finding: &Finding) -> ReportedFinding {
             frequency_Hz: frequency.and_then(|number| number.values.first()).copied(),
         },
         alternatives: alternatives(finding),
-        says: says(finding, entry.as_ref()),
+        says: sentence(finding, entry.as_ref()),
     }
 }
 
@@ -87,7 +87,7 @@ fn condition(kind: &str) -> &'static str {
 }
 
 /// Cause and size of a finding as a sentence.
-fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
+fn sentence(finding: &Finding, entry: Option<&EffectEntry>) -> String {
     let list = |stem: &str| -> Vec<f64> {
         let found = entry.and_then(|e| e.parameters.iter().find(|p| p.key.starts_with(stem)));
         found.map(|p| p.value.as_slice().to_vec()).unwrap_or_default()
@@ -133,14 +133,15 @@ fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
     }
 }
 
-fn unexplained(rest: &Rest) -> Unexplained {
+fn unexplained(rest: &UnexplainedForce) -> Unexplained {
     let says = match rest.tone_hz {
         Some(hz) => format!(
             "A tone of {} Hz is present in the forces with and without cutting: it is not caused by the cut.",
             significant(hz, 4)
         ),
         None => {
-            let words: Vec<&str> = rest.words.iter().map(|word| in_words(word)).collect();
+            let words: Vec<&str> =
+                rest.depends_on.iter().map(|word| covariate_name(word)).collect();
             format!(
                 "An unmodelled force along {}, depending on {}, remains.",
                 CHANNELS[rest.axis],
@@ -149,15 +150,15 @@ fn unexplained(rest: &Rest) -> Unexplained {
         }
     };
     Unexplained {
-        rms: rest.held[0],
-        depends_on: rest.words.clone(),
-        heldout_rms_after: rest.held[1],
+        rms: rest.heldout[0],
+        depends_on: rest.depends_on.clone(),
+        heldout_rms_after: rest.heldout[1],
         says,
     }
 }
 
 /// A covariate for users.
-fn in_words(word: &str) -> &str {
+fn covariate_name(word: &str) -> &str {
     match word {
         "spindle_rpm" => "the turn of the spindle",
         "feed_mm_s" => "the feed",
@@ -168,8 +169,8 @@ fn in_words(word: &str) -> &str {
 }
 
 /// The experiment that would resolve open questions.
-fn next_experiment(compared: &Compared) -> Option<String> {
-    let open = |one: &&Finding| one.rivals.iter().any(|rival| rival.alike);
+fn next_experiment(compared: &CutComparison) -> Option<String> {
+    let open = |one: &&Finding| one.alternatives.iter().any(|rival| rival.is_indistinguishable);
     let Some(one) = compared.findings.iter().find(open) else {
         let rests = compared.verdict == Verdict::UnknownStructure;
         return rests.then(|| {
@@ -178,7 +179,10 @@ fn next_experiment(compared: &Compared) -> Option<String> {
     };
     let is_among = |kinds: &[&str]| {
         kinds.contains(&one.kind)
-            || one.rivals.iter().any(|rival| rival.alike && kinds.contains(&rival.kind))
+            || one
+                .alternatives
+                .iter()
+                .any(|rival| rival.is_indistinguishable && kinds.contains(&rival.kind))
     };
     let of_coefficients = ["cutting_force", "edge_force", "tool_wear"];
     let of_sensor = ["wrench_scale", "wrench_misalignment", "cross_talk"];

@@ -4,31 +4,31 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::torque::{Diagnosis, Finding, Rival};
+use diagnosis::torque::{AlternativeEffect, Diagnosis, Finding};
 use physics::JointKind;
 use recording::model::{EffectEntry, Numbers, RobotModel};
 use report::significant;
 
 use super::{
-    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, ReportedFinding, Size, Unexplained,
-    Value, Where,
+    Alternative, FindingLocation, JointErrors, NINETY_FIVE, Report, ReportedFinding, Size,
+    Unexplained, UntestedEffect, Value,
 };
-use crate::drives::{Drives, entry};
+use crate::drives::{TorqueDiagnosis, file_entry};
 
 impl Report {
     /// The report of the drive torques of `base`.
     pub(crate) fn of_drives(
         base: &RobotModel,
-        drives: &Drives,
+        drives: &TorqueDiagnosis,
         notes: &[String],
         seed: u64,
     ) -> Self {
         let empty = Self { notes: notes.to_vec(), ..Self::empty("torque", "Nm", seed) };
         let diagnosis = match &drives.result {
             Ok(diagnosis) => diagnosis,
-            Err(doubt) => return empty.because(doubt.to_string()),
+            Err(doubt) => return empty.with_reason(doubt.to_string()),
         };
-        let unit = if diagnosis.slides { "N" } else { "Nm" };
+        let unit = if diagnosis.all_prismatic { "N" } else { "Nm" };
         let (findings, candidates) = (diagnosis.findings.iter(), diagnosis.candidates.iter());
         Self {
             verdict: diagnosis.verdict.name(),
@@ -39,14 +39,14 @@ impl Report {
             noise_rms: diagnosis.noise,
             heldout_rms_before: Some(diagnosis.heldout[0]),
             heldout_rms_after: Some(diagnosis.heldout[1]),
-            heldout: diagnosis.says.clone(),
-            findings: findings.map(|one| reported(base, drives, one)).collect(),
-            candidates: candidates.map(|one| reported(base, drives, one)).collect(),
+            heldout: diagnosis.heldout_description.clone(),
+            findings: findings.map(|one| reported_finding(base, drives, one)).collect(),
+            candidates: candidates.map(|one| reported_finding(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
             not_tested: diagnosis
                 .not_tested
                 .iter()
-                .map(|(effect, joint, why)| NotTested {
+                .map(|(effect, joint, why)| UntestedEffect {
                     effect,
                     joint: joint.map(|joint| joint + 1),
                     why: (*why).to_owned(),
@@ -63,22 +63,26 @@ impl Report {
 fn unexplained(diagnosis: &Diagnosis) -> Option<Unexplained> {
     let law = diagnosis.unexplained.as_ref()?;
     let joint = diagnosis.by_joint.iter().find(|one| one.joint == law.joint)?;
-    let left = (law.held[1] / law.held[0].max(f64::MIN_POSITIVE)).sqrt();
+    let left = (law.heldout_squares[1] / law.heldout_squares[0].max(f64::MIN_POSITIVE)).sqrt();
     Some(Unexplained {
         rms: joint.after,
-        depends_on: law.words.clone(),
+        depends_on: law.depends_on.clone(),
         heldout_rms_after: joint.after * left,
         says: format!(
             "An unmodelled torque of joint {}, depending on {}, remains.",
             law.joint + 1,
-            law.words.join(" and ")
+            law.depends_on.join(" and ")
         ),
     })
 }
 
-fn reported(base: &RobotModel, drives: &Drives, finding: &Finding) -> ReportedFinding {
+fn reported_finding(
+    base: &RobotModel,
+    drives: &TorqueDiagnosis,
+    finding: &Finding,
+) -> ReportedFinding {
     let joint = finding.joint.map(|joint| joint + 1);
-    let entry = entry(base, finding);
+    let entry = file_entry(base, finding);
     let channels = match finding.joint {
         Some(joint) => vec![format!("tau{}", joint + 1)],
         None => (1..=base.physics.arm.count()).map(|joint| format!("tau{joint}")).collect(),
@@ -98,21 +102,30 @@ fn reported(base: &RobotModel, drives: &Drives, finding: &Finding) -> ReportedFi
         heldout_rms_without: Some(finding.heldout_without),
         size: Some(Size::of(finding.size, 1.0)),
         group: None,
-        place: Where { joint, channels, condition, intervals_s: Vec::new(), frequency_Hz: None },
+        location: FindingLocation {
+            joint,
+            channels,
+            condition,
+            intervals_s: Vec::new(),
+            frequency_Hz: None,
+        },
         alternatives: alternatives(finding),
-        says: says(base, drives, finding, entry.as_ref()),
+        says: sentence(base, drives, finding, entry.as_ref()),
     }
 }
 
 /// The alternatives to a finding in torques or forces.
 pub(crate) fn alternatives(finding: &Finding) -> Vec<Alternative> {
-    let alternative = |rival: &Rival| Alternative {
+    let alternative = |rival: &AlternativeEffect| Alternative {
         effect: rival.kind,
         joint: rival.joint.map(|joint| joint + 1),
         confidence: Some(rival.confidence),
-        is_alike: rival.alike,
+        is_indistinguishable: rival.is_indistinguishable,
     };
-    Alternative::whole(finding.confidence, finding.rivals.iter().map(alternative).collect())
+    Alternative::with_remainder(
+        finding.confidence,
+        finding.alternatives.iter().map(alternative).collect(),
+    )
 }
 
 pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
@@ -164,7 +177,7 @@ struct Sentence<'a> {
 
 impl Sentence<'_> {
     /// A value in file units, to three digits.
-    fn said(&self, stem: &str) -> String {
+    fn value_text(&self, stem: &str) -> String {
         let number = || {
             let parameter = self.entry?.parameters.iter().find(|p| p.key.starts_with(stem))?;
             parameter.value.as_slice().first().copied()
@@ -173,8 +186,8 @@ impl Sentence<'_> {
     }
 
     /// A value in SI.
-    fn si(&self, stem: &str) -> f64 {
-        let found = self.finding.numbers.iter().find(|number| number.stem == stem);
+    fn si_value(&self, stem: &str) -> f64 {
+        let found = self.finding.parameters.iter().find(|number| number.stem == stem);
         found.and_then(|number| number.values.first()).copied().unwrap_or(0.0)
     }
 
@@ -183,30 +196,31 @@ impl Sentence<'_> {
     }
 
     /// Sentence for friction effects; `None` for other effects.
-    fn of_friction(&self) -> Option<String> {
+    fn friction_sentence(&self) -> Option<String> {
         let (joint, unit) = (&self.joint, self.unit());
         Some(match self.finding.kind {
             "coulomb_friction" => {
                 format!(
                     "{joint} has Coulomb friction of {} {unit} that is missing in the model.",
-                    self.said("level")
+                    self.value_text("level")
                 )
             }
             "viscous_friction" => format!(
                 "{joint} has viscous friction of {} {unit} s per {}.",
-                self.said("coefficient"),
+                self.value_text("coefficient"),
                 if self.slides { "m" } else { "rad" }
             ),
             "stribeck_friction" => format!(
                 "{joint} has {} {unit} of additional friction at low speed (Stribeck effect), vanishing above {} {}.",
-                self.said("level"),
-                self.said("stribeck_speed"),
+                self.value_text("level"),
+                self.value_text("stribeck_speed"),
                 if self.slides { "m/s" } else { "rad/s" }
             ),
             "friction_asymmetry" => {
-                let has = |stem| self.finding.numbers.iter().any(|number| number.stem == stem);
-                let level = format!("by {} {unit}", self.said("offset"));
-                let slope = format!("by {} {unit} per unit of speed", self.said("coefficient"));
+                let has = |stem| self.finding.parameters.iter().any(|number| number.stem == stem);
+                let level = format!("by {} {unit}", self.value_text("offset"));
+                let slope =
+                    format!("by {} {unit} per unit of speed", self.value_text("coefficient"));
                 let form = match (has("offset"), has("coefficient")) {
                     (true, true) => format!("{level} and {slope}"),
                     (true, false) => level,
@@ -215,54 +229,54 @@ impl Sentence<'_> {
                 format!("{joint}'s friction differs by direction, {form}.")
             }
             "load_friction" => {
-                let share = significant(100.0 * self.si("coefficient"), 3);
+                let share = significant(100.0 * self.si_value("coefficient"), 3);
                 format!("{joint}'s friction increases with its load: {share} % of it.")
             }
             "hysteresis" => format!(
                 "{joint}'s friction has a hysteresis loop of {} {unit} after each reversal.",
-                self.said("amplitude")
+                self.value_text("amplitude")
             ),
             _ => return None,
         })
     }
 
     /// Sentence for masses, drives and springs. `only`: the recording in which the effect acts, if only one.
-    fn of_others(&self, only: Option<&String>) -> String {
+    fn other_sentence(&self, only: Option<&String>) -> String {
         let (joint, unit) = (&self.joint, self.unit());
         match self.finding.kind {
             "inertia" => {
                 let (stem, unit) = if self.slides { ("mass", "kg") } else { ("inertia", "kg m²") };
                 format!(
                     "{joint} has an additional inertia of {} {unit} that is missing in the model.",
-                    self.said(stem)
+                    self.value_text(stem)
                 )
             }
             "payload" => {
                 let only = only.map_or(String::new(), |name| format!(" in {name}"));
                 format!(
                     "The arm carries a mass of {} kg that is missing in the model{only}.",
-                    self.said("mass")
+                    self.value_text("mass")
                 )
             }
             "torque_ripple" => format!(
                 "{joint} has a torque ripple of {} {unit}, {} cycles per {}.",
-                self.said("amplitude"),
-                self.said("cycles"),
+                self.value_text("amplitude"),
+                self.value_text("cycles"),
                 if self.slides { "m" } else { "revolution" }
             ),
             "spring" => format!(
                 "A spring of {} {unit} per {} acts on {}.",
-                self.said("stiffness"),
+                self.value_text("stiffness"),
                 if self.slides { "m" } else { "rad" },
                 joint.to_lowercase()
             ),
             "drive_gain" => format!(
                 "{joint}'s drive torque is {} % {} than stated.",
-                significant(100.0 * self.si("gain").abs(), 2),
-                if self.si("gain") > 0.0 { "less" } else { "more" }
+                significant(100.0 * self.si_value("gain").abs(), 2),
+                if self.si_value("gain") > 0.0 { "less" } else { "more" }
             ),
             "torque_delay" => {
-                let late_ms = 1e3 * self.si("delay");
+                let late_ms = 1e3 * self.si_value("delay");
                 let which = if late_ms >= 0.0 {
                     "Torque is recorded later than motion"
                 } else {
@@ -276,9 +290,9 @@ impl Sentence<'_> {
 }
 
 /// Cause and size of a finding as a sentence.
-fn says(
+fn sentence(
     base: &RobotModel,
-    drives: &Drives,
+    drives: &TorqueDiagnosis,
     finding: &Finding,
     entry: Option<&EffectEntry>,
 ) -> String {
@@ -287,12 +301,15 @@ fn says(
     let slides = finding.joint.is_some_and(|joint| kind(joint) == JointKind::Prismatic);
     let sentence = Sentence { finding, entry, joint, slides };
     let only = finding.recording.and_then(|k| drives.recordings.get(k));
-    sentence.of_friction().unwrap_or_else(|| sentence.of_others(only))
+    sentence.friction_sentence().unwrap_or_else(|| sentence.other_sentence(only))
 }
 
 /// The experiment that would resolve open questions.
 fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
-    let open = diagnosis.findings.iter().find(|one| one.rivals.iter().any(|rival| rival.alike));
+    let open = diagnosis
+        .findings
+        .iter()
+        .find(|one| one.alternatives.iter().any(|rival| rival.is_indistinguishable));
     if let Some(one) = open {
         let of = one.joint.map_or("the arm".to_owned(), |joint| format!("joint {}", joint + 1));
         return Some(match one.kind {

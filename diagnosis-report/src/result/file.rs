@@ -12,7 +12,7 @@ use crate::error::Error;
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
-pub enum Whole<'a> {
+pub enum DiagnosisJson<'a> {
     /// One domain.
     One(&'a Report),
     /// Several domains.
@@ -22,7 +22,7 @@ pub enum Whole<'a> {
     },
 }
 
-impl<'a> Whole<'a> {
+impl<'a> DiagnosisJson<'a> {
     /// For one or several reports.
     #[must_use]
     pub fn of(reports: &'a [Report]) -> Self {
@@ -35,6 +35,7 @@ impl<'a> Whole<'a> {
 
 /// The result as JSON text.
 pub(crate) fn json(reports: &[Report]) -> Result<String, Error> {
-    let text = program::json("trued.diagnosis/1", &Whole::of(reports)).map_err(Error::internal)?;
+    let text =
+        program::json("trued.diagnosis/1", &DiagnosisJson::of(reports)).map_err(Error::internal)?;
     Ok(text + "\n")
 }

@@ -4,12 +4,14 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::force::{Cause, Diagnosis, Finding, Phase, State, Tone};
+use diagnosis::force::{Cause, Diagnosis, Finding, Phase, SpectralLine, State};
 use report::significant;
 use serde::Serialize;
 
-use super::{Alternative, NINETY_FIVE, NotTested, Report, ReportedFinding, Value, Where};
-use crate::forces::DiagnosedForces;
+use super::{
+    Alternative, FindingLocation, NINETY_FIVE, Report, ReportedFinding, UntestedEffect, Value,
+};
+use crate::forces::ForceDiagnosis;
 
 /// N/m² per N/mm².
 const MEGA: f64 = 1e6;
@@ -17,7 +19,7 @@ const MEGA: f64 = 1e6;
 /// A phase of the tool's engagement.
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
-pub(crate) struct Stretch {
+pub(crate) struct PhaseEntry {
     pub(crate) state: &'static str,
     pub(crate) from_s: f64,
     pub(crate) to_s: f64,
@@ -30,7 +32,7 @@ pub(crate) struct Stretch {
 #[derive(Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "keys carry units")]
-pub(crate) struct Heard {
+pub(crate) struct SpectralLineEntry {
     pub(crate) frequency_Hz: f64,
     pub(crate) amplitude: f64,
     pub(crate) amplitude_in_air: f64,
@@ -41,14 +43,14 @@ pub(crate) struct Heard {
 
 impl Report {
     /// The report of forces alone.
-    pub(crate) fn of_forces(found: &DiagnosedForces) -> Self {
+    pub(crate) fn of_forces(found: &ForceDiagnosis) -> Self {
         let empty = Self::empty("force", "N", found.seed);
         let diagnosis = match &found.result {
             Ok(diagnosis) => diagnosis,
-            Err(doubt) => return empty.because(doubt.to_string()),
+            Err(doubt) => return empty.with_reason(doubt.to_string()),
         };
         let findings: Vec<ReportedFinding> =
-            diagnosis.findings.iter().map(|one| reported(diagnosis, one)).collect();
+            diagnosis.findings.iter().map(|one| reported_finding(diagnosis, one)).collect();
         let proof = diagnosis.findings.iter().find_map(|one| match one {
             Finding::Bias { heldout, .. } => Some(*heldout),
             Finding::Chatter { .. } => None,
@@ -61,28 +63,32 @@ impl Report {
             noise_rms: diagnosis.noise,
             heldout_rms_before: proof.map(|[before, _]| before),
             heldout_rms_after: proof.map(|[_, after]| after),
-            heldout: phases_in_words(diagnosis),
+            heldout: phases_text(diagnosis),
             next_experiment: next_experiment(diagnosis),
             findings,
             not_tested: diagnosis
                 .not_tested
                 .iter()
-                .map(|(effect, why)| NotTested { effect, joint: None, why: (*why).to_owned() })
+                .map(|(effect, why)| UntestedEffect { effect, joint: None, why: (*why).to_owned() })
                 .collect(),
-            phases: diagnosis.phases.iter().map(stretch).collect(),
-            tones: diagnosis.tones.iter().map(|tone| heard(diagnosis, tone)).collect(),
+            phases: diagnosis.phases.iter().map(phase_entry).collect(),
+            tones: diagnosis
+                .spectral_lines
+                .iter()
+                .map(|tone| spectral_line_entry(diagnosis, tone))
+                .collect(),
             notes: notes(diagnosis),
             ..empty
         };
-        match &diagnosis.compared {
-            Ok(compared) => alone.against_cut(&found.base, compared),
+        match &diagnosis.cut_comparison {
+            Ok(compared) => alone.with_cut_comparison(&found.base, compared),
             Err(_) => alone,
         }
     }
 }
 
-fn stretch(phase: &Phase) -> Stretch {
-    Stretch {
+fn phase_entry(phase: &Phase) -> PhaseEntry {
+    PhaseEntry {
         state: phase.state.name(),
         from_s: phase.from_s,
         to_s: phase.to_s,
@@ -91,23 +97,23 @@ fn stretch(phase: &Phase) -> Stretch {
     }
 }
 
-fn heard(diagnosis: &Diagnosis, tone: &Tone) -> Heard {
-    Heard {
+fn spectral_line_entry(diagnosis: &Diagnosis, tone: &SpectralLine) -> SpectralLineEntry {
+    SpectralLineEntry {
         frequency_Hz: tone.frequency_hz,
         amplitude: tone.amplitude,
-        amplitude_in_air: tone.in_air,
+        amplitude_in_air: tone.amplitude_in_air,
         share_of_swing: tone.share,
         channel: diagnosis.channels.get(tone.channel).cloned().unwrap_or_default(),
         cause: match tone.cause {
             Cause::Spindle(k) => format!("spindle, {k} per revolution"),
             Cause::Air => "also present in air".to_owned(),
-            Cause::Small => "present in the cut, small".to_owned(),
-            Cause::Unforced => "present only in the cut".to_owned(),
+            Cause::Minor => "present in the cut, small".to_owned(),
+            Cause::SelfExcited => "present only in the cut".to_owned(),
         },
     }
 }
 
-fn phases_in_words(diagnosis: &Diagnosis) -> String {
+fn phases_text(diagnosis: &Diagnosis) -> String {
     let one = |phase: &Phase| {
         let [from, to] = [phase.from_s, phase.to_s].map(|t| significant(t, 3));
         match phase.state {
@@ -121,8 +127,8 @@ fn phases_in_words(diagnosis: &Diagnosis) -> String {
 fn notes(diagnosis: &Diagnosis) -> Vec<String> {
     let mut notes = Vec::new();
     let has_cut = diagnosis.phases.iter().any(|phase| phase.state == State::Cut);
-    let of_cut = diagnosis.compared.iter().flat_map(|compared| &compared.findings);
-    let chatters = diagnosis.tones.iter().any(|tone| tone.cause == Cause::Unforced)
+    let of_cut = diagnosis.cut_comparison.iter().flat_map(|compared| &compared.findings);
+    let chatters = diagnosis.spectral_lines.iter().any(|tone| tone.cause == Cause::SelfExcited)
         || of_cut.into_iter().any(|finding| finding.kind == "chatter");
     if has_cut && !chatters {
         notes.push("no chatter: no self-excited tone in the cut".to_owned());
@@ -140,7 +146,7 @@ fn notes(diagnosis: &Diagnosis) -> Vec<String> {
 }
 
 fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
-    let open = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
+    let open = |one: &Finding| matches!(one, Finding::Chatter { is_speed_known: false, .. });
     if diagnosis.findings.iter().any(open) {
         return Some("Record the spindle speed (spindle_rpm, or one pulse per revolution as tacho), and repeat the cut at another speed: chatter keeps its frequency.".to_owned());
     }
@@ -148,7 +154,7 @@ fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
     unknown.then(|| "Record the entry into the cut and the exit.".to_owned())
 }
 
-fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
+fn reported_finding(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
     match finding {
         Finding::Bias { force, sigma, heldout } => {
             let ci95 = (0..3).map(|k| {
@@ -167,7 +173,7 @@ fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
                 heldout_rms_without: Some(heldout[0]),
                 size: None,
                 group: None,
-                place: Where {
+                location: FindingLocation {
                     joint: None,
                     channels: diagnosis.channels.clone(),
                     condition: "constant, in air too".to_owned(),
@@ -178,8 +184,8 @@ fn reported(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding {
                 says: format!("The sensor has an offset of {said} N (x, y, z) without contact."),
             }
         }
-        Finding::Chatter { tone, resolution_hz, is_alone } => {
-            chatter(diagnosis, tone, *resolution_hz, *is_alone)
+        Finding::Chatter { line: tone, resolution_hz, is_speed_known: is_alone } => {
+            chatter_finding(diagnosis, tone, *resolution_hz, *is_alone)
         }
     }
 }
@@ -190,9 +196,9 @@ fn intervals(diagnosis: &Diagnosis, wanted: State) -> Vec<[f64; 2]> {
     here.map(|phase| [phase.from_s, phase.to_s]).collect()
 }
 
-fn chatter(
+fn chatter_finding(
     diagnosis: &Diagnosis,
-    tone: &Tone,
+    tone: &SpectralLine,
     resolution_hz: f64,
     is_alone: bool,
 ) -> ReportedFinding {
@@ -202,7 +208,8 @@ fn chatter(
     if diagnosis.is_force {
         parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));
     }
-    let forced = Alternative { effect: "runout", joint: None, confidence: None, is_alike: true };
+    let forced =
+        Alternative { effect: "runout", joint: None, confidence: None, is_indistinguishable: true };
     ReportedFinding {
         effect: "chatter",
         joint: None,
@@ -214,7 +221,7 @@ fn chatter(
         heldout_rms_without: None,
         size: None,
         group: None,
-        place: Where {
+        location: FindingLocation {
             joint: None,
             channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
             condition: "in the cut, not in air, at no multiple of the spindle frequency".to_owned(),

@@ -7,17 +7,18 @@ use report::{capitalised, significant};
 use super::{Alternative, Report, ReportedFinding};
 
 /// Largest number of findings with a line of their own.
-const LINES: usize = 12;
+const LINES_MOST: usize = 12;
 /// Fraction of the reduction of the squared held-out error that the findings in lines of their own account for.
 const SHARE_IN_LINES: f64 = 0.9;
 
 /// The findings, the remaining deviation, and the next step, line by line.
 #[must_use]
 pub fn lines(report: &Report) -> Vec<String> {
-    let (first, also) = report.findings.split_at(leading(&report.findings));
-    let mut lines: Vec<String> = first.iter().map(|reported| line(report, reported)).collect();
-    lines.extend(others(report, first, also));
-    lines.extend(minor(report));
+    let (first, also) = report.findings.split_at(leading_count(&report.findings));
+    let mut lines: Vec<String> =
+        first.iter().map(|reported| finding_line(report, reported)).collect();
+    lines.extend(other_findings_line(report, first, also));
+    lines.extend(minor_findings_line(report));
     if !report.candidates.is_empty() {
         let names = report.candidates.iter().map(|reported| match reported.confidence {
             Some(confidence) => format!("{} ({confidence:.2})", reported.name()),
@@ -33,19 +34,19 @@ pub fn lines(report: &Report) -> Vec<String> {
 }
 
 /// Number of leading findings that account for [`SHARE_IN_LINES`] of the reduction.
-fn leading(findings: &[ReportedFinding]) -> usize {
+fn leading_count(findings: &[ReportedFinding]) -> usize {
     let square = |rms: Option<f64>| rms.map_or(0.0, |rms| rms * rms);
     let before = findings.first().map_or(0.0, |one| square(one.heldout_rms_before));
     let after = findings.last().map_or(0.0, |one| square(one.heldout_rms_after));
     let wanted = before - SHARE_IN_LINES * (before - after);
     let enough = findings.iter().position(|one| square(one.heldout_rms_after) <= wanted);
-    enough.map_or(findings.len(), |last| last + 1).min(LINES)
+    enough.map_or(findings.len(), |last| last + 1).min(LINES_MOST)
 }
 
 /// A finding with its values.
-fn line(report: &Report, reported: &ReportedFinding) -> String {
+fn finding_line(report: &Report, reported: &ReportedFinding) -> String {
     let unit = report.unit;
-    let alike = reported.alternatives.iter().filter(|other| other.is_alike);
+    let alike = reported.alternatives.iter().filter(|other| other.is_indistinguishable);
     let rivals: Vec<String> = alike.map(Alternative::name).collect();
     let rivals = match rivals.as_slice() {
         [] => String::new(),
@@ -53,7 +54,8 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
     };
     let together =
         |other: &&ReportedFinding| reported.group.is_some() && other.group == reported.group;
-    let others = report.claims().filter(together).filter(|other| !std::ptr::eq(*other, reported));
+    let others =
+        report.all_findings().filter(together).filter(|other| !std::ptr::eq(*other, reported));
     let others: Vec<String> = others.map(ReportedFinding::name).collect();
     let together = match others.as_slice() {
         [] => String::new(),
@@ -74,7 +76,11 @@ fn line(report: &Report, reported: &ReportedFinding) -> String {
 }
 
 /// The other findings in one line, with an upper bound of their sizes if they are all smaller than the first ones.
-fn others(report: &Report, first: &[ReportedFinding], also: &[ReportedFinding]) -> Option<String> {
+fn other_findings_line(
+    report: &Report,
+    first: &[ReportedFinding],
+    also: &[ReportedFinding],
+) -> Option<String> {
     let sizes = |all: &[ReportedFinding]| -> Vec<f64> {
         all.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms).collect()
     };
@@ -85,24 +91,24 @@ fn others(report: &Report, first: &[ReportedFinding], also: &[ReportedFinding]) 
     } else {
         String::new()
     };
-    (!also.is_empty()).then(|| format!("  also{size}: {}", by_effect(also)))
+    (!also.is_empty()).then(|| format!("  also{size}: {}", grouped_by_effect(also)))
 }
 
 /// The claimed effects with the smallest sizes, with an upper bound.
-fn minor(report: &Report) -> Option<String> {
+fn minor_findings_line(report: &Report) -> Option<String> {
     let sizes =
         report.minor.iter().filter_map(|reported| reported.size.as_ref()).map(|size| size.rms);
     let largest = significant(sizes.fold(0.0, f64::max), 3);
     let (count, unit) = (report.minor.len(), report.unit);
     let effects = if count == 1 { "effect" } else { "effects" };
     (count > 0).then(|| {
-        let names = by_effect(&report.minor);
+        let names = grouped_by_effect(&report.minor);
         format!("  and {count} smaller {effects}, each at most {largest} {unit}: {names}")
     })
 }
 
 /// Each effect once, with its joints.
-fn by_effect(all: &[ReportedFinding]) -> String {
+fn grouped_by_effect(all: &[ReportedFinding]) -> String {
     let mut effects: Vec<(&str, Vec<usize>)> = Vec::new();
     for reported in all {
         let at = effects.iter().position(|(effect, _)| *effect == reported.effect);
@@ -130,8 +136,8 @@ fn by_effect(all: &[ReportedFinding]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Report, ReportedFinding, Size, Where, largest};
-    use super::{by_effect, lines};
+    use super::super::{FindingLocation, Report, ReportedFinding, Size, partition_by_size};
+    use super::{grouped_by_effect, lines};
     use std::collections::BTreeMap;
 
     fn reported(effect: &'static str, joint: Option<usize>, rms: f64) -> ReportedFinding {
@@ -146,7 +152,7 @@ mod tests {
             heldout_rms_without: Some(0.75),
             size: Some(Size { rms, max: 2.0 * rms }),
             group: None,
-            place: Where {
+            location: FindingLocation {
                 joint,
                 channels: Vec::new(),
                 condition: String::new(),
@@ -165,18 +171,18 @@ mod tests {
 
     #[test]
     fn twenty_findings_are_listed_the_largest_and_all_others_are_minor() {
-        let (findings, minor) = largest(many(43), 20);
+        let (findings, minor) = partition_by_size(many(43), 20);
         assert_eq!((findings.len(), minor.len()), (20, 23));
         let size = |reported: &ReportedFinding| reported.size.as_ref().map_or(0.0, |size| size.rms);
         let smallest = findings.iter().map(size).fold(f64::INFINITY, f64::min);
         assert!(minor.iter().map(size).all(|size| size < smallest));
-        let (findings, minor) = largest(many(20), 20);
+        let (findings, minor) = partition_by_size(many(20), 20);
         assert_eq!((findings.len(), minor.len()), (20, 0), "nothing is cut from twenty");
     }
 
     #[test]
     fn a_long_list_ends_with_how_many_are_smaller_and_how_small() {
-        let (findings, minor) = largest(many(43), 20);
+        let (findings, minor) = partition_by_size(many(43), 20);
         let empty = Report::empty("position", "mm", 1);
         let report = Report { findings, minor, heldout_rms_after: Some(0.5), ..empty };
         let lines = lines(&report);
@@ -198,7 +204,7 @@ mod tests {
     fn an_effect_is_named_once_with_all_its_joints() {
         let all = [("axis_tilt", Some(3)), ("payload", None), ("axis_tilt", Some(1))];
         let all = all.map(|(effect, joint)| reported(effect, joint, 0.1));
-        assert_eq!(by_effect(&all), "axis tilt of joints 1 and 3; payload");
-        assert_eq!(by_effect(&all[..1]), "axis tilt of joint 3");
+        assert_eq!(grouped_by_effect(&all), "axis tilt of joints 1 and 3; payload");
+        assert_eq!(grouped_by_effect(&all[..1]), "axis tilt of joint 3");
     }
 }

@@ -1,20 +1,20 @@
-//! How often 95 % intervals hold the truth, over simulated campaigns whose truth is drawn anew each time: with the effects given, and after
-//! the data have chosen them.
+//! Coverage of 95 % confidence intervals over simulated campaigns with random true parameters: with the effects given, and after selection of the
+//! effects.
 //!
-//! Frame and reflectors are unknown, the tracker is blunter across its beam than along it. Numbers that the poses leave undetermined are zero in
-//! the truth too: where they stand is a matter of naming.
+//! Frame and reflectors are fitted; the tracker's noise is larger across the beam than along it. Parameters that the poses do not determine are zero
+//! in the truth as well, since their values are a convention.
 
 use crate::rig::{self, between};
-use diagnosis::expected::tool_uncertainty;
-use diagnosis::hypothesis::{Hypothesis, describe, named};
-use diagnosis::proof::calibrate;
+use diagnosis::hold_out::calibrate;
+use diagnosis::hypothesis::{Hypothesis, describe, parameter_key};
+use diagnosis::uncertainty_propagation::tool_uncertainty;
 use diagnosis::{
-    Campaign, Effort, Fit, Influence, Noise, Reading, Settings, Surroundings, fit, geometry,
-    simulate,
+    Campaign, Extrinsics, Fit, FitEffort, FitSettings, Influence, Reading, ReadingNoise,
+    campaign_simulation, fit, geometry,
 };
 use glam::DVec3;
 use physics::frame::vector_from_rotation;
-use physics::{AnyEffect, Given, Inputs, Memories, Model};
+use physics::{AnyEffect, Inputs, Memories, Model, ParameterValues};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -24,7 +24,7 @@ use std::error::Error;
 
 const POSES: usize = 80;
 /// A laser tracker: 10 µm + 2 µm/m along the beam, 15 µm + 6 µm/m across.
-const TRACKER: Noise = Noise::Tracker { along: (1e-5, 2e-6), across: (1.5e-5, 6e-6) };
+const TRACKER: ReadingNoise = ReadingNoise::Tracker { along: (1e-5, 2e-6), across: (1.5e-5, 6e-6) };
 const RANGES_DEG: [[f64; 2]; 6] = [
     [-80.0, 80.0],
     [-40.0, 50.0],
@@ -38,7 +38,7 @@ const WITHIN: f64 = 1.959_964;
 /// Compliance of joint 2 as a file states it, with its standard uncertainty, rad/Nm.
 const STATED: (f64, f64) = (2.2e-6, 3e-7);
 
-/// Linear effects of which the truth has all: kind, stem, joint (from 0), range of the number, SI.
+/// Linear effects, all of which the truth has: kind, stem, joint (from 0), range of the parameter, SI.
 const EFFECTS: [(&str, &str, usize, [f64; 2]); 9] = [
     ("joint_compliance", "compliance", 2, [3e-6, 1e-5]),
     ("joint_compliance", "compliance", 4, [5e-5, 2e-4]),
@@ -53,12 +53,12 @@ const EFFECTS: [(&str, &str, usize, [f64; 2]); 9] = [
 /// Waves: joint (from 0), cycles per revolution.
 const WAVES: [(usize, f64); 2] = [(0, 9.923), (3, 7.857)];
 
-/// Everything free that the truth may have; the numbers at nothing.
+/// Hypothesis with all effects of the truth free, linear parameters at zero.
 fn open(nominal: &Model) -> Option<Hypothesis> {
     let mut hypothesis = geometry(nominal, &[]);
     let arm = nominal.arm;
     let build = |kind, joint, given: &[(&str, &[f64])]| {
-        AnyEffect::build(kind, &arm, Some(joint), Given(given)).ok()
+        AnyEffect::build(kind, &arm, Some(joint), ParameterValues(given)).ok()
     };
     let first = hypothesis.model.effects().len();
     let stated = build("joint_compliance", 1, &[("compliance", &[STATED.0])])?;
@@ -75,7 +75,7 @@ fn open(nominal: &Model) -> Option<Hypothesis> {
     Some(hypothesis)
 }
 
-/// A truth drawn for `open`; `fixed` are free numbers that stay where they are.
+/// Random true parameters for the hypothesis `open`; those with indices in `fixed` keep their values.
 fn draw(open: &Hypothesis, fixed: &[usize], chance: &mut ChaCha8Rng) -> Model {
     let mut truth = *open.model;
     let drawn = open.free.iter().enumerate().filter(|(k, _)| !fixed.contains(k));
@@ -84,7 +84,7 @@ fn draw(open: &Hypothesis, fixed: &[usize], chance: &mut ChaCha8Rng) -> Model {
         let (kind, joint) = (effect.spec().kind, effect.joint());
         let normal: f64 = chance.sample(StandardNormal);
         let listed = EFFECTS.iter().find(|e| e.0 == kind && Some(e.2) == joint);
-        let stem = named(effect, free.value).map_or("", |named| named.parameter.stem);
+        let stem = parameter_key(effect, free.value).map_or("", |key| key.parameter.stem);
         let value = match (kind, stem, listed) {
             (_, _, Some((.., [low, high]))) => between(chance, *low, *high),
             ("joint_offset", ..) => 2e-3 * normal,
@@ -105,8 +105,8 @@ fn empty(nominal: &Model) -> Option<Campaign> {
     rig::campaign(&nominal.arm, &inputs, TRACKER)
 }
 
-/// How far each fitted number lies from the truth, in its standard uncertainties, with its name.
-fn deviates(found: &Fit, truth: &Model, around: &Surroundings) -> Vec<(usize, f64)> {
+/// Normalised error of each fitted parameter (error divided by its standard uncertainty), with its column.
+fn deviates(found: &Fit, truth: &Model, around: &Extrinsics) -> Vec<(usize, f64)> {
     let mut off = off_surroundings(&found.surroundings, around);
     let truth = Hypothesis { model: Box::new(*truth), free: found.hypothesis.free.clone() };
     let pairs = found.hypothesis.values().into_iter().zip(truth.values());
@@ -116,8 +116,8 @@ fn deviates(found: &Fit, truth: &Model, around: &Surroundings) -> Vec<(usize, f6
     found.columns().iter().filter_map(deviate).collect()
 }
 
-/// Truth minus found, one per fitted number of the surroundings (one frame, reflectors).
-fn off_surroundings(found: &Surroundings, truth: &Surroundings) -> Vec<f64> {
+/// True minus estimated extrinsic parameters, one per fitted parameter (one frame, reflectors).
+fn off_surroundings(found: &Extrinsics, truth: &Extrinsics) -> Vec<f64> {
     let mut off = Vec::new();
     for (found, truth) in found.frames.iter().zip(&truth.frames).filter(|(found, _)| found.free) {
         let (here, there) = (found.value.measuring_from_base, truth.value.measuring_from_base);
@@ -132,18 +132,18 @@ fn off_surroundings(found: &Surroundings, truth: &Surroundings) -> Vec<f64> {
     off
 }
 
-/// A wave of negative amplitude is one of the opposite phase, and phases come back after a turn.
+/// Errors of amplitude and phase for equivalent representations of a wave: negative amplitude equals opposite phase, and phases are periodic.
 fn same_waves(found: &Fit, truth: &Hypothesis, off: &mut [f64]) {
     let (values, truths) = (found.hypothesis.values(), truth.values());
     for (k, free) in found.hypothesis.free.iter().enumerate() {
-        let stem = |free: &diagnosis::Free| {
+        let stem = |free: &diagnosis::FreeParameter| {
             let effect = found.hypothesis.effect_of(free)?;
-            Some(named(effect, free.value)?.parameter.stem)
+            Some(parameter_key(effect, free.value)?.parameter.stem)
         };
         if stem(free) != Some("phase") {
             continue;
         }
-        let same = |other: &diagnosis::Free| {
+        let same = |other: &diagnosis::FreeParameter| {
             other.effect == free.effect && stem(other) == Some("amplitude")
         };
         let Some(amplitude) = found.hypothesis.free.iter().position(same) else { continue };
@@ -156,7 +156,7 @@ fn same_waves(found: &Fit, truth: &Hypothesis, off: &mut [f64]) {
     }
 }
 
-/// Puts one reading in twenty, drawn by chance, grossly wrong: by a quarter of a millimetre up to centimetres.
+/// Makes 5 % of the readings, selected at random, outliers by 0.25 mm to 30 mm.
 fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) {
     for seen in campaign.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
         if chance.random::<f64>() >= 0.05 {
@@ -169,14 +169,14 @@ fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) {
     }
 }
 
-/// A fit of a robot that has all that may be found: it shows what the poses leave open.
-fn pilot(empty: &Campaign, open: &Hypothesis, settings: &Settings<'_>) -> Fit {
+/// Fit of a robot with all effects of the hypothesis, which shows the parameters that the poses do not determine.
+fn pilot(empty: &Campaign, open: &Hypothesis, settings: &FitSettings<'_>) -> Fit {
     let drawn = draw(open, &[], &mut ChaCha8Rng::seed_from_u64(1));
-    let made = simulate::readings(empty, &drawn, &empty.surroundings, 1.0, 1);
+    let made = campaign_simulation::simulate_readings(empty, &drawn, &empty.surroundings, 1.0, 1);
     fit(&made, open, settings)
 }
 
-/// The free numbers that a fit did not determine.
+/// Indices of the free parameters that a fit did not determine.
 fn left_open(found: &Fit) -> Vec<usize> {
     let open = |k: &usize| found.sigma(found.column_of(*k)).is_none();
     (0..found.hypothesis.free.len()).filter(open).collect()
@@ -198,13 +198,19 @@ pub(crate) fn fixed(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     ] {
         let mut empty = empty.clone();
         empty.instruments[0].noise_is_known = known;
-        let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
+        let settings = FitSettings { used: &used, influence, from: None, effort: FitEffort::Full };
         let pilot = pilot(&empty, &open, &settings);
         let fixed = left_open(&pilot);
         let runs = rig::for_seeds(campaigns, |seed| {
             let mut chance = ChaCha8Rng::seed_from_u64(1000 + seed);
             let truth = draw(&open, &fixed, &mut chance);
-            let mut made = simulate::readings(&empty, &truth, &empty.surroundings, 1.0, seed);
+            let mut made = campaign_simulation::simulate_readings(
+                &empty,
+                &truth,
+                &empty.surroundings,
+                1.0,
+                seed,
+            );
             if outliers {
                 spoil(&mut made, &mut chance);
             }
@@ -229,7 +235,7 @@ pub(crate) fn fixed(campaigns: u64) -> Result<Value, Box<dyn Error>> {
 }
 
 fn name_of(found: &Fit, column: usize) -> String {
-    let numbers = found.surroundings.numbers();
+    let numbers = found.surroundings.parameters();
     let free = column.checked_sub(numbers.len()).and_then(|k| found.hypothesis.free.get(k));
     match (numbers.get(column), free) {
         (Some(number), _) => found.surroundings.describe(*number),
@@ -240,7 +246,7 @@ fn name_of(found: &Fit, column: usize) -> String {
     }
 }
 
-/// Pooled coverage, the share of the numbers whose own lies between 93 and 97 %, and those outside.
+/// Pooled coverage, the share of parameters with a coverage between 93 and 97 %, and the parameters outside.
 fn covered(runs: &[Vec<(usize, f64)>], name: &dyn Fn(usize) -> String) -> Value {
     let width = runs.iter().flatten().map(|(column, _)| column + 1).max().unwrap_or(0);
     let mut counts = vec![(0.0, 0.0, 0.0); width];
@@ -267,18 +273,22 @@ fn covered(runs: &[Vec<(usize, f64)>], name: &dyn Fn(usize) -> String) -> Value 
     })
 }
 
-/// Coverage after the data have chosen the effects: of the numbers of those effects that the truth has and that were found, and how far the
-/// tool really is from where the model puts it against what is expected.
+/// Coverage after selection of the effects, for the parameters of true effects that were selected; and the ratio of the tool error to its expected
+/// value.
 pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     let nominal = rig::model("irb1600-6-145")?;
     let open = open(&nominal).ok_or("no hypothesis")?;
     let mut empty = empty(&nominal).ok_or("no campaign")?;
-    // Where the robot and its reflectors stand is known here: it is the tool in the base frame that is judged.
+    // Frame and reflectors are known here, since the tool error in the base frame is evaluated.
     empty.surroundings.frames[0].free = false;
     empty.surroundings.targets.iter_mut().for_each(|target| target.free = false);
     let used = vec![true; POSES];
-    let settings =
-        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &used,
+        influence: Influence::Huber,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let fixed = left_open(&pilot(&empty, &open, &settings));
     let asked: Vec<Inputs> = {
         let mut chance = ChaCha8Rng::seed_from_u64(78);
@@ -287,7 +297,8 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     let runs = rig::for_seeds(campaigns, |seed| {
         let mut chance = ChaCha8Rng::seed_from_u64(1000 + seed);
         let truth = draw(&open, &fixed, &mut chance);
-        let made = simulate::readings(&empty, &truth, &empty.surroundings, 1.0, seed);
+        let made =
+            campaign_simulation::simulate_readings(&empty, &truth, &empty.surroundings, 1.0, seed);
         let found = calibrate(&made, &nominal, &[], &used, &mut |_| ()).advanced;
         let at = |model: &Model, inputs: &Inputs| {
             model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
@@ -309,11 +320,11 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     }))
 }
 
-/// Deviates of the linear numbers of effects that the truth has.
+/// Normalised errors of the linear parameters of true effects.
 fn of_truth(found: &Fit, truth: &Model) -> Vec<f64> {
     let values = found.hypothesis.values();
     let numbers = found.hypothesis.free.iter().zip(values).enumerate();
-    let deviate = |(k, (free, value)): (usize, (&diagnosis::Free, f64))| {
+    let deviate = |(k, (free, value)): (usize, (&diagnosis::FreeParameter, f64))| {
         let effect = found.hypothesis.effect_of(free)?;
         let own = truth
             .effects()

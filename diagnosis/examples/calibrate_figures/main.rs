@@ -1,4 +1,5 @@
-//! The calibration's figures on simulated robots: the thesis' robot, coverage of intervals, outliers. Prints one JSON object.
+//! Figures of the calibration on simulated robots: errors on the thesis' robot, coverage of confidence intervals, effect of outliers. Prints one JSON
+//! object.
 //!
 //! `cargo run --release -p diagnosis --example calibrate_figures -- [robot[=SEEDS]] [coverage[=CAMPAIGNS]] [selected[=CAMPAIGNS]]
 //! [outliers[=CAMPAIGNS]]`; without a name, all of them.

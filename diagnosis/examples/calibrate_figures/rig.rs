@@ -1,9 +1,8 @@
-//! Simulated campaigns: poses drawn by chance, each reached with every joint from one side or the other, three reflectors, frame and reflectors
-//! unknown to the fit.
+//! Simulated campaigns: random poses, each joint approached from a random side, three reflectors; frame and reflectors are to be fitted.
 
 use diagnosis::{
-    Arrival, Campaign, Fitted, Instrument, Noise, Observation, Place, Pose, Reading, Source,
-    Station, Surroundings,
+    Arrival, Campaign, Extrinsics, FitParameter, Instrument, MeasuringFrame, Observation, Pose,
+    Reading, ReadingNoise, RecordingInfo, ToolPoint,
 };
 use glam::{DMat3, DVec3};
 use physics::{Frame, Inputs, JOINTS_MAX, Model};
@@ -16,17 +15,17 @@ use std::thread;
 /// Reflectors on the tool, tool frame, m.
 const TARGETS: [[f64; 3]; 3] = [[0.1, 0.0, 0.05], [-0.05, 0.09, 0.06], [-0.05, -0.08, 0.1]];
 
-/// A model that trued comes with.
+/// A preset model.
 pub(crate) fn model(name: &str) -> Result<Model, Box<dyn Error>> {
     Ok(preset(name).ok_or("no such preset")?.model()?.physics)
 }
 
-/// A number between `low` and `high`.
+/// A uniformly distributed number between `low` and `high`.
 pub(crate) fn between(chance: &mut ChaCha8Rng, low: f64, high: f64) -> f64 {
     low + (high - low) * chance.random::<f64>()
 }
 
-/// Joint positions within `ranges_deg`, each joint having arrived from below or from above.
+/// Random joint positions within `ranges_deg`, each joint approached from below or from above.
 pub(crate) fn inputs(chance: &mut ChaCha8Rng, ranges_deg: &[[f64; 2]; 6]) -> Inputs {
     let mut q = [0.0; JOINTS_MAX];
     let mut direction = [0.0; JOINTS_MAX];
@@ -37,21 +36,25 @@ pub(crate) fn inputs(chance: &mut ChaCha8Rng, ranges_deg: &[[f64; 2]; 6]) -> Inp
     Inputs { direction, ..Inputs::at_rest(q) }
 }
 
-/// A campaign at these inputs, without the readings' values. `noise` is told where a reflector is seen, m, measuring frame.
-pub(crate) fn campaign(arm: &physics::Arm, inputs: &[Inputs], noise: Noise) -> Option<Campaign> {
+/// A campaign at these inputs, without measured values. `noise` depends on the position of the reflector in the measuring frame, m.
+pub(crate) fn campaign(
+    arm: &physics::Arm,
+    inputs: &[Inputs],
+    noise: ReadingNoise,
+) -> Option<Campaign> {
     let rotation = DMat3::from_rotation_z(2.1) * DMat3::from_rotation_x(0.02);
     let frame = Frame::new(rotation, DVec3::new(2.5, -0.6, -0.4));
-    let station = Station { measuring_from_base: frame, pivot: DVec3::ZERO };
+    let station = MeasuringFrame { measuring_from_base: frame, pivot: DVec3::ZERO };
     let targets = TARGETS.map(DVec3::from_array);
-    let surroundings = Surroundings {
-        frames: vec![Fitted::unknown(station)],
-        targets: targets.map(Fitted::unknown).to_vec(),
-        ..Surroundings::default()
+    let surroundings = Extrinsics {
+        frames: vec![FitParameter::unknown(station)],
+        targets: targets.map(FitParameter::unknown).to_vec(),
+        ..Extrinsics::default()
     };
     let pose = |(row, inputs): (usize, &Inputs)| {
         let tool = physics::Chain::nominal(arm, &inputs.q).base_from_tool;
         let seen = |(index, target): (usize, &DVec3)| {
-            let (place, at) = (Place::Target(index), frame.point(tool.point(*target)));
+            let (place, at) = (ToolPoint::Target(index), frame.point(tool.point(*target)));
             let reading = Reading::Point { place, frame: 0, at };
             Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
         };
@@ -68,11 +71,11 @@ pub(crate) fn campaign(arm: &physics::Arm, inputs: &[Inputs], noise: Noise) -> O
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec![Source::of_poses("made")],
+        recordings: vec![RecordingInfo::of_poses("made")],
     })
 }
 
-/// `work` for every seed, in the seeds' order, on all cores.
+/// Results of `work` for every seed, in the order of the seeds; runs on all cores.
 pub(crate) fn for_seeds<T: Send>(seeds: u64, work: impl Fn(u64) -> T + Sync) -> Vec<T> {
     let cores = thread::available_parallelism().map_or(1, |n| n.get() as u64);
     let work = &work;
@@ -86,7 +89,6 @@ pub(crate) fn for_seeds<T: Send>(seeds: u64, work: impl Fn(u64) -> T + Sync) -> 
     all.into_iter().map(|(_, found)| found).collect()
 }
 
-/// The middle one.
 pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();

@@ -1,12 +1,15 @@
-//! The thesis' virtual robot: its figures as truth, measured by a C-Track, calibrated from the nominal model, judged on held-out poses.
+//! The thesis' virtual robot, measured by a C-Track and calibrated from the nominal model; errors on held-out poses.
 //!
-//! The fit is told nothing of the truth's effects. Beside it stands the oracle: a fit of the truth's own effects that starts at the truth, so that what
-//! these poses cannot tell stays there. Its held-out error is the best possible with that noise and those poses.
+//! The calibration does not know the effects of the truth. It is compared with an oracle: a fit of the true effects that starts at the true parameters,
+//! so that parameters which the poses do not determine keep their true values. Its held-out error is the best possible with this noise and these poses.
 
 use crate::rig;
+use diagnosis::hold_out::{PositionErrors, calibrate};
 use diagnosis::hypothesis::Hypothesis;
-use diagnosis::proof::{Errors, calibrate};
-use diagnosis::{Campaign, Effort, Fit, Influence, Noise, Settings, fit, geometry, simulate};
+use diagnosis::{
+    Campaign, Fit, FitEffort, FitSettings, Influence, ReadingNoise, campaign_simulation, fit,
+    geometry,
+};
 use glam::DVec3;
 use physics::{Inputs, Model};
 use rand_chacha::ChaCha8Rng;
@@ -14,9 +17,9 @@ use rand_chacha::rand_core::SeedableRng;
 use serde_json::{Value, json};
 use std::error::Error;
 
-/// A C-Track: 0.02 mm across and 0.04 mm along its view (the measuring frame's z), so that 95 % of the points lie within 0.09 mm, what its
-/// makers state over its volume.
-pub(crate) const C_TRACK: Noise = Noise::Axes(DVec3::new(2e-5, 2e-5, 4e-5));
+/// Noise of a C-Track: 0.02 mm across and 0.04 mm along its viewing direction (z of the measuring frame), so that 95 % of the points are within
+/// 0.09 mm, which the manufacturer states for its volume.
+pub(crate) const C_TRACK: ReadingNoise = ReadingNoise::Axes(DVec3::new(2e-5, 2e-5, 4e-5));
 /// Joint ranges of the thesis' tests, degrees.
 const PLANAR_DEG: [[f64; 2]; 6] =
     [[0.0, 0.0], [-25.0, 25.0], [-30.0, 30.0], [0.0, 0.0], [-90.0, 90.0], [0.0, 0.0]];
@@ -28,10 +31,10 @@ pub(crate) const SPATIAL_DEG: [[f64; 2]; 6] = [
     [-90.0, 90.0],
     [-175.0, -115.0],
 ];
-/// Places that train and places that are held out; each is measured twice, the joints coming from one side and from the other.
+/// Number of training and held-out poses; each is measured twice, with all joints approaching from opposite sides.
 const TRAINING: usize = 100;
 const HELD_OUT: usize = 100;
-/// Bins of the histogram, mm.
+/// Bin width of the histogram, mm.
 const BIN_MM: f64 = 0.02;
 
 pub(crate) fn figures(seeds: u64) -> Result<Value, Box<dyn Error>> {
@@ -48,9 +51,9 @@ pub(crate) fn figures(seeds: u64) -> Result<Value, Box<dyn Error>> {
 
 /// Held-out errors of one campaign.
 struct Run {
-    models: Vec<(&'static str, Errors)>,
-    rising: Errors,
-    falling: Errors,
+    models: Vec<(&'static str, PositionErrors)>,
+    rising: PositionErrors,
+    falling: PositionErrors,
     effects: usize,
     converged: bool,
     steps: usize,
@@ -65,16 +68,21 @@ fn run(truth: &Model, nominal: &Model, ranges_deg: &[[f64; 2]; 6], seed: u64) ->
         inputs.push(Inputs { direction: one.direction.map(|d| -d), ..one });
     }
     let campaign = rig::campaign(&nominal.arm, &inputs, C_TRACK)?;
-    let campaign = simulate::readings(&campaign, truth, &campaign.surroundings, 1.0, seed);
+    let campaign =
+        campaign_simulation::simulate_readings(&campaign, truth, &campaign.surroundings, 1.0, seed);
     let training: Vec<bool> = (0..inputs.len()).map(|pose| pose < 2 * TRAINING).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
     let found = calibrate(&campaign, nominal, &[], &training, &mut |_| ());
-    let settings =
-        Settings { used: &training, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &training,
+        influence: Influence::Equal,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let oracle = fit(&campaign, &geometry(truth, &[]), &settings);
     let whole = fit(&campaign, &Hypothesis::fixed(*truth), &settings);
     let advanced = &found.advanced.fit;
-    let errors = |fit: &Fit| Errors::of(fit, &campaign, &held);
+    let errors = |fit: &Fit| PositionErrors::of(fit, &campaign, &held);
     let arrived = |sign: f64| side(&campaign, &held, sign);
     Some(Run {
         models: vec![
@@ -84,15 +92,15 @@ fn run(truth: &Model, nominal: &Model, ranges_deg: &[[f64; 2]; 6], seed: u64) ->
             ("oracle", errors(&oracle)),
             ("truth", errors(&whole)),
         ],
-        rising: Errors::of(advanced, &campaign, &arrived(1.0)),
-        falling: Errors::of(advanced, &campaign, &arrived(-1.0)),
+        rising: PositionErrors::of(advanced, &campaign, &arrived(1.0)),
+        falling: PositionErrors::of(advanced, &campaign, &arrived(-1.0)),
         effects: found.advanced.chosen.len(),
         converged: advanced.converged,
         steps: advanced.steps,
     })
 }
 
-/// Held-out poses to which joint 2 came this way.
+/// Held-out poses that joint 2 approached in the direction `sign`.
 fn side(campaign: &Campaign, held: &[bool], sign: f64) -> Vec<bool> {
     let poses = campaign.poses.iter().zip(held);
     poses.map(|(pose, held)| *held && pose.inputs.direction[1] == sign).collect()
@@ -101,7 +109,7 @@ fn side(campaign: &Campaign, held: &[bool], sign: f64) -> Vec<bool> {
 fn told(runs: &[Run]) -> Value {
     let mm = |metres: f64| (metres * 1e7).round() / 1e4;
     let middle = |of: &dyn Fn(&Run) -> f64| mm(rig::median(runs.iter().map(of).collect()));
-    let figures = |of: &dyn Fn(&Run) -> &Errors| {
+    let figures = |of: &dyn Fn(&Run) -> &PositionErrors| {
         json!({
             "mean": middle(&|run| of(run).mean()), "median": middle(&|run| of(run).quantile(0.5)),
             "p95": middle(&|run| of(run).quantile(0.95)), "max": middle(&|run| of(run).max()),
@@ -128,8 +136,8 @@ fn told(runs: &[Run]) -> Value {
     })
 }
 
-/// How many errors lie in each bin, from zero.
-fn histogram(errors: &Errors) -> Value {
+/// Number of errors per bin, from zero.
+fn histogram(errors: &PositionErrors) -> Value {
     let mut counts = vec![0_u32; (errors.max() * 1e3 / BIN_MM) as usize + 1];
     errors.sorted_m.iter().for_each(|error| counts[(error * 1e3 / BIN_MM) as usize] += 1);
     json!({ "bin_mm": BIN_MM, "counts": counts })

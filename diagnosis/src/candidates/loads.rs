@@ -2,10 +2,10 @@
 //!
 //! A spring is a candidate at the joint with the largest gravity load; polynomials of a few terms are empirical descriptions and tried last.
 
-use super::{Candidate, Make, Probe};
+use super::{Candidate, CandidateParameter, ParameterMapping};
 use crate::campaign::Campaign;
 use glam::DVec3;
-use physics::{AnyEffect, Arm, Evaluation, Given, JointKind, Loads, Memories, Model};
+use physics::{AnyEffect, Arm, Evaluation, JointKind, Loads, Memories, Model, ParameterValues};
 use std::f64::consts::TAU;
 
 /// Identifiable shape parameters of a spring: its angle, and the ratio of second to first harmonic. To first order in `a/L` the moment is
@@ -38,16 +38,22 @@ pub(super) fn payload(arm: &Arm) -> Option<Candidate> {
     let one = |corner: DVec3| {
         let com = (arm.tool.tcp + corner * APART_M).to_array();
         let given: &[(&str, &[f64])] = &[("mass", &[0.0]), ("com", &com)];
-        let effect = AnyEffect::build("payload", arm, None, Given(given)).ok()?;
-        Some(Probe { effect, value: 0 })
+        let effect = AnyEffect::build("payload", arm, None, ParameterValues(given)).ok()?;
+        Some(CandidateParameter { effect, value: 0 })
     };
-    let probes = corners.map(one).collect::<Option<Vec<Probe>>>()?;
+    let probes = corners.map(one).collect::<Option<Vec<CandidateParameter>>>()?;
     let slot = super::slot(&probes.first()?.effect);
-    Some(Candidate { slot, joint: None, probes, settings: Vec::new(), make: Make::Masses })
+    Some(Candidate {
+        slot,
+        joint: None,
+        probes,
+        settings: Vec::new(),
+        mapping: ParameterMapping::Masses,
+    })
 }
 
 /// The sum of masses at their centre of mass; `None` if the total mass gives no finite centre.
-pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffect> {
+pub(super) fn at_centre_of_mass(probes: &[CandidateParameter], found: &[f64]) -> Option<AnyEffect> {
     let place = |effect: &AnyEffect| match effect.values() {
         [_, x, y, z] => DVec3::new(*x, *y, *z),
         _ => DVec3::ZERO,
@@ -63,8 +69,13 @@ pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffe
 }
 
 /// Masses at the corners that are equivalent to one mass at `middle`.
-pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64> {
-    let place = |probe: &Probe| probe.effect.values().get(1..).unwrap_or_default().to_vec();
+pub(super) fn as_corner_masses(
+    probes: &[CandidateParameter],
+    mass: f64,
+    middle: &[f64],
+) -> Vec<f64> {
+    let place =
+        |probe: &CandidateParameter| probe.effect.values().get(1..).unwrap_or_default().to_vec();
     let first = probes.first().map(place).unwrap_or_default();
     let away = |axis: usize| {
         let from = first.get(axis).copied().unwrap_or_default();
@@ -78,7 +89,7 @@ pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64
 pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
     let hangs = |j: usize| move |loads: &Loads| loads.gravity_torque[j] + loads.wrench_torque[j];
-    let loads = (0..arm.count()).filter(turns).map(|j| (largest(arm, campaign, hangs(j)), j));
+    let loads = (0..arm.count()).filter(turns).map(|j| (largest_load(arm, campaign, hangs(j)), j));
     let most = loads.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(load, _)| *load > 0.0);
     most.map_or_else(Vec::new, |(_, joint)| springs_at(arm, joint))
 }
@@ -96,15 +107,16 @@ pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
             ("L", &[CARRIED_M]),
             ("angle", &[angle]),
         ];
-        let effect = AnyEffect::build("counterbalance", arm, Some(joint), Given(given)).ok()?;
-        let probes = vec![Probe { effect, value: 0 }];
+        let effect =
+            AnyEffect::build("counterbalance", arm, Some(joint), ParameterValues(given)).ok()?;
+        let probes = vec![CandidateParameter { effect, value: 0 }];
         let slot = super::slot(&effect);
         Some(Candidate {
             slot,
             joint: Some(joint),
             probes,
             settings: Vec::new(),
-            make: Make::Spring,
+            mapping: ParameterMapping::Spring,
         })
     };
     all.filter_map(one).collect()
@@ -117,16 +129,16 @@ pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidat
         return Vec::new();
     }
     let one = |joint: usize| {
-        let carries = largest(arm, campaign, |loads| loads.torque(joint)) > 0.0;
+        let carries = largest_load(arm, campaign, |loads| loads.torque(joint)) > 0.0;
         let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
-        let built = AnyEffect::build("joint_compliance", arm, Some(joint), Given(given));
+        let built = AnyEffect::build("joint_compliance", arm, Some(joint), ParameterValues(given));
         built.ok().filter(|_| carries).map(|effect| Candidate::of_values(&effect))
     };
     (0..arm.count()).filter_map(one).collect()
 }
 
 /// An empirical polynomial of each joint's error over the measured positions, if these are dense enough: between few positions it would oscillate.
-pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
+pub(crate) fn joint_polynomials(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
     let one = |joint: usize| {
         let used = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
         let mut positions: Vec<f64> = used.map(|(pose, _)| pose.inputs.q[joint]).collect();
@@ -141,20 +153,21 @@ pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<C
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(q), h.max(q)));
         let range = [low, high];
         let given: &[(&str, &[f64])] = &[("coefficients", &[0.0; TERMS]), ("range", &range)];
-        let effect = AnyEffect::build("joint_polynomial", arm, Some(joint), Given(given)).ok()?;
+        let effect =
+            AnyEffect::build("joint_polynomial", arm, Some(joint), ParameterValues(given)).ok()?;
         Some(Candidate {
             slot: super::slot(&effect),
             joint: Some(joint),
-            probes: (FIRST_TERM..TERMS).map(|value| Probe { effect, value }).collect(),
+            probes: (FIRST_TERM..TERMS).map(|value| CandidateParameter { effect, value }).collect(),
             settings: vec![("range", range.to_vec())],
-            make: Make::Remainder,
+            mapping: ParameterMapping::Remainder,
         })
     };
     (0..arm.count()).filter_map(one).collect()
 }
 
 /// Largest absolute value of a joint load over the campaign, Nm or N; zero if it is rounding.
-pub(super) fn largest(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
+pub(super) fn largest_load(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
     let (model, memories) = (Model::nominal(*arm), Memories::default());
     let mut seen = Evaluation::default();
     let load = |pose: &crate::Pose| {

@@ -1,40 +1,42 @@
-//! Experiment design for indistinguishable hypotheses: the motion or load of a [`menu`] that discriminates them best.
+//! Experiment design for indistinguishable hypotheses: the motion or load of a [`catalogue`] that discriminates them best.
 //!
-//! Every experiment of the menu is simulated with each of two hypotheses, at their estimated parameters; the other is then fitted to the simulated
+//! Every experiment of the catalogue is simulated with each of two hypotheses, at their estimated parameters; the other is then fitted to the simulated
 //! data, with the measuring frame, the targets and all other free parameters. The residual is the expected separation, half the sum of squares; the
 //! smaller of both directions counts (T-optimality, Atkinson and Fedorov 1975). Information of the present recording is not included.
 //!
 //! The result is an instruction for a technician, with the expected separation in log-likelihood.
 
-mod menu;
+mod catalogue;
 
-pub use menu::{Experiment, Measured, Row, menu};
+pub use catalogue::{Experiment, ExperimentRow, MeasuredChannels, catalogue};
 
-use super::judge::is_ambiguous;
-use super::ready::set_moving;
-use super::selection::{ALIKE, Rival, Selected, without};
-use crate::campaign::{Campaign, Place, Reading};
-use crate::fit::{Effort, Settings, compare, fit};
-use crate::from_recording;
+use super::preparation::set_velocities;
+use super::selection::{
+    AlternativeEffect, INDISTINGUISHABLE_LOSS, SelectedEffect, hypothesis_without,
+};
+use super::verdict::is_ambiguous;
+use crate::campaign::{Campaign, Reading, ToolPoint};
+use crate::campaign_import;
+use crate::campaign_simulation;
+use crate::fit::{FitEffort, FitSettings, fit, refit_with_fixed_weights};
+use crate::fit_result::Fit;
 use crate::hypothesis::Hypothesis;
-use crate::result::Fit;
-use crate::robust::Influence;
-use crate::simulate;
+use crate::robust_weights::Influence;
 use physics::{AnyEffect, Model};
 use recording::series::Channel;
 
 /// Largest number of poses of an experiment whose measurements are simulated.
-const READINGS: usize = 250;
+const READINGS_MAX: usize = 250;
 /// Number of alternatives that are considered, those with the smallest loss in log-likelihood first.
-const RIVALS: usize = 3;
+const ALTERNATIVES_MAX: usize = 3;
 
 /// An experiment that would distinguish alternatives.
 #[derive(Clone, Debug)]
-pub struct Proposed {
+pub struct ProposedExperiment {
     /// The experiment.
     pub experiment: Experiment,
     /// Measured quantities: the same as in the recordings.
-    pub measured: Measured,
+    pub measured: MeasuredChannels,
     /// Expected log-likelihood ratio of the hypotheses.
     pub separation: f64,
     /// Instruction for the technician.
@@ -50,7 +52,10 @@ pub(super) struct Design<'a> {
 }
 
 /// Experiments with the joints in question; all of them if an effect concerns the whole robot.
-fn relevant(own: &AnyEffect, alike: &[&Rival]) -> impl Fn(&Experiment) -> bool {
+fn relevant_experiments(
+    own: &AnyEffect,
+    alike: &[&AlternativeEffect],
+) -> impl Fn(&Experiment) -> bool {
     let effects = std::iter::once(own).chain(alike.iter().map(|rival| &rival.effect));
     let joints: Vec<Option<usize>> = effects.map(AnyEffect::joint).collect();
     move |experiment| {
@@ -61,13 +66,18 @@ fn relevant(own: &AnyEffect, alike: &[&Rival]) -> impl Fn(&Experiment) -> bool {
     }
 }
 
-fn sentence(own: &AnyEffect, alike: &[&Rival], chosen: &Experiment, separation: f64) -> String {
+fn instruction_text(
+    own: &AnyEffect,
+    alike: &[&AlternativeEffect],
+    chosen: &Experiment,
+    separation: f64,
+) -> String {
     let name = |effect: &AnyEffect| {
         let whose = effect.joint().map_or(String::new(), |j| format!(" of joint {}", j + 1));
         format!("{}{whose}", effect.spec().kind.replace('_', " "))
     };
     let rivals: Vec<String> = alike.iter().map(|rival| name(&rival.effect)).collect();
-    let again = (ALIKE / separation.max(1e-3)).ceil();
+    let again = (INDISTINGUISHABLE_LOSS / separation.max(1e-3)).ceil();
     let enough = match again {
         1.0 => String::new(),
         2.0..=20.0 => format!("; repeat it {again:.0} times"),
@@ -84,12 +94,12 @@ fn sentence(own: &AnyEffect, alike: &[&Rival], chosen: &Experiment, separation: 
 }
 
 /// The measured columns of a recording.
-fn measured(campaign: &Campaign) -> Measured {
+fn measured_channels(campaign: &Campaign) -> MeasuredChannels {
     let mut channels: Vec<Channel> = Vec::new();
     for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
         let own: Vec<Channel> = match reading {
-            Reading::Point { place: Place::Tcp, .. } => (0..3).map(Channel::Position).collect(),
-            Reading::Point { place: Place::Target(t), .. } => {
+            Reading::Point { place: ToolPoint::Tcp, .. } => (0..3).map(Channel::Position).collect(),
+            Reading::Point { place: ToolPoint::Target(t), .. } => {
                 (0..3).map(|axis| Channel::Target(*t, axis)).collect()
             }
             Reading::Orientation { .. } => (0..4).map(Channel::Orientation).collect(),
@@ -101,7 +111,7 @@ fn measured(campaign: &Campaign) -> Measured {
         }
     }
     channels.sort_unstable();
-    Measured { channels }
+    MeasuredChannels { channels }
 }
 
 impl<'a> Design<'a> {
@@ -116,16 +126,21 @@ impl<'a> Design<'a> {
 
     /// The experiment that best distinguishes the ambiguous effect with the largest gain from its nearest alternatives; `None` if no effect is
     /// ambiguous.
-    pub(super) fn proposed(&self, named: &[Selected]) -> Option<Proposed> {
+    pub(super) fn propose(&self, named: &[SelectedEffect]) -> Option<ProposedExperiment> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let own = self.last.hypothesis.model.effects().nth(one.effect)?;
-        let alike = one.rivals.iter().filter(|rival| rival.alike).take(RIVALS);
-        let alike: Vec<&Rival> = alike.collect();
-        let others: Vec<Fit> = alike.iter().filter_map(|rival| self.instead(one, rival)).collect();
-        let measured = measured(self.campaign);
-        let wanted = relevant(own, &alike);
-        let tried = menu(&self.given.arm).into_iter().filter(wanted);
+        let alike = one
+            .alternatives
+            .iter()
+            .filter(|rival| rival.is_indistinguishable)
+            .take(ALTERNATIVES_MAX);
+        let alike: Vec<&AlternativeEffect> = alike.collect();
+        let others: Vec<Fit> =
+            alike.iter().filter_map(|rival| self.fit_with_alternative(one, rival)).collect();
+        let measured = measured_channels(self.campaign);
+        let wanted = relevant_experiments(own, &alike);
+        let tried = catalogue(&self.given.arm).into_iter().filter(wanted);
         let parted = tried.filter_map(|experiment| {
             let parts = others.iter().map(|other| self.separation(&experiment, &measured, other));
             let least =
@@ -135,26 +150,30 @@ impl<'a> Design<'a> {
         // Among equals the first, which is the simplest.
         let best = parted.reduce(|a, b| if b.1 > a.1 { b } else { a });
         let (experiment, separation) = best?;
-        let says = sentence(own, &alike, &experiment, separation);
-        Some(Proposed { experiment, measured, separation, says })
+        let says = instruction_text(own, &alike, &experiment, separation);
+        Some(ProposedExperiment { experiment, measured, separation, says })
     }
 
     /// The fit of the recording with `rival` in place of `one`.
-    fn instead(&self, one: &Selected, rival: &Rival) -> Option<Fit> {
-        let mut hypothesis = without(self.last, self.given, &[one]);
+    fn fit_with_alternative(&self, one: &SelectedEffect, rival: &AlternativeEffect) -> Option<Fit> {
+        let mut hypothesis = hypothesis_without(self.last, self.given, &[one]);
         match rival.candidate.changes() {
-            Some(place) => drop(hypothesis.revise(place)),
-            None => hypothesis.add(rival.effect, rival.kept).ok()?,
+            Some(place) => drop(hypothesis.widen_priors(place)),
+            None => hypothesis.add(rival.effect, rival.fixed).ok()?,
         }
-        Some(compare(self.campaign, &hypothesis, self.last, self.training))
+        Some(refit_with_fixed_weights(self.campaign, &hypothesis, self.last, self.training))
     }
 
     /// The poses and measured quantities of an experiment, without values.
-    fn carried_out(&self, experiment: &Experiment, measured: &Measured) -> Option<Campaign> {
+    fn simulated_campaign(
+        &self,
+        experiment: &Experiment,
+        measured: &MeasuredChannels,
+    ) -> Option<Campaign> {
         let recording = experiment.recording(measured, 1.0);
         let arm = &self.given.arm;
-        let mut made = from_recording::campaign(arm, &[recording]).ok()?;
-        set_moving(&mut made, arm.count());
+        let mut made = campaign_import::campaign(arm, &[recording]).ok()?;
+        set_velocities(&mut made, arm.count());
         made.instruments.iter_mut().for_each(|instrument| instrument.noise_is_known = true);
         let around = &self.last.surroundings;
         for (own, known) in made.surroundings.targets.iter_mut().zip(&around.targets) {
@@ -166,7 +185,7 @@ impl<'a> Design<'a> {
             *own = *known;
         }
         let count = made.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-        let stride = count.div_ceil(READINGS).max(1);
+        let stride = count.div_ceil(READINGS_MAX).max(1);
         for (k, pose) in made.poses.iter_mut().enumerate() {
             if k % stride > 0 {
                 pose.seen.clear();
@@ -194,28 +213,34 @@ impl<'a> Design<'a> {
     }
 
     /// Expected log-likelihood ratio of the two hypotheses, for the worse case of which of them is right.
-    fn separation(&self, experiment: &Experiment, measured: &Measured, other: &Fit) -> Option<f64> {
-        let made = self.carried_out(experiment, measured)?;
+    fn separation(
+        &self,
+        experiment: &Experiment,
+        measured: &MeasuredChannels,
+        other: &Fit,
+    ) -> Option<f64> {
+        let made = self.simulated_campaign(experiment, measured)?;
         let [own, other] = [&self.last.hypothesis, &other.hypothesis];
-        let one = self.behind(&made, own, other);
-        let two = self.behind(&made, other, own);
+        let one = self.expected_loss(&made, own, other);
+        let two = self.expected_loss(&made, other, own);
         Some(one.min(two) / self.last.design_effect.max(1.0))
     }
 
     /// Loss in log-likelihood of `wrong`, fitted to noise-free measurements simulated with `right`.
-    fn behind(&self, made: &Campaign, right: &Hypothesis, wrong: &Hypothesis) -> f64 {
-        let seen = simulate::readings(made, &right.model, &made.surroundings, 0.0, 0);
+    fn expected_loss(&self, made: &Campaign, right: &Hypothesis, wrong: &Hypothesis) -> f64 {
+        let seen =
+            campaign_simulation::simulate_readings(made, &right.model, &made.surroundings, 0.0, 0);
         let used = vec![true; seen.poses.len()];
-        let settings = Settings {
+        let settings = FitSettings {
             used: &used,
             influence: Influence::Equal,
             from: Some(&made.surroundings),
-            effort: Effort::Sketch,
+            effort: FitEffort::Sketch,
         };
         let own = fit(&seen, right, &settings);
-        let against = compare(&seen, wrong, &own, &used);
-        let with = compare(&seen, right, &own, &used);
-        0.5 * (against.sum - with.sum).max(0.0)
+        let against = refit_with_fixed_weights(&seen, wrong, &own, &used);
+        let with = refit_with_fixed_weights(&seen, right, &own, &used);
+        0.5 * (against.sum_of_squares - with.sum_of_squares).max(0.0)
     }
 }
 

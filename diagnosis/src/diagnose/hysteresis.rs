@@ -1,64 +1,66 @@
 //! Search for hysteresis: the one that best explains a joint in place of all effects selected there.
 //!
-//! Backlash and a spike at each reversal resemble hysteresis with a reversal distance far from those of the library, and with precise instruments
+//! Backlash and a spike at each reversal resemble hysteresis with a reversal distance far from those of the dictionary, and with precise instruments
 //! even neighbouring distances fit much worse. The best candidates are therefore fitted, including distances near the width of the backlash. Fits are
 //! compared under the weights and noise of the present one. The result is a further candidate; `selection` decides.
 
-use super::selection::{Search, Selected, Selection, without};
-use crate::candidates::{Candidate, List, is_sound, put};
-use crate::fit::compare;
-use crate::score::Fitted;
+use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
+use crate::candidates::{Candidate, CandidateList, insert, is_physical};
+use crate::fit::refit_with_fixed_weights;
+use crate::score_test::ScoreTest;
 use physics::AnyEffect;
 
-/// Reversal distances that are tried besides those of the library, relative to the width of the backlash.
+/// Reversal distances that are tried besides those of the dictionary, relative to the width of the backlash.
 const DISTANCES: [f64; 2] = [1.0, 4.0];
 /// Number of candidates that are fitted, the best first.
-const FITTED: usize = 3;
+const CANDIDATES_FITTED: usize = 3;
 
 impl Search<'_> {
     /// The best hysteresis of every joint with selected backlash or hysteresis, in place of all effects selected there.
-    pub(super) fn hystereses(&self, selection: &Selection) -> Vec<Candidate> {
+    pub(super) fn hystereses(&self, selection: &EffectSelection) -> Vec<Candidate> {
         let model = &selection.fit.hypothesis.model;
-        let new = selection.named.iter().filter(|one| one.stated.is_none());
+        let new = selection.selected.iter().filter(|one| one.previous_priors.is_none());
         let play = new.filter_map(|one| match model.effects().nth(one.effect)? {
             AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => model.effects().nth(one.effect),
             _ => None,
         });
-        play.filter_map(|play| self.hysteresis(selection, play)).collect()
+        play.filter_map(|play| self.best_hysteresis(selection, play)).collect()
     }
 
-    fn hysteresis(&self, selection: &Selection, play: &AnyEffect) -> Option<Candidate> {
+    fn best_hysteresis(&self, selection: &EffectSelection, play: &AnyEffect) -> Option<Candidate> {
         let arm = &selection.fit.hypothesis.model.arm;
         let is_asked = |one: &&Candidate| {
             one.joint == play.joint()
                 && one.changes().is_none()
                 && one.probes.iter().any(|p| matches!(p.effect, AnyEffect::Hysteresis(_)))
         };
-        let mut all: Vec<Candidate> = self.library.iter().filter(is_asked).cloned().collect();
-        // The library has a hysteresis only where most moves are small: only these show how it builds up.
+        let mut all: Vec<Candidate> = self.dictionary.iter().filter(is_asked).cloned().collect();
+        // The dictionary has a hysteresis only where most moves are small: only these show how it builds up.
         all.first()?;
-        let mut list = List::new(arm, self.campaign);
+        let mut list = CandidateList::new(arm, self.campaign);
         for share in DISTANCES {
             let distance: &[(&str, &[f64])] =
                 &[("amplitude", &[0.0]), ("reversal", &[share * play.values()[0]])];
-            list.values("hysteresis", play.joint(), distance);
+            list.add_effect("hysteresis", play.joint(), distance);
         }
-        all.extend(list.found);
-        let here = selection.named.iter().filter(|one| one.candidate.joint == play.joint());
-        let here: Vec<&Selected> = here.collect();
-        let bare = without(&selection.fit, &self.known.model, &here);
-        let bare = compare(self.campaign, &bare, &selection.fit, self.settings.used);
-        let fitted = Fitted::new(self.campaign, &bare, &self.settings);
+        all.extend(list.candidates);
+        let here = selection.selected.iter().filter(|one| one.candidate.joint == play.joint());
+        let here: Vec<&SelectedEffect> = here.collect();
+        let bare = hypothesis_without(&selection.fit, &self.known.model, &here);
+        let bare =
+            refit_with_fixed_weights(self.campaign, &bare, &selection.fit, self.settings.used);
+        let fitted = ScoreTest::new(self.campaign, &bare, &self.settings);
         let mut scores = fitted.scores(&all);
-        scores.retain(|score| is_sound(&all[score.candidate], &score.found));
+        scores.retain(|score| is_physical(&all[score.candidate], &score.values));
         scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        let fits = scores.iter().take(FITTED).filter_map(|score| {
+        let fits = scores.iter().take(CANDIDATES_FITTED).filter_map(|score| {
             let candidate = &all[score.candidate];
             let mut hypothesis = bare.hypothesis.clone();
-            let at = put(&mut hypothesis, candidate, candidate.kept(), &score.found)?;
-            let fit = compare(self.campaign, &hypothesis, &bare, self.settings.used);
+            let at = insert(&mut hypothesis, candidate, candidate.fixed_stems(), &score.values)?;
+            let fit =
+                refit_with_fixed_weights(self.campaign, &hypothesis, &bare, self.settings.used);
             let effect = fit.hypothesis.model.effects().nth(at)?;
-            Some((fit.sum, candidate.standing(arm, effect, &[]).0))
+            Some((fit.sum_of_squares, candidate.relinearised(arm, effect, &[]).0))
         });
         fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| candidate)
     }

@@ -1,147 +1,175 @@
-//! Stepwise selection on linearised rows: adds, removes and exchanges effects until no single step lowers the criterion; then finds the alternatives of each.
+//! Stepwise selection on linearised rows: adds, removes and exchanges effects until no single step lowers the criterion; determines the alternatives
+//! of each selected effect.
 //!
-//! Among equally good candidates the earlier one in the library is taken. Sees the data only through the products in [`Gram`]; the same products give the same
-//! selection.
+//! Among equally good candidates the earlier one in the dictionary is selected. The data enter only through the products in [`GramMatrix`]; the same
+//! products give the same selection.
 
-use super::gram::{Entry, Gain, Gram};
-use super::judge::words;
-use super::selection::{ALIKE, Rival, Search, Selected, Selection, nuisance, title, without};
-use crate::candidates::{Candidate, Probe, is_sound, wave_candidate};
-use crate::fit::compare;
-use crate::hypothesis::named;
-use crate::motions::is_about_loads;
-use crate::score::Fitted;
-use crate::waves::lines;
+use super::gram_matrix::{CandidateEstimate, GramMatrix, LinearisedCandidate};
+use super::selection::{
+    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect,
+    hypothesis_without, key, nuisance_columns,
+};
+use super::verdict::are_forms_of_one_law;
+use crate::candidates::{Candidate, CandidateParameter, is_physical, wave_candidate};
+use crate::fit::refit_with_fixed_weights;
+use crate::hypothesis::parameter_key;
+use crate::periodogram::best_periods;
+use crate::score_test::ScoreTest;
+use crate::tool_jacobian::changes_or_uses_loads;
 use physics::spec::Range;
 use physics::{AnyEffect, Model};
 use std::sync::OnceLock;
 
-/// Steps of adding, taking out and exchanging.
-const STEPS: usize = 120;
-/// Rivals of a name that are fitted, the best first; fewer where there are so many names that all of theirs would be more than this.
-const FITTED: usize = 4;
-const FITTED_OF_ALL: usize = 24;
-/// A rival that is further behind than this share of the gain stays there whatever its nonlinear numbers.
-const BEHIND: f64 = 0.2;
-/// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
-const VARIANT: f64 = 3.84;
-/// A common name of two that the products, which are linear, put further behind, in the sum of squares and as a share of what the two bring, no fit brings back.
-const LINEAR: f64 = 20.0;
-const LINEAR_SHARE: f64 = 3e-3;
-/// A number is as unsure as so many standard deviations.
-const UNSURE: f64 = 2.0;
-/// Names that are better by less than this are as good: the earlier in the library is said.
-const TIE: f64 = 1e-3;
+/// Largest number of steps (addition, removal, exchange).
+const STEPS_MAX: usize = 120;
+/// Largest number of alternatives that are fitted per effect, the best first, and of all effects together.
+const ALTERNATIVES_FITTED_MAX: usize = 4;
+const ALTERNATIVES_FITTED_IN_ALL: usize = 24;
+/// An alternative whose linearised loss exceeds twice [`INDISTINGUISHABLE_LOSS`] by more than this share of the effect's gain is not fitted: its
+/// nonlinear parameters cannot make up for it.
+const LOSS_SHARE_MAX: f64 = 0.2;
+/// Loss in the sum of squares below which other values of the fixed parameters of an effect are indistinguishable from its own: the 95 % quantile of
+/// χ² with one degree of freedom.
+const VARIANT_LOSS_MAX: f64 = 3.84;
+/// Largest increase of the criterion for which two effects are replaced by a single one before the nonlinear fit decides: in the sum of squares, and
+/// as a share of the gain of the two. The increase follows from linearised rows.
+const MERGE_INCREASE_MAX: f64 = 20.0;
+const MERGE_INCREASE_SHARE: f64 = 3e-3;
+/// Tolerance within which an estimate outside the admissible range of a parameter is set to the limit, in standard deviations.
+const LIMIT_TOLERANCE_SIGMAS: f64 = 2.0;
+/// Improvements that differ by less than this are equal; the candidate that comes first in the dictionary is then selected.
+const TIE_MARGIN: f64 = 1e-3;
 
-/// A selection under way, where a fit stands.
+/// Stepwise selection on the rows linearised at a fit.
 #[derive(Clone)]
-pub(super) struct Stepwise<'a> {
+pub(super) struct StepwiseSelection<'a> {
     given: &'a Model,
-    pub(super) entries: Vec<Entry>,
-    pub(super) gram: Gram,
-    /// What was named before, at its own numbers, in that order.
-    pub(super) standing: Vec<usize>,
-    pub(super) chosen: Vec<usize>,
+    /// The candidates: those of the dictionary, the effects of the previous selection, those found outside the dictionary.
+    pub(super) entries: Vec<LinearisedCandidate>,
+    pub(super) gram: GramMatrix,
+    /// Indices of the effects of the previous selection, in its order.
+    pub(super) previous: Vec<usize>,
+    /// Indices of the selected candidates.
+    pub(super) selected: Vec<usize>,
     design_effect: f64,
+    /// Number of scalar values divided by the design effect; at least 2.
     readings: f64,
-    /// The sum of squares of a fit with all names, once a rival was fitted.
-    whole: OnceLock<f64>,
+    /// Sum of squares of the fit with all selected effects; computed when the first alternative is fitted.
+    full_sum: OnceLock<f64>,
 }
 
-impl<'a> Stepwise<'a> {
-    pub(super) fn at(search: &Search<'a>, selection: &Selection, also: &[Entry]) -> Self {
-        let Selection { fit, named } = selection;
-        let fitted = Fitted::new(search.campaign, fit, &search.settings);
+impl<'a> StepwiseSelection<'a> {
+    /// A stepwise selection on the rows linearised at the fit of `selection`; `also`: candidates that are not in the dictionary.
+    pub(super) fn new(
+        search: &Search<'a>,
+        selection: &EffectSelection,
+        also: &[LinearisedCandidate],
+    ) -> Self {
+        let EffectSelection { fit, selected: named } = selection;
+        let fitted = ScoreTest::new(search.campaign, fit, &search.settings);
         let arm = &fit.hypothesis.model.arm;
-        let moves = search.cache.moves(&fitted, search.library);
-        let of_library = search.library.iter().zip(moves).map(|(candidate, moves)| Entry {
-            moves: Some(moves),
-            ..Entry::open(candidate.kept(), candidate.clone())
-        });
-        let mut entries: Vec<Entry> = of_library.collect();
+        let moves = search.cache.columns(&fitted, search.dictionary);
+        let of_library =
+            search.dictionary.iter().zip(moves).map(|(candidate, moves)| LinearisedCandidate {
+                moves: Some(moves),
+                ..LinearisedCandidate::unfitted(candidate.fixed_stems(), candidate.clone())
+            });
+        let mut entries: Vec<LinearisedCandidate> = of_library.collect();
         let mut own = Vec::with_capacity(named.len());
         for one in named {
             let effect = fit.hypothesis.model.effects().nth(one.effect);
-            let had =
-                &search.known.model.effects().nth(one.effect).filter(|_| one.stated.is_some());
+            let had = &search
+                .known
+                .model
+                .effects()
+                .nth(one.effect)
+                .filter(|_| one.previous_priors.is_some());
             let had = had.map_or(&[][..], |had| had.values());
-            // Every name has an entry, so that those that stand are in the order of the names.
+            // Every selected effect gets an entry, so that the indices follow the order of the selection.
             let bare = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
             let (candidate, stands) =
-                effect.map_or_else(bare, |effect| one.candidate.standing(arm, effect, had));
-            // The change stands for itself; any other is one more number of its kind that is tried.
+                effect.map_or_else(bare, |effect| one.candidate.relinearised(arm, effect, had));
+            // A correction replaces the dictionary's candidate of the same effect; any other effect may be selected a second time with other values.
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
             });
-            let open = Entry::open(one.kept, candidate);
-            own.push(Entry { stands, spared: one.spared, ..open });
+            let open = LinearisedCandidate::unfitted(one.fixed, candidate);
+            own.push(LinearisedCandidate {
+                linearised_at: stands,
+                waived_penalty: one.waived_penalty,
+                ..open
+            });
         }
         let standing = (entries.len()..entries.len() + own.len()).collect();
         entries.extend(own);
         entries.extend_from_slice(also);
-        for line in lines(&fitted) {
+        for line in best_periods(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
-            entries.extend(found.map(|candidate| Entry::open(&[], candidate)));
+            entries.extend(found.map(|candidate| LinearisedCandidate::unfitted(&[], candidate)));
         }
-        let (nuisance, stated) = nuisance(search, selection);
+        let (nuisance, stated) = nuisance_columns(search, selection);
         Self {
             given: &search.known.model,
-            gram: Gram::of(&fitted, &entries, &nuisance, &stated),
+            gram: GramMatrix::of(&fitted, &entries, &nuisance, &stated),
             entries,
-            standing,
-            chosen: Vec::new(),
+            previous: standing,
+            selected: Vec::new(),
             design_effect: fit.design_effect,
             readings: (fit.readings as f64 / fit.design_effect).max(2.0),
-            whole: OnceLock::new(),
+            full_sum: OnceLock::new(),
         }
     }
 
-    /// What a number costs, in the sum of squares.
+    /// Penalty per parameter, in the sum of squares (Bayesian information criterion).
     pub(super) fn penalty(&self) -> f64 {
         self.readings.ln()
     }
 
-    /// A gain less what its numbers cost, in the sum of squares.
-    pub(super) fn improvement(&self, gain: &Gain, entry: &Entry) -> f64 {
+    /// Gain less the penalty of the parameters and of the number of candidates, in the sum of squares.
+    pub(super) fn improvement(&self, gain: &CandidateEstimate, entry: &LinearisedCandidate) -> f64 {
         let tried = self.entries.len().max(1) as f64;
-        let numbers = (gain.numbers + entry.searched()) as f64;
-        gain.gain / self.design_effect - numbers * self.penalty() + entry.spared - 2.0 * tried.ln()
+        let numbers = (gain.parameter_count + entry.nonlinear_count()) as f64;
+        gain.gain / self.design_effect - numbers * self.penalty() + entry.waived_penalty
+            - 2.0 * tried.ln()
     }
 
-    /// What is left and what the numbers cost: the sum of squares that every step lowers.
+    /// The criterion, in the sum of squares: residual sum of squares plus all penalties. Every step lowers it.
     pub(super) fn cost(&self) -> f64 {
         let tried = 2.0 * (self.entries.len().max(1) as f64).ln();
         let numbers = |place: &usize| {
-            (self.gram.gains(*place).numbers + self.entries[*place].searched()) as f64
+            (self.gram.estimate_beside_others(*place).parameter_count
+                + self.entries[*place].nonlinear_count()) as f64
         };
-        let cost =
-            |place: &usize| numbers(place) * self.penalty() + tried - self.entries[*place].spared;
-        self.gram.rest() / self.design_effect + self.chosen.iter().map(cost).sum::<f64>()
+        let cost = |place: &usize| {
+            numbers(place) * self.penalty() + tried - self.entries[*place].waived_penalty
+        };
+        self.gram.residual_sum() / self.design_effect + self.selected.iter().map(cost).sum::<f64>()
     }
 
-    /// Steps from what is chosen so far until none helps.
-    pub(super) fn make(&mut self) {
-        for _ in 0..STEPS {
+    /// Takes steps from the current selection until none lowers the criterion.
+    pub(super) fn run(&mut self) {
+        for _ in 0..STEPS_MAX {
             if !self.step() {
                 break;
             }
         }
     }
 
-    /// One step; says whether there was one.
+    /// Takes one step; returns whether there was one.
     pub(super) fn step(&mut self) -> bool {
-        self.take_out() || self.add() || self.exchange()
+        self.remove_weakest() || self.add_best() || self.exchange_one()
     }
 
-    /// What is new of all that was chosen but `but`.
-    fn beside(&self, but: &[usize]) -> Vec<&Candidate> {
-        let others = self.chosen.iter().filter(|entry| !but.contains(entry));
+    /// The selected candidates except `but`, without corrections.
+    fn others_than(&self, but: &[usize]) -> Vec<&Candidate> {
+        let others = self.selected.iter().filter(|entry| !but.contains(entry));
         let others = others.map(|entry| &self.entries[*entry].candidate);
         others.filter(|other| other.changes().is_none()).collect()
     }
 
-    /// Whether a candidate may stand beside these: no other name of one of them, and what it works upon is there.
-    fn fits(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
+    /// Whether a candidate is compatible with others: it must not describe the same error as one of them, and stiffening needs a compliance of the
+    /// joint.
+    fn is_compatible(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
         let gives_way = |effect: &AnyEffect| {
             effect.joint() == candidate.joint
                 && ["joint_compliance", "gravity_compliance", "load_compliance"]
@@ -154,35 +182,44 @@ impl<'a> Stepwise<'a> {
         let grounded = !needs_ground
             || beside.iter().flat_map(|other| other.probes.first()).any(|p| gives_way(&p.effect))
             || self.given.effects().any(gives_way);
-        grounded && !beside.iter().any(|other| candidate.is_rival_to(other))
+        grounded && !beside.iter().any(|other| candidate.excludes(other))
     }
 
-    /// What could stand beside all that was chosen but `but`, best first; of equals the earlier in the library.
-    fn open(&self, gram: &Gram, but: &[usize]) -> Vec<(usize, Gain, f64)> {
-        let beside = self.beside(but);
+    /// Candidates that are compatible with the selected ones except `but`, the best first; among equals in the order of the dictionary.
+    fn ranked_candidates(
+        &self,
+        gram: &GramMatrix,
+        but: &[usize],
+    ) -> Vec<(usize, CandidateEstimate, f64)> {
+        let beside = self.others_than(but);
         let mut open = Vec::new();
         for (place, entry) in self.entries.iter().enumerate() {
-            if !self.fits(&entry.candidate, &beside) || self.chosen.contains(&place) {
+            if !self.is_compatible(&entry.candidate, &beside) || self.selected.contains(&place) {
                 continue;
             }
-            let Some(mut gain) = gram.would_gain(place) else { continue };
-            let Some(found) = self.sound(&entry.candidate, &gain) else { continue };
-            gain.found = found;
+            let Some(mut gain) = gram.estimate_if_added(place) else { continue };
+            let Some(found) = self.plausible_estimates(&entry.candidate, &gain) else { continue };
+            gain.estimates = found;
             let worth = self.improvement(&gain, entry);
             open.push((place, gain, worth));
         }
-        let step = |worth: f64| (worth / TIE).round();
+        let step = |worth: f64| (worth / TIE_MARGIN).round();
         open.sort_by(|a, b| step(b.2).total_cmp(&step(a.2)).then(a.0.cmp(&b.0)));
         open
     }
 
-    /// What was found where it may lie: a number that is no further beyond its range than it is unsure ends there, and so does one between two ends, since
-    /// products overshoot where a fit does not (`1 / (1 + s)` of a sensor's scale). None where one is further.
-    fn sound(&self, candidate: &Candidate, gain: &Gain) -> Option<Vec<f64>> {
-        let unsure = UNSURE * self.design_effect.sqrt();
-        let mut found = gain.found.clone();
+    /// The estimates, set to the limits of their admissible ranges if they exceed these by no more than their uncertainty. A parameter between two
+    /// limits is always set to the nearer one, since a linearised estimate can overshoot where a fit does not (`1 / (1 + s)` of a sensor's scale).
+    /// `None` if another one lies further outside.
+    fn plausible_estimates(
+        &self,
+        candidate: &Candidate,
+        gain: &CandidateEstimate,
+    ) -> Option<Vec<f64>> {
+        let unsure = LIMIT_TOLERANCE_SIGMAS * self.design_effect.sqrt();
+        let mut found = gain.estimates.clone();
         for ((probe, value), sigma) in candidate.probes.iter().zip(&mut found).zip(&gain.sigma) {
-            let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
+            let range = parameter_key(&probe.effect, probe.value).map(|key| key.parameter.range);
             let within = range.map_or(*value, |range| range.nearest(*value));
             let is_between = matches!(range, Some(Range::Between(..)));
             let is_near = (within - *value).abs() < unsure * sigma || is_between;
@@ -190,88 +227,96 @@ impl<'a> Stepwise<'a> {
                 *value = within;
             }
         }
-        (is_sound(candidate, &found) && !self.leads(candidate, &found)).then_some(found)
+        (is_physical(candidate, &found) && !self.implies_lead(candidate, &found)).then_some(found)
     }
 
-    /// Whether a joint would lead its command: that is what a measurement that comes too early and a lag of the others say together, and none does.
-    fn leads(&self, candidate: &Candidate, found: &[f64]) -> bool {
-        let is = |one: &Candidate, kind| title(one).is_some_and(|title| title.0 == kind);
+    /// Whether a joint would lead its command, which is impossible: a negative delay of the measurement together with servo lag of other joints
+    /// means that.
+    fn implies_lead(&self, candidate: &Candidate, found: &[f64]) -> bool {
+        let is = |one: &Candidate, kind| key(one).is_some_and(|title| title.0 == kind);
         let comes_early = |found: &[f64]| found.iter().any(|delay| *delay < 0.0);
-        let mut chosen = self.chosen.iter().map(|place| (place, &self.entries[*place].candidate));
+        let mut chosen = self.selected.iter().map(|place| (place, &self.entries[*place].candidate));
         if is(candidate, "time_delay") {
             return comes_early(found) && chosen.any(|(_, other)| is(other, "servo_lag"));
         }
         let early = |(place, other): (&usize, &Candidate)| {
-            is(other, "time_delay") && comes_early(&self.gram.gains(*place).found)
+            is(other, "time_delay")
+                && comes_early(&self.gram.estimate_beside_others(*place).estimates)
         };
         is(candidate, "servo_lag") && chosen.any(early)
     }
 
-    fn add(&mut self) -> bool {
-        let best = self.open(&self.gram, &[]).into_iter().next();
+    /// Adds the best candidate if it lowers the criterion.
+    fn add_best(&mut self) -> bool {
+        let best = self.ranked_candidates(&self.gram, &[]).into_iter().next();
         let Some((place, ..)) = best.filter(|(_, _, worth)| *worth > 0.0) else { return false };
         self.gram.add(place);
-        self.chosen.push(place);
+        self.selected.push(place);
         true
     }
 
-    /// Takes out what is worth least, if it is worth nothing or lies where it may not.
-    fn take_out(&mut self) -> bool {
+    /// Removes the effect with the least improvement, if that is not positive or its parameters are outside their ranges.
+    fn remove_weakest(&mut self) -> bool {
         let worth = |(at, place): (usize, &usize)| {
-            let gain = self.gram.gains(*place);
+            let gain = self.gram.estimate_beside_others(*place);
             let entry = &self.entries[*place];
-            let sound = self.sound(&entry.candidate, &gain).is_some();
+            let sound = self.plausible_estimates(&entry.candidate, &gain).is_some();
             (at, if sound { self.improvement(&gain, entry) } else { f64::NEG_INFINITY })
         };
-        let least = self.chosen.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
+        let least = self.selected.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((at, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { return false };
-        let place = self.chosen.remove(at);
+        let place = self.selected.remove(at);
         self.gram.remove(place);
         true
     }
 
-    /// Gives the first effect that has one a better name.
-    fn exchange(&mut self) -> bool {
-        for at in 0..self.chosen.len() {
-            let place = self.chosen[at];
-            let own = self.improvement(&self.gram.gains(place), &self.entries[place]);
+    /// Exchanges the first effect for which there is a better candidate.
+    fn exchange_one(&mut self) -> bool {
+        for at in 0..self.selected.len() {
+            let place = self.selected[at];
+            let own =
+                self.improvement(&self.gram.estimate_beside_others(place), &self.entries[place]);
             let mut gram = self.gram.clone();
             gram.remove(place);
-            let best = self.open(&gram, &[place]).into_iter().next();
-            if let Some((other, ..)) = best.filter(|(_, _, worth)| *worth > own + 2.0 * TIE) {
+            let best = self.ranked_candidates(&gram, &[place]).into_iter().next();
+            if let Some((other, ..)) = best.filter(|(_, _, worth)| *worth > own + 2.0 * TIE_MARGIN)
+            {
                 gram.add(other);
                 self.gram = gram;
-                self.chosen[at] = other;
+                self.selected[at] = other;
                 return true;
             }
         }
         false
     }
 
-    /// Gives two effects of one joint the common name that costs the least, if it is near enough for a fit to tell: alone, neither would leave for it.
-    pub(super) fn merge(&mut self) -> bool {
+    /// Replaces two effects of one joint by the single candidate with the lowest criterion, if the increase is small enough that the nonlinear fit may
+    /// reverse it. Exchanging one effect at a time does not find this.
+    pub(super) fn merge_pair(&mut self) -> bool {
         let own = self.cost();
         let (mut least, mut best) = (f64::INFINITY, None);
-        let pairs = (1..self.chosen.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
+        let pairs =
+            (1..self.selected.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
         for (first, second) in pairs {
-            let pair = [self.chosen[first], self.chosen[second]];
+            let pair = [self.selected[first], self.selected[second]];
             let [one, other] = pair.map(|place| self.entries[place].candidate.joint);
             if one.is_none() || one != other {
                 continue;
             }
             let mut merged = self.clone();
             pair.iter().for_each(|place| merged.gram.remove(*place));
-            let brings = (merged.gram.rest() - self.gram.rest()) / self.design_effect;
-            // Either by itself was tried before the other was named.
-            let names = pair.map(|place| title(&self.entries[place].candidate));
-            let mut open = self.open(&merged.gram, &pair).into_iter();
-            let other = open.find(|o| !names.contains(&title(&self.entries[o.0].candidate)));
+            let brings =
+                (merged.gram.residual_sum() - self.gram.residual_sum()) / self.design_effect;
+            // Each of the two alone was already considered before the other was selected.
+            let names = pair.map(|place| key(&self.entries[place].candidate));
+            let mut open = self.ranked_candidates(&merged.gram, &pair).into_iter();
+            let other = open.find(|o| !names.contains(&key(&self.entries[o.0].candidate)));
             let Some((place, ..)) = other else { continue };
             merged.gram.add(place);
-            merged.chosen.retain(|place| !pair.contains(place));
-            merged.chosen.push(place);
+            merged.selected.retain(|place| !pair.contains(place));
+            merged.selected.push(place);
             let cost = merged.cost();
-            if cost < least.min(own + LINEAR.max(LINEAR_SHARE * brings)) {
+            if cost < least.min(own + MERGE_INCREASE_MAX.max(MERGE_INCREASE_SHARE * brings)) {
                 (least, best) = (cost, Some(merged));
             }
         }
@@ -282,124 +327,132 @@ impl<'a> Stepwise<'a> {
         found
     }
 
-    /// Brings in what was named.
-    pub(super) fn stand(&mut self) {
-        self.put(self.standing.clone());
+    /// Includes the effects of the previous selection.
+    pub(super) fn include_previous(&mut self) {
+        self.include(self.previous.clone());
     }
 
-    /// Brings in the entries in these places.
-    pub(super) fn put(&mut self, places: Vec<usize>) {
+    /// Includes the candidates with these indices.
+    pub(super) fn include(&mut self, places: Vec<usize>) {
         for place in places {
             self.gram.add(place);
-            self.chosen.push(place);
+            self.selected.push(place);
         }
     }
 
-    /// What was named in place `k`, with its rivals; those whose nonlinear numbers might bring them near are fitted.
-    pub(super) fn with_rivals(
+    /// Effect `k` of the selection with its alternatives. Those that nonlinear parameters may make competitive are fitted.
+    pub(super) fn with_alternatives(
         &self,
         search: &Search<'_>,
-        selection: &Selection,
+        selection: &EffectSelection,
         k: usize,
-    ) -> Selected {
-        let own = self.chosen[k];
-        let gain = self.gram.gains(own);
+    ) -> SelectedEffect {
+        let own = self.selected[k];
+        let gain = self.gram.estimate_beside_others(own);
         let mut gram = self.gram.clone();
         gram.remove(own);
-        let mut seen = vec![title(&self.entries[own].candidate)];
+        let mut seen = vec![key(&self.entries[own].candidate)];
         let (mut near, mut variants) = (Vec::new(), Vec::new());
         let arm = &selection.fit.hypothesis.model.arm;
-        for (place, would, _) in self.open(&gram, &[own]) {
+        for (place, would, _) in self.ranked_candidates(&gram, &[own]) {
             let entry = &self.entries[place];
-            let name = title(&entry.candidate);
+            let name = key(&entry.candidate);
             let behind = (gain.gain - would.gain) / self.design_effect;
-            let is_variant = name == seen[0] && !entry.kept.is_empty() && entry.searched() == 0;
-            if is_variant && behind < VARIANT {
-                variants.extend(entry.candidate.effect(arm, &would.found));
+            let is_variant =
+                name == seen[0] && !entry.fixed.is_empty() && entry.nonlinear_count() == 0;
+            if is_variant && behind < VARIANT_LOSS_MAX {
+                variants.extend(entry.candidate.effect(arm, &would.estimates));
             }
-            // Play that no row has crossed yet looks unlike what its width will make of it.
-            let is_word = words(&self.entries[own].candidate, &entry.candidate);
-            let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
+            // Linearised at zero width, backlash differs from backlash of the width that a fit finds, so forms of the same law are always fitted.
+            let is_word = are_forms_of_one_law(&self.entries[own].candidate, &entry.candidate);
+            let may_come = behind
+                < 2.0 * INDISTINGUISHABLE_LOSS + LOSS_SHARE_MAX * gain.gain / self.design_effect;
             if !seen.contains(&name) && (may_come || is_word) {
                 seen.push(name);
                 near.insert(if is_word { 0 } else { near.len() }, (place, would));
             }
         }
-        let fitted = FITTED.min(FITTED_OF_ALL / selection.named.len().max(1)).max(1);
+        let fitted = ALTERNATIVES_FITTED_MAX
+            .min(ALTERNATIVES_FITTED_IN_ALL / selection.selected.len().max(1))
+            .max(1);
         let mut rivals = Vec::new();
         for (place, would) in near.into_iter().take(fitted) {
-            let rival = self.rival(search, selection, k, place, &would, gain.gain);
-            rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
+            let rival = self.alternative(search, selection, k, place, &would, gain.gain);
+            rivals
+                .extend(rival.filter(|rival| rival.likelihood_loss < 2.0 * INDISTINGUISHABLE_LOSS));
         }
-        rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
-        Selected {
+        rivals.sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
+        SelectedEffect {
             margin: 0.5 * self.improvement(&gain, &self.entries[own]),
             gain: 0.5 * gain.gain / self.design_effect,
-            numbers: gain.numbers + self.entries[own].searched(),
-            share: search.share(),
-            rivals,
+            parameter_count: gain.parameter_count + self.entries[own].nonlinear_count(),
+            share: search.used_share(),
+            alternatives: rivals,
             variants,
-            ..selection.named[k].clone()
+            ..selection.selected[k].clone()
         }
     }
 }
 
-impl Stepwise<'_> {
-    /// What the entry in `place` would be in the stead of what was named in place `k`; fitted where it has numbers that are not linear.
-    fn rival(
+impl StepwiseSelection<'_> {
+    /// The candidate `place` as an alternative of effect `k`, whose gain is `own`; fitted if the linearisation does not suffice.
+    fn alternative(
         &self,
         search: &Search<'_>,
-        selection: &Selection,
+        selection: &EffectSelection,
         k: usize,
         place: usize,
-        would: &Gain,
+        would: &CandidateEstimate,
         own: f64,
-    ) -> Option<Rival> {
+    ) -> Option<AlternativeEffect> {
         let entry = &self.entries[place];
         let fit = &selection.fit;
         let arm = &fit.hypothesis.model.arm;
-        let numbers = would.numbers + entry.searched();
+        let numbers = would.parameter_count + entry.nonlinear_count();
         let changes = entry.candidate.changes();
-        let told = |behind: f64, effect, candidate, found| Rival {
+        let told = |behind: f64, effect, candidate, found| AlternativeEffect {
             effect,
             changes: changes.is_some(),
-            behind,
+            likelihood_loss: behind,
             numbers,
-            alike: behind < ALIKE * search.share(),
+            is_indistinguishable: behind < INDISTINGUISHABLE_LOSS * search.used_share(),
             candidate,
-            found,
-            kept: entry.kept,
+            estimates: found,
+            fixed: entry.fixed,
         };
-        let named = &selection.named[k];
-        if !self.bends(named, entry) {
+        let named = &selection.selected[k];
+        if !self.needs_fit(named, entry) {
             let behind = 0.5 * (own - would.gain) / self.design_effect;
-            let effect = entry.candidate.effect(arm, &would.found)?;
-            return Some(told(behind, effect, entry.candidate.clone(), would.found.clone()));
+            let effect = entry.candidate.effect(arm, &would.estimates)?;
+            return Some(told(behind, effect, entry.candidate.clone(), would.estimates.clone()));
         }
-        let mut hypothesis = without(fit, &search.known.model, &[named]);
-        let (at, _) = Search::joined(&mut hypothesis, entry, &would.found)?;
-        let whole = *self.whole.get_or_init(|| {
-            compare(search.campaign, &fit.hypothesis, fit, search.settings.used).sum
+        let mut hypothesis = hypothesis_without(fit, &search.known.model, &[named]);
+        let (at, _) = Search::add_candidate(&mut hypothesis, entry, &would.estimates)?;
+        let whole = *self.full_sum.get_or_init(|| {
+            refit_with_fixed_weights(search.campaign, &fit.hypothesis, fit, search.settings.used)
+                .sum_of_squares
         });
-        let fitted = compare(search.campaign, &hypothesis, fit, search.settings.used);
+        let fitted =
+            refit_with_fixed_weights(search.campaign, &hypothesis, fit, search.settings.used);
         let effect = *fitted.hypothesis.model.effects().nth(at)?;
-        let behind = 0.5 * (fitted.sum - whole) / self.design_effect;
+        let behind = 0.5 * (fitted.sum_of_squares - whole) / self.design_effect;
         let (candidate, found) = match changes {
-            Some(_) => (entry.candidate.clone(), would.found.clone()),
-            None => entry.candidate.standing(arm, &effect, &[]),
+            Some(_) => (entry.candidate.clone(), would.estimates.clone()),
+            None => entry.candidate.relinearised(arm, &effect, &[]),
         };
         Some(told(behind, effect, candidate, found))
     }
 
-    /// Whether the products, which are linear, do not tell enough of a rival: numbers that bend, or loads that act through what gives way.
-    fn bends(&self, named: &Selected, rival: &Entry) -> bool {
+    /// Whether an alternative must be fitted because the linearisation does not suffice: nonlinear parameters, corrections, two effects that depend on
+    /// loads, backlash.
+    fn needs_fit(&self, named: &SelectedEffect, rival: &LinearisedCandidate) -> bool {
         let is_about_loads = |candidate: &Candidate| {
-            candidate.probes.first().is_some_and(|probe| is_about_loads(probe.effect.spec()))
+            candidate.probes.first().is_some_and(|probe| changes_or_uses_loads(probe.effect.spec()))
         };
         let both = is_about_loads(&rival.candidate) && is_about_loads(&named.candidate);
-        // A gap that has a width is not crossed at once, as one without is.
-        let is_gap = |probe: &Probe| matches!(probe.effect, AnyEffect::Backlash(_));
+        // Backlash of finite width is traversed over several rows, whereas the linearisation at zero width assumes that it is crossed at once.
+        let is_gap = |probe: &CandidateParameter| matches!(probe.effect, AnyEffect::Backlash(_));
         let is_gap = rival.candidate.probes.first().is_some_and(is_gap);
-        rival.searched() > 0 || rival.candidate.changes().is_some() || both || is_gap
+        rival.nonlinear_count() > 0 || rival.candidate.changes().is_some() || both || is_gap
     }
 }

@@ -1,21 +1,21 @@
 //! Terms of a smooth regression: allowed combinations of covariates, and their polynomials. There is no constant term; the fit contains one already.
 
-use super::features::Word;
+use super::covariates::Covariate;
 
 /// Degree of the polynomials of each covariate of a pair.
 const DEGREE_OF_PAIR: usize = 3;
 
 /// Every covariate alone.
-pub(super) fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
+pub(super) fn singles(words: &[Covariate], _joint: usize) -> Vec<Vec<usize>> {
     (0..words.len()).map(|word| vec![word]).collect()
 }
 
 /// Pairs of covariates: any two of the joint; its position or speed with the positions of other joints, on which its load depends; and any of the
 /// joint with one of the whole robot, such as temperature.
-pub(super) fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
-    let own = |word: &Word| word.joint == Some(joint);
-    let position = |word: &Word| word.name.starts_with('q');
-    let moves = |word: &Word| own(word) && (position(word) || word.name.starts_with('v'));
+pub(super) fn pairs(words: &[Covariate], joint: usize) -> Vec<Vec<usize>> {
+    let own = |word: &Covariate| word.joint == Some(joint);
+    let position = |word: &Covariate| word.name.starts_with('q');
+    let moves = |word: &Covariate| own(word) && (position(word) || word.name.starts_with('v'));
     let mut pairs = Vec::new();
     for (a, first) in words.iter().enumerate() {
         for (b, second) in words.iter().enumerate().skip(a + 1) {
@@ -31,7 +31,7 @@ pub(super) fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
 }
 
 /// Number of terms of a group of covariates; `alone`: degree for a single covariate.
-pub(super) fn count(words: &[Word], group: &[usize], alone: usize) -> usize {
+pub(super) fn count(words: &[Covariate], group: &[usize], alone: usize) -> usize {
     let mut count = 0;
     terms(words, group, (0, alone), |_| count += 1);
     count
@@ -39,12 +39,13 @@ pub(super) fn count(words: &[Word], group: &[usize], alone: usize) -> usize {
 
 /// Passes the terms of a group of covariates at a pose to `take`; `alone`: degree for a single covariate.
 pub(super) fn terms(
-    words: &[Word],
+    words: &[Covariate],
     group: &[usize],
     (pose, alone): (usize, usize),
     mut take: impl FnMut(f64),
 ) {
-    let degree = |word: &Word, most: usize| if word.name.starts_with("dir") { 1 } else { most };
+    let degree =
+        |word: &Covariate, most: usize| if word.name.starts_with("dir") { 1 } else { most };
     match *group {
         [one] => words[one].chebyshev(pose, degree(&words[one], alone)).for_each(take),
         [one, two] => {

@@ -1,14 +1,14 @@
 //! Effects that this recording cannot show, with the reason. Every effect that moves the tool is either a candidate or listed here.
 
-use super::features::Word;
+use super::covariates::Covariate;
 use crate::candidates::Candidate;
 use physics::effects::{OVER_PATHS, SPECS};
-use physics::spec::{ActsOn, Need, Place, Spec};
+use physics::spec::{ActsOn, EffectScope, Need, Spec};
 use physics::{Arm, JointKind};
 
 /// An effect that was not a candidate.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Untested {
+pub struct UntestedEffect {
     /// Name of the effect.
     pub effect: &'static str,
     /// Index of the joint, from 0; `None` for the whole robot.
@@ -17,8 +17,12 @@ pub struct Untested {
     pub why: String,
 }
 
-/// Effects that are not in `library`.
-pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<Untested> {
+/// Effects that are not in `dictionary`.
+pub(super) fn untested_effects(
+    arm: &Arm,
+    library: &[Candidate],
+    words: &[Covariate],
+) -> Vec<UntestedEffect> {
     let asked: Vec<(&str, Option<usize>)> = library
         .iter()
         .filter_map(|candidate| candidate.probes.first())
@@ -29,12 +33,12 @@ pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<
         if matches!(spec.acts_on, ActsOn::DriveTorque | ActsOn::ToolForce) {
             continue;
         }
-        let joints: Vec<Option<usize>> = match spec.place {
-            Place::Robot => vec![None],
+        let joints: Vec<Option<usize>> = match spec.scope {
+            EffectScope::Robot => vec![None],
             _ => (0..arm.count()).map(Some).collect(),
         };
         for joint in joints.into_iter().filter(|joint| !asked.contains(&(spec.kind, *joint))) {
-            list.extend(why(arm, spec, joint, words).map(|why| Untested {
+            list.extend(reason(arm, spec, joint, words).map(|why| UntestedEffect {
                 effect: spec.kind,
                 joint,
                 why,
@@ -45,10 +49,10 @@ pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<
         let still = !words.iter().any(|word| word.name == format!("q{}", joint + 1));
         if still {
             let why = format!("joint {} never moves", joint + 1);
-            list.push(Untested { effect: "joint_ratio", joint: Some(joint), why });
+            list.push(UntestedEffect { effect: "joint_ratio", joint: Some(joint), why });
         }
     }
-    let mut said: Vec<Untested> = Vec::new();
+    let mut said: Vec<UntestedEffect> = Vec::new();
     for one in list {
         if !said.iter().any(|s| s.effect == one.effect && s.joint == one.joint) {
             said.push(one);
@@ -58,10 +62,10 @@ pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<
 }
 
 /// Why an effect cannot be identified; `None` if the joint type excludes it, or for no known reason.
-fn why(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Word]) -> Option<String> {
+fn reason(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Covariate]) -> Option<String> {
     let has = |name: &str| words.iter().any(|word| word.name.starts_with(name));
     let slides = joint.is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);
-    if spec.place == Place::RevoluteJoint && slides {
+    if spec.scope == EffectScope::RevoluteJoint && slides {
         return None;
     }
     let n = joint.map_or(0, |joint| joint + 1);

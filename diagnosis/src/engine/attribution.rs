@@ -5,7 +5,7 @@
 //! explain the same share it equally, whichever was added first.
 
 /// Remaining error energy with some of the effects, in any unit of energy.
-pub(crate) struct Energies {
+pub(crate) struct ErrorEnergies {
     pub(crate) with_none: f64,
     /// With a single effect, for each of them.
     pub(crate) with_one: Vec<f64>,
@@ -14,9 +14,9 @@ pub(crate) struct Energies {
     pub(crate) with_all: f64,
 }
 
-impl Energies {
+impl ErrorEnergies {
     /// The Shapley value of each effect; they sum to the reduction by all effects.
-    pub(crate) fn shares(&self) -> Vec<f64> {
+    pub(crate) fn shapley_values(&self) -> Vec<f64> {
         let share =
             |(with, without): (&f64, &f64)| 0.5 * (self.with_none - with + without - self.with_all);
         self.with_one.iter().zip(&self.without_one).map(share).collect()
@@ -24,7 +24,7 @@ impl Energies {
 
     /// Indices of the effects, the one with the largest Shapley value first.
     pub(crate) fn order(&self) -> Vec<usize> {
-        let shares = self.shares();
+        let shares = self.shapley_values();
         let mut places: Vec<usize> = (0..shares.len()).collect();
         places.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
         places
@@ -54,13 +54,13 @@ mod tests {
                 mean[order[at]] += (left(&order[at..]) - left(&order[at + 1..])) / 6.0;
             }
         }
-        let energies = Energies {
+        let energies = ErrorEnergies {
             with_none: left(&[0, 1, 2]),
             with_one: vec![left(&[1, 2]), left(&[0, 2]), left(&[0, 1])],
             without_one: vec![left(&[0]), left(&[1]), left(&[2])],
             with_all: left(&[]),
         };
-        let shares = energies.shares();
+        let shares = energies.shapley_values();
         for (share, mean) in shares.iter().zip(mean) {
             assert!((share - mean).abs() < 1e-9, "{shares:?} beside {mean:?}");
         }

@@ -1,39 +1,39 @@
 //! The AR noise model of each joint's torque (or each axis of a force sensor), estimated from the residual of a fit of all candidates together, so
 //! that missing effects are not mistaken for noise. Uses training rows only.
 
-use super::normal_equations::Solved;
-use super::table::{Column, Table, residual};
-use crate::colour::Colour;
+use super::normal_equations::LeastSquaresSolution;
+use super::regression_data::{RegressionData, Regressor, residual};
+use crate::autocorrelation::ArModel;
 
 /// Lower limit of the noise, relative to the RMS of the torque.
 const LEAST: f64 = 1e-9;
 
 /// AR model and standard deviation (N m or N) of each joint's noise, from `rich`, a fit of all candidates.
-pub(crate) fn of(
-    table: &Table,
-    columns: &[Column],
-    rich: &Solved,
+pub(crate) fn estimate_noise(
+    table: &RegressionData,
+    columns: &[Regressor],
+    rich: &LeastSquaresSolution,
     used: &[bool],
-) -> Vec<(Colour, f64)> {
+) -> Vec<(ArModel, f64)> {
     let joints = table.joints().count().max(1) as f64;
     let each = rich.columns.len() as f64 / joints;
     let of_joint = |joint: usize| {
         if table.target[joint].is_none() {
-            return (Colour::default(), 1.0);
+            return (ArModel::default(), 1.0);
         }
-        of_left(table, joint, &residual(table, columns, rich, joint), used, each)
+        estimate_from_residual(table, joint, &residual(table, columns, rich, joint), used, each)
     };
     (0..table.target.len()).map(of_joint).collect()
 }
 
 /// The same for one joint, from the residual `left` of a fit with `numbers` parameters.
-pub(crate) fn of_left(
-    table: &Table,
+pub(crate) fn estimate_from_residual(
+    table: &RegressionData,
     joint: usize,
     left: &[f64],
     used: &[bool],
     numbers: f64,
-) -> (Colour, f64) {
+) -> (ArModel, f64) {
     let target = || table.target[joint].iter().flatten();
     let counts = |row: usize| used[row] && table.counts[joint][row];
     let kept: Vec<f64> = (0..left.len()).filter(|row| counts(*row)).map(|k| left[k]).collect();
@@ -55,5 +55,5 @@ pub(crate) fn of_left(
             }
         }
     }
-    (Colour::of_runs(&pieces), size)
+    (ArModel::estimate(&pieces), size)
 }

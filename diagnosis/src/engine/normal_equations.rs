@@ -7,13 +7,13 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Squared share of a column that is linearly independent of the columns before it, below which its coefficient is not determined.
-const OWN: f64 = 1e-7;
+const INDEPENDENT_SHARE_MIN: f64 = 1e-7;
 /// Squared share of a further column that is independent of the solved ones, below which its gain would be rounding error.
-pub(crate) const BRINGS: f64 = 1e-4;
+pub(crate) const FURTHER_SHARE_MIN: f64 = 1e-4;
 
 /// Products of columns and right-hand side over some rows.
 #[derive(Clone, Debug)]
-pub(crate) struct Products {
+pub(crate) struct NormalEquations {
     pub(crate) gram: DMatrix<f64>,
     pub(crate) right: DVector<f64>,
     /// Number of rows, of all joints together.
@@ -21,12 +21,12 @@ pub(crate) struct Products {
     /// Prior precision of each coefficient: 1/σ², 0 without a prior.
     pub(crate) prior: Vec<f64>,
     /// Squared share of a further column that is independent of the solved ones, below which it is ignored.
-    pub(crate) brings: f64,
+    pub(crate) further_share_min: f64,
 }
 
 /// Least-squares solution for some columns.
 #[derive(Clone, Debug)]
-pub(crate) struct Solved {
+pub(crate) struct LeastSquaresSolution {
     pub(crate) columns: Vec<usize>,
     pub(crate) values: Vec<f64>,
     /// Gain in log-likelihood over a fit without any of these columns.
@@ -34,10 +34,10 @@ pub(crate) struct Solved {
     inverse: DMatrix<f64>,
 }
 
-impl Products {
+impl NormalEquations {
     /// The least-squares solution for these columns; linearly dependent ones are left out.
-    pub(crate) fn solve(&self, columns: &[usize]) -> Solved {
-        let mut solved = Solved {
+    pub(crate) fn solve(&self, columns: &[usize]) -> LeastSquaresSolution {
+        let mut solved = LeastSquaresSolution {
             columns: Vec::new(),
             values: Vec::new(),
             gain: 0.0,
@@ -48,7 +48,7 @@ impl Products {
             let own = if i == j { self.prior[columns[i]] } else { 0.0 };
             self.gram[(columns[i], columns[j])] + own
         });
-        let taken = Self::own(columns, &mut rest);
+        let taken = Self::independent_columns(columns, &mut rest);
         if taken.is_empty() {
             return solved;
         }
@@ -76,16 +76,16 @@ impl Products {
         let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
             self.gram[(columns[i], columns[j])]
         });
-        Self::own(columns, &mut rest).len()
+        Self::independent_columns(columns, &mut rest).len()
     }
 
     /// The columns that do not depend linearly on those before them; `rest`: their products, overwritten.
-    fn own(columns: &[usize], rest: &mut DMatrix<f64>) -> Vec<usize> {
+    fn independent_columns(columns: &[usize], rest: &mut DMatrix<f64>) -> Vec<usize> {
         let full: Vec<f64> = (0..columns.len()).map(|k| rest[(k, k)]).collect();
         let mut taken = Vec::with_capacity(columns.len());
         for k in 0..columns.len() {
             let pivot = rest[(k, k)];
-            if full[k] <= 0.0 || pivot <= OWN * full[k] {
+            if full[k] <= 0.0 || pivot <= INDEPENDENT_SHARE_MIN * full[k] {
                 continue;
             }
             taken.push(columns[k]);
@@ -101,7 +101,7 @@ impl Products {
 
     /// Log marginal likelihood of the right-hand side with the coefficients of these columns integrated out, up to a term that is the same for all
     /// choices of columns. Its increase by further rows is their log predictive density under the posterior from the rows before.
-    pub(crate) fn likelihood(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn log_marginal_likelihood(&self, columns: &[usize]) -> f64 {
         let own = |k: usize| self.gram[(k, k)] + self.prior[k];
         let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(own(*k))).collect();
         let count = columns.len();
@@ -118,7 +118,7 @@ impl Products {
     }
 
     /// Occam factor of coefficients with a Gaussian prior, in log-likelihood: `½ ln det(I + σ XᵀX σ)`.
-    pub(crate) fn room(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn log_occam_factor(&self, columns: &[usize]) -> f64 {
         let kept: Vec<usize> = columns.iter().copied().filter(|k| self.prior[*k] > 0.0).collect();
         let wide: Vec<f64> = kept.iter().map(|k| 1.0 / libm::sqrt(self.prior[*k])).collect();
         let count = kept.len();
@@ -130,7 +130,11 @@ impl Products {
     }
 
     /// Gain in log-likelihood by further columns beside the solved ones, and their coefficients.
-    pub(crate) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
+    pub(crate) fn gain_of_further(
+        &self,
+        solved: &LeastSquaresSolution,
+        columns: &[usize],
+    ) -> (f64, Vec<f64>) {
         let inside = |k: usize| {
             DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)])
         };
@@ -148,7 +152,7 @@ impl Products {
             DVector::from_fn(count, |i, _| self.right[open[i]] - beside[i].dot(&values));
         for i in 0..count {
             let full = self.gram[(open[i], open[i])] + self.prior[open[i]];
-            if left[(i, i)] <= self.brings * full || full <= 0.0 {
+            if left[(i, i)] <= self.further_share_min * full || full <= 0.0 {
                 left.row_mut(i).fill(0.0);
                 left.column_mut(i).fill(0.0);
                 left[(i, i)] = 1.0;
@@ -163,7 +167,7 @@ impl Products {
     }
 }
 
-impl Solved {
+impl LeastSquaresSolution {
     /// The coefficient of a column; `None` if it is not in the solution.
     pub(crate) fn value(&self, column: usize) -> Option<f64> {
         let at = self.columns.iter().position(|k| *k == column)?;
@@ -171,7 +175,7 @@ impl Solved {
     }
 
     /// Gain in log-likelihood of these columns beside the others in the solution: `½ βᵀ C⁻¹ β`, where C is their block of the inverse.
-    pub(crate) fn worth(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn gain_of(&self, columns: &[usize]) -> f64 {
         let at: Vec<usize> =
             columns.iter().filter_map(|k| self.columns.iter().position(|c| c == k)).collect();
         let part = DMatrix::from_fn(at.len(), at.len(), |i, j| self.inverse[(at[i], at[j])]);

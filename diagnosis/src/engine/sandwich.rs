@@ -33,12 +33,12 @@ const NORMAL: f64 = 1.959_964;
 
 /// Contribution of the rows of one block to the score `Xᵀ r` (r the residual) and to the normal matrix `Xᵀ X` of `count` parameters.
 #[derive(Clone, Debug)]
-pub(crate) struct Block {
+pub(crate) struct BlockSums {
     pub(crate) score: DVector<f64>,
     pub(crate) gram: DMatrix<f64>,
 }
 
-impl Block {
+impl BlockSums {
     /// A block without rows.
     pub(crate) fn new(count: usize) -> Self {
         Self { score: DVector::zeros(count), gram: DMatrix::zeros(count, count) }
@@ -48,7 +48,7 @@ impl Block {
 /// Covariance of parameters whose inverse normal matrix is `inverse`; with too few non-empty blocks, that of the noise model.
 pub(crate) fn covariance(
     inverse: &DMatrix<f64>,
-    blocks: Vec<Block>,
+    blocks: Vec<BlockSums>,
     settings: &BlockSettings,
 ) -> DMatrix<f64> {
     let count = inverse.nrows();
@@ -57,7 +57,7 @@ pub(crate) fn covariance(
         return inverse.clone();
     }
     let mut meat = DMatrix::zeros(count, count);
-    for Block { score, gram } in blocks {
+    for BlockSums { score, gram } in blocks {
         let own = DMatrix::identity(count, count) - gram * inverse;
         // A parameter that a single block determines has full leverage and no jackknife estimate: the uncorrected score is used.
         let freed = own.lu().solve(&score).filter(|freed| freed.iter().all(|x| x.is_finite()));
@@ -109,7 +109,7 @@ mod tests {
             .collect();
         let count = (blocks * size) as f64;
         let mean = values.iter().flatten().sum::<f64>() / count;
-        let block = |values: &Vec<f64>| Block {
+        let block = |values: &Vec<f64>| BlockSums {
             score: DVector::from_element(1, values.iter().map(|x| x - mean).sum()),
             gram: DMatrix::from_element(1, 1, size as f64),
         };

@@ -6,7 +6,7 @@
 //!
 //! Invariant: the split depends on times and the seed alone, not on measured values.
 
-use recording::series::Heldout;
+use recording::series::HeldOut;
 use std::ops::Range;
 
 /// Parameters of the split.
@@ -32,7 +32,7 @@ impl Default for SplitSettings {
 
 /// A run: consecutive rows without a gap.
 #[derive(Clone, Debug)]
-pub(crate) struct RunRows {
+pub(crate) struct RunSpan {
     pub(crate) rows: Range<usize>,
     /// Rows on either side of a border between sets that are excluded, since filters and autocorrelated noise carry information across it.
     pub(crate) gap: usize,
@@ -41,11 +41,11 @@ pub(crate) struct RunRows {
 }
 
 /// Whether a recording reserves a segment for validation; `None` if it makes no statement.
-pub(crate) fn reserved(heldout: &Heldout, segment: i64) -> Option<bool> {
+pub(crate) fn reserved(heldout: &HeldOut, segment: i64) -> Option<bool> {
     match heldout {
-        Heldout::All => Some(true),
-        Heldout::Segments(list) => Some(list.contains(&segment)),
-        Heldout::Unsaid => None,
+        HeldOut::All => Some(true),
+        HeldOut::Segments(list) => Some(list.contains(&segment)),
+        HeldOut::Unspecified => None,
     }
 }
 
@@ -57,12 +57,12 @@ pub(crate) struct RowSets {
     pub(crate) validation: Vec<bool>,
     pub(crate) test: Vec<bool>,
     /// Composition of the test set, for users.
-    pub(crate) says: String,
+    pub(crate) description: String,
 }
 
 impl RowSets {
     /// Splits `runs`, which follow one another from row 0. If any recording reserves runs, these are the test set.
-    pub(crate) fn of(runs: &[RunRows], seed: u64, settings: &SplitSettings) -> Self {
+    pub(crate) fn of(runs: &[RunSpan], seed: u64, settings: &SplitSettings) -> Self {
         let SplitSettings { stretches, every, beside, runs_many } = *settings;
         let count = runs.last().map_or(0, |run| run.rows.end);
         let is_reserved = runs.iter().any(|run| run.reserved.is_some());
@@ -70,7 +70,7 @@ impl RowSets {
         let first = (seed % every as u64) as usize;
         let (mut test, mut validation) = (vec![false; count], vec![false; count]);
         let (mut stretch, mut kept) = (0, 0);
-        for RunRows { rows, reserved, .. } in runs {
+        for RunSpan { rows, reserved, .. } in runs {
             let share = rows.len() as f64 / count.max(1) as f64;
             let pieces =
                 if whole { 1 } else { ((stretches as f64 * share).round() as usize).max(1) };
@@ -98,7 +98,7 @@ impl RowSets {
         } else {
             format!("{kept} of {stretch} {what}, not used in selection or fit")
         };
-        Self { train, validation, test, says }
+        Self { train, validation, test, description: says }
     }
 
     /// All rows but those of the test set.
@@ -108,9 +108,9 @@ impl RowSets {
 }
 
 /// Rows within the gap of a border between sets.
-fn beside_borders(runs: &[RunRows], test: &[bool], validation: &[bool]) -> Vec<bool> {
+fn beside_borders(runs: &[RunSpan], test: &[bool], validation: &[bool]) -> Vec<bool> {
     let mut near = vec![false; test.len()];
-    for RunRows { rows, gap, .. } in runs {
+    for RunSpan { rows, gap, .. } in runs {
         for row in rows.start + 1..rows.end {
             if (test[row], validation[row]) != (test[row - 1], validation[row - 1]) {
                 let first = row.saturating_sub(*gap).max(rows.start);
@@ -125,8 +125,8 @@ fn beside_borders(runs: &[RunRows], test: &[bool], validation: &[bool]) -> Vec<b
 mod tests {
     use super::*;
 
-    fn run(rows: Range<usize>, reserved: Option<bool>) -> RunRows {
-        RunRows { rows, gap: 3, reserved }
+    fn run(rows: Range<usize>, reserved: Option<bool>) -> RunSpan {
+        RunSpan { rows, gap: 3, reserved }
     }
 
     #[test]
@@ -154,11 +154,11 @@ mod tests {
 
     #[test]
     fn of_many_runs_whole_ones_are_held_out() {
-        let runs: Vec<RunRows> = (0..10).map(|k| run(10 * k..10 * k + 10, None)).collect();
+        let runs: Vec<RunSpan> = (0..10).map(|k| run(10 * k..10 * k + 10, None)).collect();
         let sets = RowSets::of(&runs, 0, &SplitSettings::default());
         let held: Vec<usize> =
             (0..10).filter(|k| sets.test[10 * k..10 * k + 10].iter().all(|own| *own)).collect();
         assert_eq!(held, [0, 5]);
-        assert!(sets.says.starts_with("2 of 10 runs"), "{}", sets.says);
+        assert!(sets.description.starts_with("2 of 10 runs"), "{}", sets.description);
     }
 }

@@ -5,8 +5,8 @@
 //! give the same selection.
 
 use super::criterion::Ebic;
-use super::library::{Family, Form, Library};
-use super::normal_equations::{Products, Solved};
+use super::dictionary::{CandidateDictionary, CandidateTerm, CoefficientForm};
+use super::normal_equations::{LeastSquaresSolution, NormalEquations};
 
 /// Least gain of a candidate beyond its penalty, in log-likelihood.
 pub(crate) const MARGIN: f64 = 5.0;
@@ -19,31 +19,31 @@ const LIKELY: usize = 3;
 
 /// Selected candidates, with the solution for their columns and the columns that are always included.
 #[derive(Clone, Debug)]
-pub(crate) struct Selection {
+pub(crate) struct TermSelection {
     /// Indices in the library's families.
-    pub(crate) names: Vec<usize>,
-    pub(crate) solved: Solved,
+    pub(crate) terms: Vec<usize>,
+    pub(crate) solved: LeastSquaresSolution,
 }
 
 /// The indices `names` without `name`.
-pub(crate) fn others(names: &[usize], name: usize) -> Vec<usize> {
+pub(crate) fn without_term(names: &[usize], name: usize) -> Vec<usize> {
     names.iter().copied().filter(|other| *other != name).collect()
 }
 
 /// Inputs of a selection run: the products from which the criterion is computed.
-pub(crate) struct Search<'a> {
-    pub(crate) library: &'a Library,
-    pub(crate) products: &'a Products,
+pub(crate) struct TermSearch<'a> {
+    pub(crate) library: &'a CandidateDictionary,
+    pub(crate) products: &'a NormalEquations,
     /// Columns that are always included: parameters with a stated uncertainty.
     pub(crate) always: &'a [usize],
 }
 
-impl Search<'_> {
+impl TermSearch<'_> {
     /// The columns of these candidates and those that are always included.
     pub(crate) fn columns(&self, names: &[usize]) -> Vec<usize> {
         let mut all = self.always.to_vec();
         for name in names {
-            for column in &self.library.families[*name].columns {
+            for column in &self.library.terms[*name].columns {
                 if !all.contains(column) {
                     all.push(*column);
                 }
@@ -53,38 +53,40 @@ impl Search<'_> {
     }
 
     /// The least-squares solution for these candidates.
-    pub(crate) fn solve(&self, names: &[usize]) -> Selection {
-        Selection { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
+    pub(crate) fn solve(&self, names: &[usize]) -> TermSelection {
+        TermSelection { terms: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
     }
 
     /// Number of a candidate's parameters, including searched ones; linearly dependent columns count once.
-    pub(crate) fn numbers(&self, family: &Family) -> f64 {
+    pub(crate) fn parameter_count(&self, family: &CandidateTerm) -> f64 {
         (self.products.rank(&family.columns) + family.settings.len()) as f64
     }
 
     /// The criterion of this run.
     pub(crate) fn criterion(&self) -> Ebic {
-        Ebic { rows: self.products.rows as f64, candidates: self.library.families.len() }
+        Ebic { rows: self.products.rows as f64, candidates: self.library.terms.len() }
     }
 
     /// Penalty of a candidate for its parameters and for the number of candidates, in log-likelihood.
-    pub(crate) fn penalty(&self, family: &Family) -> f64 {
-        self.criterion().penalty(self.numbers(family))
+    pub(crate) fn penalty(&self, family: &CandidateTerm) -> f64 {
+        self.criterion().penalty(self.parameter_count(family))
     }
 
     /// The gain of an alternative. Signs of a spring are not constrained here: beyond its dead centre a spring acts away from its rest position.
-    pub(crate) fn could_bring(&self, selection: &Selection, name: usize) -> f64 {
-        let family = &self.library.families[name];
+    pub(crate) fn alternative_gain(&self, selection: &TermSelection, name: usize) -> f64 {
+        let family = &self.library.terms[name];
         match family.form {
-            Form::Spring => self.products.more(&selection.solved, &family.columns).0,
-            _ => self.brings(selection, name),
+            CoefficientForm::Spring => {
+                self.products.gain_of_further(&selection.solved, &family.columns).0
+            }
+            _ => self.gain_beside(selection, name),
         }
     }
 
     /// Gain in log-likelihood of a candidate beside a selection; 0 if it violates a sign constraint.
-    pub(crate) fn brings(&self, selection: &Selection, name: usize) -> f64 {
-        let family = &self.library.families[name];
-        let (gain, values) = self.products.more(&selection.solved, &family.columns);
+    pub(crate) fn gain_beside(&self, selection: &TermSelection, name: usize) -> f64 {
+        let family = &self.library.terms[name];
+        let (gain, values) = self.products.gain_of_further(&selection.solved, &family.columns);
         let inside = |k: usize| selection.solved.value(family.columns[k]).unwrap_or(0.0);
         let wrong =
             family.signs.iter().enumerate().any(|(k, sign)| !sign.admits(values[k] + inside(k)));
@@ -102,53 +104,57 @@ impl Search<'_> {
     }
 
     /// Whether the parameters of a candidate satisfy its sign constraints.
-    pub(crate) fn is_admissible(&self, selection: &Selection, name: usize) -> bool {
-        let family = &self.library.families[name];
+    pub(crate) fn is_admissible(&self, selection: &TermSelection, name: usize) -> bool {
+        let family = &self.library.terms[name];
         let mut numbers = family.signs.iter().zip(&family.columns);
         numbers.all(|(sign, column)| sign.admits(selection.solved.value(*column).unwrap_or(0.0)))
     }
 
     /// Gain in log-likelihood of a selected candidate beside the others.
-    pub(crate) fn worth(&self, selection: &Selection, name: usize) -> f64 {
-        selection.solved.worth(&self.own_columns(selection, name))
+    pub(crate) fn gain_of(&self, selection: &TermSelection, name: usize) -> f64 {
+        selection.solved.gain_of(&self.own_columns(selection, name))
     }
 
     /// The columns of a selected candidate that no other one shares.
-    pub(crate) fn own_columns(&self, selection: &Selection, name: usize) -> Vec<usize> {
-        let families = &self.library.families;
+    pub(crate) fn own_columns(&self, selection: &TermSelection, name: usize) -> Vec<usize> {
+        let families = &self.library.terms;
         let shared = |column: &usize| {
             self.always.contains(column)
                 || selection
-                    .names
+                    .terms
                     .iter()
                     .any(|n| *n != name && families[*n].columns.contains(column))
         };
         families[name].columns.iter().copied().filter(|column| !shared(column)).collect()
     }
 
-    fn price_of(&self, name: usize) -> f64 {
-        self.penalty(&self.library.families[name])
+    fn penalty_of(&self, name: usize) -> f64 {
+        self.penalty(&self.library.terms[name])
     }
 
     /// Selection that starts from the candidates `start`.
-    pub(crate) fn choose(&self, start: &[usize]) -> Selection {
-        self.choose_but(start, &[])
+    pub(crate) fn select(&self, start: &[usize]) -> TermSelection {
+        self.select_excluding(start, &[])
     }
 
     /// The same, without the candidates `never`.
-    pub(crate) fn choose_but(&self, start: &[usize], never: &[usize]) -> Selection {
+    pub(crate) fn select_excluding(&self, start: &[usize], never: &[usize]) -> TermSelection {
         let mut selection = self.pruned(self.solve(start));
         let mut barred = never.to_vec();
-        while selection.names.len() < MOST {
+        while selection.terms.len() < MOST {
             let Some((name, _)) = self.best(&selection, &barred) else { break };
-            let mut names = selection.names.clone();
+            let mut names = selection.terms.clone();
             names.push(name);
             let mut next = self.pruned(self.solve(&names));
-            if !next.names.contains(&name) {
+            if !next.terms.contains(&name) {
                 barred.push(name);
                 continue;
             }
-            next = self.gathered(self.exchanged(next, never, self.library.families[name].joint));
+            next = self.with_single_payload(self.exchanged(
+                next,
+                never,
+                self.library.terms[name].joint,
+            ));
             // A step without improvement would be taken back and repeated forever.
             if self.score(&next) <= self.score(&selection) + 1e-9 {
                 barred.push(name);
@@ -161,43 +167,48 @@ impl Search<'_> {
     }
 
     /// Gain in log-likelihood less the penalties of the selected candidates.
-    pub(crate) fn score(&self, selection: &Selection) -> f64 {
-        selection.solved.gain - selection.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
+    pub(crate) fn score(&self, selection: &TermSelection) -> f64 {
+        selection.solved.gain
+            - selection.terms.iter().map(|name| self.penalty_of(*name)).sum::<f64>()
     }
 
     /// Candidates that are not selected, with their gain less penalty beside a selection.
-    fn open<'a>(
+    fn unselected<'a>(
         &'a self,
-        selection: &'a Selection,
+        selection: &'a TermSelection,
         barred: &'a [usize],
     ) -> impl Iterator<Item = (usize, f64)> + 'a {
-        let families = &self.library.families;
+        let families = &self.library.terms;
         let stands = move |name: usize| {
-            selection.names.iter().any(|in_| *in_ == name || families[*in_].is_kin(&families[name]))
+            selection
+                .terms
+                .iter()
+                .any(|in_| *in_ == name || families[*in_].is_same_effect(&families[name]))
         };
         (0..families.len())
             .filter(move |name| !barred.contains(name) && !stands(*name))
-            .map(|name| (name, self.brings(selection, name) - self.price_of(name)))
+            .map(|name| (name, self.gain_beside(selection, name) - self.penalty_of(name)))
     }
 
     /// The candidate with the largest gain less penalty, if that exceeds [`MARGIN`].
-    fn best(&self, selection: &Selection, barred: &[usize]) -> Option<(usize, f64)> {
-        let best =
-            self.open(selection, barred).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+    fn best(&self, selection: &TermSelection, barred: &[usize]) -> Option<(usize, f64)> {
+        let best = self
+            .unselected(selection, barred)
+            .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
         best.filter(|best| best.1 > MARGIN)
     }
 
     /// Removes selected candidates that are superfluous or violate a sign constraint.
-    fn pruned(&self, mut selection: Selection) -> Selection {
+    fn pruned(&self, mut selection: TermSelection) -> TermSelection {
         loop {
             let weakest = selection
-                .names
+                .terms
                 .iter()
-                .map(|name| (*name, self.worth(&selection, *name) - self.price_of(*name)))
+                .map(|name| (*name, self.gain_of(&selection, *name) - self.penalty_of(*name)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((name, worth)) = weakest else { return selection };
             let wrong =
-                || selection.names.iter().find(|name| !self.is_admissible(&selection, **name));
+                || selection.terms.iter().find(|name| !self.is_admissible(&selection, **name));
             let drop = if worth < 0.0 {
                 name
             } else if let Some(wrong) = wrong() {
@@ -206,30 +217,35 @@ impl Search<'_> {
                 return selection;
             };
             let names: Vec<usize> =
-                selection.names.iter().copied().filter(|n| *n != drop).collect();
+                selection.terms.iter().copied().filter(|n| *n != drop).collect();
             selection = self.solve(&names);
         }
     }
 
     /// Exchanges candidates of a joint for others if that improves the score, directly or because a third candidate becomes superfluous.
-    fn exchanged(&self, selection: Selection, never: &[usize], joint: Option<usize>) -> Selection {
-        self.exchanged_where(selection, never, |name| self.library.families[*name].joint == joint)
+    fn exchanged(
+        &self,
+        selection: TermSelection,
+        never: &[usize],
+        joint: Option<usize>,
+    ) -> TermSelection {
+        self.exchanged_where(selection, never, |name| self.library.terms[*name].joint == joint)
     }
 
     /// Exchanges candidates of all joints: the best candidate beside a removed one may not be the best without it.
-    pub(crate) fn renamed(&self, selection: Selection) -> Selection {
+    pub(crate) fn exchanged_everywhere(&self, selection: TermSelection) -> TermSelection {
         self.exchanged_where(selection, &[], |_| true)
     }
 
     fn exchanged_where(
         &self,
-        mut selection: Selection,
+        mut selection: TermSelection,
         never: &[usize],
         wanted: impl Fn(&usize) -> bool,
-    ) -> Selection {
+    ) -> TermSelection {
         for _ in 0..EXCHANGES {
             let better = |name: &usize| self.exchange(&selection, never, *name);
-            let mut asked = selection.names.iter().filter(|name| wanted(name));
+            let mut asked = selection.terms.iter().filter(|name| wanted(name));
             let Some(next) = asked.find_map(better) else { break };
             selection = next;
         }
@@ -237,15 +253,15 @@ impl Search<'_> {
     }
 
     /// Replaces the effects `inertia` and `gravity_torque` of all joints by a single payload if that improves the score.
-    fn gathered(&self, selection: Selection) -> Selection {
-        let families = &self.library.families;
+    fn with_single_payload(&self, selection: TermSelection) -> TermSelection {
+        let families = &self.library.terms;
         let is_mass = |name: &usize| matches!(families[*name].kind, "inertia" | "gravity_torque");
-        if !selection.names.iter().any(is_mass) {
+        if !selection.terms.iter().any(is_mass) {
             return selection;
         }
         let payloads = (0..families.len()).filter(|name| families[*name].kind == "payload");
         let with = |name: usize| {
-            let kept = selection.names.iter().copied().filter(|n| !is_mass(n) && *n != name);
+            let kept = selection.terms.iter().copied().filter(|n| !is_mass(n) && *n != name);
             self.pruned(self.solve(&kept.chain([name]).collect::<Vec<usize>>()))
         };
         let best = payloads.map(with).max_by(|a, b| self.score(a).total_cmp(&self.score(b)));
@@ -253,11 +269,16 @@ impl Search<'_> {
     }
 
     /// A better selection with an alternative in place of one candidate.
-    fn exchange(&self, selection: &Selection, never: &[usize], name: usize) -> Option<Selection> {
-        let others = others(&selection.names, name);
+    fn exchange(
+        &self,
+        selection: &TermSelection,
+        never: &[usize],
+        name: usize,
+    ) -> Option<TermSelection> {
+        let others = without_term(&selection.terms, name);
         let without = self.solve(&others);
         let mut open: Vec<(usize, f64)> =
-            self.open(&without, never).filter(|(other, _)| *other != name).collect();
+            self.unselected(&without, never).filter(|(other, _)| *other != name).collect();
         open.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let with = |(other, _): &(usize, f64)| {
             let names: Vec<usize> = others.iter().copied().chain([*other]).collect();

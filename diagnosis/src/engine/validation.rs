@@ -4,21 +4,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal_equations::Solved;
-use super::stepwise::{Search, Selection, others};
-use super::table::{Column, Table, residual};
-use crate::size::Size;
+use super::normal_equations::LeastSquaresSolution;
+use super::regression_data::{RegressionData, Regressor, residual};
+use super::stepwise::{TermSearch, TermSelection, without_term};
+use crate::effect_size::EffectSize;
 
 /// Least ratio of a parameter to its standard uncertainty.
-pub(crate) const SURE: f64 = 2.0;
+pub(crate) const SIGNIFICANCE_SIGMAS: f64 = 2.0;
 /// Quantiles of the χ² distribution with one to four degrees of freedom, at the probability with which a squared standard normal variate exceeds the
-/// square of [`SURE`].
-const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
+/// square of [`SIGNIFICANCE_SIGMAS`].
+const CHI_SQUARED_QUANTILES: [f64; 4] =
+    [SIGNIFICANCE_SIGMAS * SIGNIFICANCE_SIGMAS, 6.18, 8.02, 9.72];
 /// RMS residual over the rows `used` that `counts` admits, each channel divided by its noise, times the geometric mean of the channels' noise.
 pub(crate) fn rms_of(
-    table: &Table,
-    columns: &[Column],
-    solved: &Solved,
+    table: &RegressionData,
+    columns: &[Regressor],
+    solved: &LeastSquaresSolution,
     used: &[bool],
     counts: &[Vec<bool>],
 ) -> f64 {
@@ -39,7 +40,12 @@ pub(crate) fn rms_of(
 }
 
 /// Sum of squares of one joint's values over the rows that count.
-pub(crate) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) -> f64 {
+pub(crate) fn sum_of_squares(
+    table: &RegressionData,
+    joint: usize,
+    values: &[f64],
+    used: &[bool],
+) -> f64 {
     let rows = (0..values.len()).filter(|row| used[*row] && table.counts[joint][*row]);
     rows.map(|row| values[row] * values[row]).sum()
 }
@@ -47,22 +53,22 @@ pub(crate) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) ->
 /// The candidates with significant parameters (Wald test); the least significant one is removed until all are. Candidates for which `is_belief` holds
 /// are not tested.
 pub(crate) fn significant(
-    search: &Search<'_>,
+    search: &TermSearch<'_>,
     mut names: Vec<usize>,
-    covariance: &dyn Fn(&Solved) -> DMatrix<f64>,
+    covariance: &dyn Fn(&LeastSquaresSolution) -> DMatrix<f64>,
     is_belief: &dyn Fn(usize) -> bool,
 ) -> Vec<usize> {
     loop {
         let solved = search.solve(&names).solved;
         let covariance = covariance(&solved);
         let sure = |name: usize| {
-            let columns = search.library.families[name].columns.iter();
+            let columns = search.library.terms[name].columns.iter();
             let places = columns.filter_map(|k| solved.columns.iter().position(|own| own == k));
             let places: Vec<usize> = places.collect();
             let count = places.len();
             let values = DVector::from_fn(count, |i, _| solved.values[places[i]]);
             let own = |i: usize, k: usize| covariance[(places[i], places[k])];
-            sureness_of(&values, DMatrix::from_fn(count, count, own))
+            wald_ratio(&values, DMatrix::from_fn(count, count, own))
         };
         let asked = names.iter().filter(|name| !is_belief(**name));
         let least = asked.map(|name| (*name, sure(*name)));
@@ -75,18 +81,18 @@ pub(crate) fn significant(
 }
 
 /// Wald statistic of these parameters together, divided by its critical value: significant above 1.
-fn sureness_of(values: &DVector<f64>, covariance: DMatrix<f64>) -> f64 {
+fn wald_ratio(values: &DVector<f64>, covariance: DMatrix<f64>) -> f64 {
     let Some(more) = values.len().checked_sub(1) else { return 0.0 };
-    let bar = TOGETHER[more.min(TOGETHER.len() - 1)];
+    let bar = CHI_SQUARED_QUANTILES[more.min(CHI_SQUARED_QUANTILES.len() - 1)];
     covariance.cholesky().map_or(f64::INFINITY, |factors| values.dot(&factors.solve(values)) / bar)
 }
 
 /// Removes candidates that increase the error `rms` on the validation set, the worst first; returns the remaining ones and the removed ones. No
 /// others are selected in their place. Candidates for which `is_belief` holds are not tested.
 pub(crate) fn supported(
-    search: &Search<'_>,
+    search: &TermSearch<'_>,
     mut names: Vec<usize>,
-    rms: &dyn Fn(&Solved) -> f64,
+    rms: &dyn Fn(&LeastSquaresSolution) -> f64,
     is_belief: &dyn Fn(usize) -> bool,
 ) -> (Vec<usize>, Vec<usize>) {
     let of = |names: &[usize]| rms(&search.solve(names).solved);
@@ -95,37 +101,43 @@ pub(crate) fn supported(
         let whole = of(&names);
         let asked = names.iter().filter(|name| !is_belief(**name));
         // A candidate is not removed if its removal gives another one the wrong sign: the comparison would then be with an impossible model.
-        let rest = asked.map(|name| (*name, others(&names, *name)));
+        let rest = asked.map(|name| (*name, without_term(&names, *name)));
         let stands = rest.filter(|(_, rest)| search.admissible(rest.clone()) == *rest);
         let harm = stands.map(|(name, rest)| (name, whole - of(&rest)));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
             return (names, refuted);
         };
-        names = others(&names, name);
+        names = without_term(&names, name);
         refuted.push(name);
     }
 }
 
 /// Contribution of some columns of a fit to the rows in which the joints move.
-pub(crate) fn size_of(table: &Table, columns: &[Column], solved: &Solved, own: &[usize]) -> Size {
-    let parts: Vec<(&Column, f64)> = (solved.columns.iter().zip(&solved.values))
+pub(crate) fn size_of(
+    table: &RegressionData,
+    columns: &[Regressor],
+    solved: &LeastSquaresSolution,
+    own: &[usize],
+) -> EffectSize {
+    let parts: Vec<(&Regressor, f64)> = (solved.columns.iter().zip(&solved.values))
         .filter(|(column, _)| own.contains(column))
         .map(|(column, value)| (&columns[*column], *value))
         .collect();
     let mut values = Vec::new();
     for joint in table.joints() {
-        let moved: Vec<f64> = Column::sum(&parts, joint, table.rows()).into_iter().collect();
+        let moved: Vec<f64> =
+            Regressor::linear_combination(&parts, joint, table.rows()).into_iter().collect();
         if moved.iter().any(|value| *value != 0.0) {
             let rows = moved.iter().zip(&table.moves[joint]);
             values.extend(rows.filter(|(_, moves)| **moves).map(|(value, _)| *value));
         }
     }
-    Size::of(values)
+    EffectSize::of(values)
 }
 
 /// A candidate with RMS errors on the test set.
-pub(crate) struct Listed {
+pub(crate) struct RankedTerm {
     pub(crate) name: usize,
     /// Without it and all that follow it in the list, and with it.
     pub(crate) heldout: [f64; 2],
@@ -137,14 +149,14 @@ pub(crate) struct Listed {
 /// error most by itself; the others follow by the increase of the error if they alone are removed. All others are refitted each time, so the error
 /// energy is not quadratic and the two-point formula of the Shapley value ([`super::attribution`]) does not hold.
 pub(crate) fn attributed(
-    search: &Search<'_>,
-    selection: &Selection,
-    rms: &dyn Fn(&Solved) -> f64,
-) -> Vec<Listed> {
-    let without = |name: &usize| rms(&search.solve(&others(&selection.names, *name)).solved);
-    let mut names: Vec<(usize, f64)> = selection.names.iter().map(|n| (*n, without(n))).collect();
+    search: &TermSearch<'_>,
+    selection: &TermSelection,
+    rms: &dyn Fn(&LeastSquaresSolution) -> f64,
+) -> Vec<RankedTerm> {
+    let without = |name: &usize| rms(&search.solve(&without_term(&selection.terms, *name)).solved);
+    let mut names: Vec<(usize, f64)> = selection.terms.iter().map(|n| (*n, without(n))).collect();
     let alone = |name: &usize| rms(&search.solve(&[*name]).solved);
-    let first = selection.names.iter().map(|name| (*name, alone(name)));
+    let first = selection.terms.iter().map(|name| (*name, alone(name)));
     let first = first.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(first, _)| first);
     names.sort_by(|(a, a_left), (b, b_left)| {
         let is_later = |name: &usize| Some(*name) != first;
@@ -156,7 +168,7 @@ pub(crate) fn attributed(
     for (name, heldout_without) in names {
         there.push(name);
         let after = rms(&search.solve(&there).solved);
-        listed.push(Listed { name, heldout: [before, after], heldout_without });
+        listed.push(RankedTerm { name, heldout: [before, after], heldout_without });
         before = after;
     }
     listed
@@ -170,14 +182,14 @@ mod tests {
     fn numbers_that_are_nothing_each_may_be_something_together() {
         let values = DVector::from_vec(vec![1.5, -1.5]);
         let alone = DMatrix::identity(2, 2);
-        assert!(sureness_of(&values, alone) < 1.0);
+        assert!(wald_ratio(&values, alone) < 1.0);
         // The variance of each is unchanged, but their difference is well determined.
         let tied = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
-        assert!(sureness_of(&values, tied) > 5.0);
+        assert!(wald_ratio(&values, tied) > 5.0);
         // A single significant parameter is not masked by insignificant ones.
         let values = DVector::from_vec(vec![4.0, 0.1, -0.2]);
-        assert!(sureness_of(&values, DMatrix::identity(3, 3)) > 1.0);
-        assert!(sureness_of(&DVector::from_vec(vec![1.9]), DMatrix::identity(1, 1)) < 1.0);
-        assert!(sureness_of(&DVector::from_vec(vec![2.1]), DMatrix::identity(1, 1)) > 1.0);
+        assert!(wald_ratio(&values, DMatrix::identity(3, 3)) > 1.0);
+        assert!(wald_ratio(&DVector::from_vec(vec![1.9]), DMatrix::identity(1, 1)) < 1.0);
+        assert!(wald_ratio(&DVector::from_vec(vec![2.1]), DMatrix::identity(1, 1)) > 1.0);
     }
 }

@@ -54,7 +54,7 @@ impl VerdictSettings {
 
 /// A finding, for the verdict.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Weight {
+pub(crate) struct FindingEvidence {
     /// Its gain in log-likelihood.
     pub(crate) gain: f64,
     /// Whether an alternative explains as much.
@@ -63,7 +63,7 @@ pub(crate) struct Weight {
 
 /// The verdict on `findings` that explain the share `explained` of the energy above the noise on the test set; `None`: all of it.
 pub(crate) fn decide_verdict(
-    findings: &[Weight],
+    findings: &[FindingEvidence],
     explained: Option<f64>,
     settings: &VerdictSettings,
 ) -> Verdict {
@@ -76,7 +76,7 @@ pub(crate) fn decide_verdict(
     }
 }
 
-fn is_clear(findings: &[Weight], settings: &VerdictSettings) -> bool {
+fn is_clear(findings: &[FindingEvidence], settings: &VerdictSettings) -> bool {
     let gains =
         |of: bool| findings.iter().filter(move |one| one.is_ambiguous == of).map(|one| one.gain);
     let (ambiguous, clear): (f64, f64) = (gains(true).sum(), gains(false).sum());
@@ -103,11 +103,11 @@ mod tests {
     const SETTINGS: VerdictSettings = VerdictSettings::POSITION;
 
     fn verdict(findings: &[(f64, bool)], explained: Option<f64>) -> Verdict {
-        let weight = |(gain, is_ambiguous): &(f64, bool)| Weight {
+        let weight = |(gain, is_ambiguous): &(f64, bool)| FindingEvidence {
             gain: *gain,
             is_ambiguous: *is_ambiguous,
         };
-        let findings: Vec<Weight> = findings.iter().map(weight).collect();
+        let findings: Vec<FindingEvidence> = findings.iter().map(weight).collect();
         decide_verdict(&findings, explained, &SETTINGS)
     }
 

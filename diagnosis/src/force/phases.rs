@@ -12,19 +12,19 @@ use crate::engine::statistics::median;
 const BLOCK_S: f64 = 0.02;
 const BLOCK_ROWS: usize = 16;
 /// Share of the blocks that count as the quietest.
-const QUIET: f64 = 0.15;
+const QUIET_SHARE: f64 = 0.15;
 /// Minimum ratio of the median level of the cut to the 90 % quantile of air.
-const APART: f64 = 2.0;
+const LEVEL_RATIO_LEAST: f64 = 2.0;
 /// Shorter phases, s, are merged with their surroundings.
-const SHORT_S: f64 = 0.1;
+const PHASE_LEAST_S: f64 = 0.1;
 /// A cut begins where its level reaches this share of its median level.
-const WHOLE: f64 = 0.85;
+const FULL_CUT_SHARE: f64 = 0.85;
 /// One block of air out of this many is held out.
-const EVERY: usize = 5;
+const HELD_OUT_EVERY: usize = 5;
 /// Blocks of air whose level exceeds this multiple of their median are excluded from the bias.
-const STIRS: f64 = 3.0;
+const CONTACT_LEVEL: f64 = 3.0;
 /// Minimum ratio of a bias to its standard uncertainty.
-const SURE: f64 = 4.0;
+const SIGNIFICANCE_LEAST: f64 = 4.0;
 
 /// State of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,20 +84,20 @@ pub(super) struct Block {
 }
 
 /// All blocks in time order.
-pub(super) struct Levels {
+pub(super) struct BlockLevels {
     blocks: Vec<Block>,
     axes: Vec<usize>,
     t_s: Vec<f64>,
 }
 
-impl Levels {
+impl BlockLevels {
     /// Level over time, for plots: time in s, level.
     pub(super) fn plot(&self) -> Vec<(f64, f64)> {
         self.blocks.iter().map(|block| (self.t_s[block.rows.start], block.level)).collect()
     }
 }
 
-pub(super) fn levels(signal: &Signal) -> Levels {
+pub(super) fn block_levels(signal: &Signal) -> BlockLevels {
     let length = ((BLOCK_S * signal.rate_hz) as usize).max(BLOCK_ROWS);
     let mut blocks = Vec::new();
     for (number, run) in signal.runs.iter().enumerate() {
@@ -113,7 +113,7 @@ pub(super) fn levels(signal: &Signal) -> Levels {
     let swing = |block: &Block| block.scatter.iter().map(|x| x * x).sum::<f64>();
     let mut order: Vec<usize> = (0..blocks.len()).collect();
     order.sort_by(|a, b| swing(&blocks[*a]).total_cmp(&swing(&blocks[*b])));
-    let quiet = &order[..((QUIET * order.len() as f64) as usize).clamp(1, order.len())];
+    let quiet = &order[..((QUIET_SHARE * order.len() as f64) as usize).clamp(1, order.len())];
     let channels = signal.channels.len();
     let base: Vec<f64> =
         (0..channels).map(|k| median(quiet.iter().map(|b| blocks[*b].mean[k]))).collect();
@@ -122,7 +122,7 @@ pub(super) fn levels(signal: &Signal) -> Levels {
         block.level = libm::sqrt(off.sum::<f64>() + swing(block));
     }
     let axes = signal.channels.iter().map(|(axis, _)| *axis).collect();
-    Levels { blocks, axes, t_s: signal.t_s.clone() }
+    BlockLevels { blocks, axes, t_s: signal.t_s.clone() }
 }
 
 fn moments(samples: &[f64]) -> (f64, f64) {
@@ -133,7 +133,7 @@ fn moments(samples: &[f64]) -> (f64, f64) {
 }
 
 /// Level that separates two groups (Otsu), if there are two.
-fn border(levels: &[f64]) -> Option<f64> {
+fn separating_level(levels: &[f64]) -> Option<f64> {
     let mut logs: Vec<f64> = levels.iter().map(|x| x.max(1e-300).ln()).collect();
     logs.sort_by(f64::total_cmp);
     let count = logs.len();
@@ -155,43 +155,43 @@ fn border(levels: &[f64]) -> Option<f64> {
     }
     // Compares the upper part of air with the median of the cut.
     let (air, cut) = (logs[k * 9 / 10], logs[k + (count - k) / 2]);
-    (cut - air > APART.ln()).then_some((0.5 * (air + cut)).exp())
+    (cut - air > LEVEL_RATIO_LEAST.ln()).then_some((0.5 * (air + cut)).exp())
 }
 
-pub(super) fn of(signal: &Signal, levels: &Levels) -> Vec<Phase> {
+pub(super) fn find_phases(signal: &Signal, levels: &BlockLevels) -> Vec<Phase> {
     let all: Vec<f64> = levels.blocks.iter().map(|block| block.level).collect();
-    let Some(border) = border(&all) else {
-        return stretches(signal, levels, &vec![State::Unknown; all.len()]);
+    let Some(border) = separating_level(&all) else {
+        return phases_from_states(signal, levels, &vec![State::Unknown; all.len()]);
     };
     let mut states: Vec<State> =
         all.iter().map(|x| if *x > border { State::Cut } else { State::Air }).collect();
     let block_s = levels.blocks.first().map_or(BLOCK_S, |b| b.rows.len() as f64 / signal.rate_hz);
-    let short = (SHORT_S / block_s).ceil() as usize;
+    let short = (PHASE_LEAST_S / block_s).ceil() as usize;
     // Short periods take the state of their surroundings: first short gaps in a cut, then short cuts.
     for wanted in [State::Air, State::Cut] {
-        for piece in same(&states, levels) {
+        for piece in blocks_of_one_state(&states, levels) {
             if states[piece.start] == wanted && piece.len() < short && piece.len() < states.len() {
                 let other = if wanted == State::Air { State::Cut } else { State::Air };
                 states[piece].fill(other);
             }
         }
     }
-    for piece in same(&states, levels) {
+    for piece in blocks_of_one_state(&states, levels) {
         if states[piece.start] != State::Cut {
             continue;
         }
         let middle = median(all[piece.clone()].iter().copied());
-        let is_whole = |block: &usize| all[*block] >= WHOLE * middle;
+        let is_whole = |block: &usize| all[*block] >= FULL_CUT_SHARE * middle;
         let first = piece.clone().find(is_whole).unwrap_or(piece.start);
         let last = piece.clone().rev().find(is_whole).map_or(piece.end, |block| block + 1);
         states[piece.start..first].fill(State::Entry);
         states[last.max(first)..piece.end].fill(State::Exit);
     }
-    stretches(signal, levels, &states)
+    phases_from_states(signal, levels, &states)
 }
 
 /// Ranges of blocks of one state and one run.
-fn same(states: &[State], levels: &Levels) -> Vec<std::ops::Range<usize>> {
+fn blocks_of_one_state(states: &[State], levels: &BlockLevels) -> Vec<std::ops::Range<usize>> {
     let mut all: Vec<std::ops::Range<usize>> = Vec::new();
     for k in 0..states.len() {
         let run = |k: usize| levels.blocks[k].run;
@@ -204,7 +204,7 @@ fn same(states: &[State], levels: &Levels) -> Vec<std::ops::Range<usize>> {
     all
 }
 
-fn stretches(signal: &Signal, levels: &Levels, states: &[State]) -> Vec<Phase> {
+fn phases_from_states(signal: &Signal, levels: &BlockLevels, states: &[State]) -> Vec<Phase> {
     let one = |blocks: std::ops::Range<usize>| {
         let rows = levels.blocks[blocks.start].rows.start..levels.blocks[blocks.end - 1].rows.end;
         let of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
@@ -219,7 +219,7 @@ fn stretches(signal: &Signal, levels: &Levels, states: &[State]) -> Vec<Phase> {
             rows,
         }
     };
-    same(states, levels).into_iter().map(one).collect()
+    blocks_of_one_state(states, levels).into_iter().map(one).collect()
 }
 
 /// The period of air used for the bias: the longest before the first cut, since afterwards the tool may still touch, or the sensor may have drifted.
@@ -231,7 +231,7 @@ fn first_air(phases: &[Phase]) -> Option<&Phase> {
 }
 
 /// Sensor bias in air, tested on held-out blocks.
-pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
+pub(super) fn bias_finding(levels: &BlockLevels, phases: &[Phase]) -> Option<Finding> {
     let air = first_air(phases)?;
     let blocks = &levels.blocks[air.blocks.clone()];
     // The ends belong to transitions.
@@ -239,22 +239,23 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
     let blocks = blocks.get(edge..blocks.len().saturating_sub(edge))?;
     // A raised level indicates contact.
     let usual = median(blocks.iter().map(|block| block.level));
-    let blocks: Vec<&Block> = blocks.iter().filter(|block| block.level < STIRS * usual).collect();
-    if blocks.len() < 2 * EVERY {
+    let blocks: Vec<&Block> =
+        blocks.iter().filter(|block| block.level < CONTACT_LEVEL * usual).collect();
+    if blocks.len() < 2 * HELD_OUT_EVERY {
         return None;
     }
     let (mut force, mut sigma) = ([0.0; 3], [0.0; 3]);
     let mut heldout = [0.0; 2];
     let (mut held, mut is_sure) = (0.0, false);
     for (k, axis) in levels.axes.iter().enumerate() {
-        let seen = blocks.iter().enumerate().filter(|(at, _)| at % EVERY != 0);
+        let seen = blocks.iter().enumerate().filter(|(at, _)| at % HELD_OUT_EVERY != 0);
         let means: Vec<f64> = seen.map(|(_, block)| block.mean[k]).collect();
         let (mean, scatter) = moments(&means);
         // Block means are autocorrelated, so the difference of the two halves is included in the uncertainty.
         let (a, b) = means.split_at(means.len() / 2);
         let wander = 0.5 * (moments(a).0 - moments(b).0).abs();
         let uncertain = (scatter / libm::sqrt(means.len() as f64)).hypot(wander);
-        for (_, block) in blocks.iter().enumerate().filter(|(at, _)| at % EVERY == 0) {
+        for (_, block) in blocks.iter().enumerate().filter(|(at, _)| at % HELD_OUT_EVERY == 0) {
             let swing = block.scatter[k] * block.scatter[k];
             heldout[0] += block.mean[k] * block.mean[k] + swing;
             heldout[1] += (block.mean[k] - mean) * (block.mean[k] - mean) + swing;
@@ -262,14 +263,14 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
         }
         (force[*axis], sigma[*axis]) = (mean, uncertain);
         let noise = moments(&blocks.iter().map(|block| block.scatter[k]).collect::<Vec<f64>>()).0;
-        is_sure |= mean.abs() > SURE * uncertain && mean.abs() > noise;
+        is_sure |= mean.abs() > SIGNIFICANCE_LEAST * uncertain && mean.abs() > noise;
     }
     let heldout = heldout.map(|sum| libm::sqrt(sum / f64::max(held, 1.0)));
     (is_sure && heldout[1] < heldout[0]).then_some(Finding::Bias { force, sigma, heldout })
 }
 
 /// A note if the sensor's zero after the cut differs from that before.
-pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
+pub(super) fn drift_note(levels: &BlockLevels, phases: &[Phase]) -> Option<String> {
     let first = first_air(phases)?;
     let last = phases.iter().rfind(|phase| phase.state == State::Air)?;
     if last.from_s <= first.from_s {
@@ -294,7 +295,7 @@ pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
 }
 
 /// Standard deviation of single values in air; of all blocks if there is no air.
-pub(super) fn noise(levels: &Levels, phases: &[Phase]) -> f64 {
+pub(super) fn noise_in_air(levels: &BlockLevels, phases: &[Phase]) -> f64 {
     let blocks =
         first_air(phases).map_or(&levels.blocks[..], |air| &levels.blocks[air.blocks.clone()]);
     median(blocks.iter().map(|block| {

@@ -4,7 +4,7 @@ use recording::model::RobotModel;
 use recording::series::{Channel, Recording};
 use std::f64::consts::TAU;
 
-use super::{Cause, Diagnosis, Doubt, Finding, State};
+use super::{Cause, Diagnosis, DiagnosisError, Finding, State};
 use crate::diagnose::Verdict;
 
 /// A tool not in contact.
@@ -21,7 +21,7 @@ limits_mm = [-1.0, 1.0]
 tcp_mm = [0.0, 0.0, 0.0]
 "#;
 
-fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
+fn diagnose(recording: &Recording) -> Result<Diagnosis, DiagnosisError> {
     let model = RobotModel::parse("no arm", NO_ARM).expect("sound");
     super::diagnose(&model.physics, &[], recording)
 }
@@ -97,13 +97,13 @@ fn what_the_sensor_reads_in_air_is_its_bias_with_an_interval_that_holds_it() {
 fn a_tone_of_the_cut_that_nothing_forces_is_chatter_and_a_hum_of_the_mains_is_not() {
     let found = diagnose(&made((684.0, 15.0), (150.0, 20.0), Some(5000.0))).expect("sound");
     let chatter = found.findings.iter().find_map(|one| match one {
-        Finding::Chatter { tone, is_alone, .. } => Some((tone, *is_alone)),
+        Finding::Chatter { line: tone, is_speed_known: is_alone, .. } => Some((tone, *is_alone)),
         Finding::Bias { .. } => None,
     });
     let (tone, is_alone) = chatter.expect("chatter");
     assert!((tone.frequency_hz - 684.0).abs() < 1.0 && (tone.amplitude / 15.0 - 1.0).abs() < 0.1);
     assert!(is_alone, "the spindle's speed is known");
-    let hum = found.tones.iter().find(|tone| (tone.frequency_hz - 150.0).abs() < 1.0);
+    let hum = found.spectral_lines.iter().find(|tone| (tone.frequency_hz - 150.0).abs() < 1.0);
     assert_eq!(hum.map(|tone| tone.cause), Some(Cause::Air));
 }
 
@@ -111,7 +111,7 @@ fn a_tone_of_the_cut_that_nothing_forces_is_chatter_and_a_hum_of_the_mains_is_no
 fn a_multiple_of_the_spindles_speed_is_no_chatter() {
     let found = diagnose(&made((8.0 * 85.5, 15.0), (0.0, 0.0), Some(60.0 * 85.5))).expect("sound");
     assert!(!found.findings.iter().any(|one| matches!(one, Finding::Chatter { .. })));
-    assert_eq!(found.tones.first().map(|tone| tone.cause), Some(Cause::Spindle(8)));
+    assert_eq!(found.spectral_lines.first().map(|tone| tone.cause), Some(Cause::Spindle(8)));
     // Above half the sampling rate, the line appears aliased.
     let folded = made((5000.0 - 40.0 * 85.5, 15.0), (0.0, 0.0), Some(60.0 * 85.5));
     let found = diagnose(&folded).expect("sound");
@@ -138,12 +138,12 @@ fn what_is_empty_constant_or_short_is_doubted() {
     let even = |rows: usize| Recording::new((0..rows).map(|k| k as f64 / RATE_HZ).collect());
     let mut recording = even(5000);
     recording.set(Channel::Wrench(0), vec![f64::NAN; 5000]);
-    assert_eq!(diagnose(&recording).err(), Some(Doubt::Empty));
+    assert_eq!(diagnose(&recording).err(), Some(DiagnosisError::Empty));
     recording.set(Channel::Wrench(1), vec![4.0; 5000]);
-    assert_eq!(diagnose(&recording).err(), Some(Doubt::Constant));
+    assert_eq!(diagnose(&recording).err(), Some(DiagnosisError::Constant));
     let mut short = even(300);
     short.set(Channel::Wrench(0), (0..300).map(noise).collect());
-    assert!(matches!(diagnose(&short).err(), Some(Doubt::Short { rows: 300, .. })));
+    assert!(matches!(diagnose(&short).err(), Some(DiagnosisError::TooShort { rows: 300, .. })));
 }
 
 #[test]
@@ -154,7 +154,7 @@ fn an_amplifier_at_its_limit_is_said_and_nothing_is_claimed_and_a_coarse_digit_i
     let mut cut_off = whole.clone();
     let limited = values.iter().map(|x| x.clamp(-0.6 * most, 0.6 * most));
     cut_off.set(Channel::Wrench(0), limited.collect());
-    assert!(matches!(diagnose(&cut_off).err(), Some(Doubt::Overloaded { .. })));
+    assert!(matches!(diagnose(&cut_off).err(), Some(DiagnosisError::Saturated { .. })));
     let mut coarse = whole;
     coarse.set(Channel::Wrench(0), values.iter().map(|x| (x / 3.0).round() * 3.0).collect());
     assert!(diagnose(&coarse).is_ok());

@@ -44,7 +44,7 @@ fn normal(at: usize, pair: usize) -> [f64; 2] {
 #[test]
 fn a_constant_offset_is_accuracy_alone() {
     let (shift, turn) = (DVec3::new(3e-4, -4e-4, 12e-4), DVec3::new(1e-3, -2e-3, 5e-4));
-    let figures = pose(&COMMAND, &[off(shift, turn); 30]).expect("figures");
+    let figures = pose_figures(&COMMAND, &[off(shift, turn); 30]).expect("figures");
     assert!(near(figures.accuracy_m, 13e-4) && close(figures.accuracy_xyz_m, shift));
     assert!(close(figures.accuracy_abc_rad.expect("angles"), turn));
     assert!(near(figures.repeatability_m, 0.0));
@@ -55,7 +55,7 @@ fn a_constant_offset_is_accuracy_alone() {
 fn a_spread_about_the_command_is_repeatability_alone() {
     let ends = [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
     let visits = ends.map(|end| off(end * 1e-4, end * 2e-3));
-    let figures = pose(&COMMAND, &visits).expect("figures");
+    let figures = pose_figures(&COMMAND, &visits).expect("figures");
     assert!(
         near(figures.accuracy_m, 0.0)
             && close(figures.accuracy_abc_rad.expect("angles"), DVec3::ZERO)
@@ -70,7 +70,7 @@ fn a_spread_about_the_command_is_repeatability_alone() {
 fn five_numbers_give_what_the_hand_gives() {
     // Positions −2 … 2 mm on a line: distances 2, 1, 0, 1, 2; mean 1.2; sum of squares 2.8 over 4, S = √0.7.
     let visits = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|x| off(DVec3::X * x * 1e-3, DVec3::Y * x * 1e-3));
-    let figures = pose(&COMMAND, &visits).expect("figures");
+    let figures = pose_figures(&COMMAND, &visits).expect("figures");
     assert_eq!(figures.visits, 5);
     assert!(near(figures.mean_distance_m, 1.2e-3));
     assert!(near(figures.distance_deviation_m, 0.7_f64.sqrt() * 1e-3));
@@ -88,7 +88,7 @@ fn normal_noise_gives_the_moments_of_maxwell() {
         Placement::point(DVec3::new(x, y, z) * sigma)
     };
     let visits: Vec<Placement> = (0..20_000).map(visit).collect();
-    let figures = pose(&Placement::point(DVec3::ZERO), &visits).expect("figures");
+    let figures = pose_figures(&Placement::point(DVec3::ZERO), &visits).expect("figures");
     let wanted = (8.0 / PI).sqrt() + 3.0 * (3.0 - 8.0 / PI).sqrt();
     assert!(
         (figures.repeatability_m / sigma - wanted).abs() < 0.02,
@@ -112,9 +112,9 @@ fn another_frame_gives_the_same_figures() {
         position_m: turn * visit.position_m + DVec3::new(3.0, -2.0, 1.0),
         orientation: visit.orientation.map(|orientation| turn * orientation),
     };
-    let here = pose(&COMMAND, &visits).expect("figures");
-    let there =
-        pose(&moved(&COMMAND), &visits.iter().map(moved).collect::<Vec<_>>()).expect("figures");
+    let here = pose_figures(&COMMAND, &visits).expect("figures");
+    let there = pose_figures(&moved(&COMMAND), &visits.iter().map(moved).collect::<Vec<_>>())
+        .expect("figures");
     assert!(
         near(here.accuracy_m, there.accuracy_m)
             && near(here.repeatability_m, there.repeatability_m)
@@ -129,7 +129,7 @@ fn another_frame_gives_the_same_figures() {
 fn the_sign_of_a_quaternion_means_nothing() {
     let mut visits = [off(DVec3::ZERO, DVec3::Z * 1e-3); 4];
     visits[1].orientation = visits[1].orientation.map(|orientation| -orientation);
-    let figures = pose(&COMMAND, &visits).expect("figures");
+    let figures = pose_figures(&COMMAND, &visits).expect("figures");
     assert!(close(figures.accuracy_abc_rad.expect("angles"), DVec3::Z * 1e-3));
     assert!(close(figures.repeatability_abc_rad.expect("angles"), DVec3::ZERO));
 }
@@ -155,14 +155,15 @@ fn a_distance_that_is_too_long_is_its_accuracy_and_its_scatter_its_repeatability
     let command = [Placement::point(DVec3::ZERO), Placement::point(DVec3::new(0.3, -0.4, 0.0))];
     // 0.5 m commanded; 501, 502, 503 mm attained, along the line: mean 502, S = 1 mm.
     let pair = |scale: f64| [command[0], Placement::point(command[1].position_m * scale)];
-    let found = distance(command, &[pair(1.002), pair(1.004), pair(1.006)]).expect("figures");
+    let found =
+        distance_figures(command, &[pair(1.002), pair(1.004), pair(1.006)]).expect("figures");
     assert!(near(found.accuracy_m, 2e-3) && near(found.repeatability_m, 3e-3));
     assert!(close(found.accuracy_xyz_m, DVec3::new(1.2e-3, 1.6e-3, 0.0)));
     assert!(close(found.repeatability_xyz_m, DVec3::new(1.8e-3, 2.4e-3, 0.0)));
     assert_eq!((found.accuracy_abc_rad, found.visits), (None, 3));
     // A common shift of both ends does not change the distance.
     let shifted = |by: f64| command.map(|end| Placement::point(end.position_m + DVec3::splat(by)));
-    let found = distance(command, &[shifted(0.1), shifted(-0.7)]).expect("figures");
+    let found = distance_figures(command, &[shifted(0.1), shifted(-0.7)]).expect("figures");
     assert!(near(found.accuracy_m, 0.0) && near(found.repeatability_m, 0.0));
 }
 
@@ -170,19 +171,19 @@ fn a_distance_that_is_too_long_is_its_accuracy_and_its_scatter_its_repeatability
 fn the_turn_between_two_poses_is_held_against_the_commanded_one() {
     let command = [COMMAND, off(DVec3::X * 0.2, DVec3::Z * 0.3)];
     let pair = |c: f64| [COMMAND, off(DVec3::X * 0.2, DVec3::Z * (0.3 + c))];
-    let found = distance(command, &[pair(1e-3), pair(3e-3)]).expect("figures");
+    let found = distance_figures(command, &[pair(1e-3), pair(3e-3)]).expect("figures");
     assert!(close(found.accuracy_abc_rad.expect("angles"), DVec3::Z * 2e-3));
     assert!(close(found.repeatability_abc_rad.expect("angles"), DVec3::Z * 3.0 * 2e-6_f64.sqrt()));
 }
 
 #[test]
 fn what_gives_no_figures_says_why() {
-    assert_eq!(pose(&COMMAND, &[COMMAND]), Err(IsoError::Visits(1)));
+    assert_eq!(pose_figures(&COMMAND, &[COMMAND]), Err(IsoError::Visits(1)));
     assert_eq!(drift(&COMMAND, &[]), Err(IsoError::Groups(0)));
-    assert_eq!(distance([COMMAND; 2], &[]), Err(IsoError::Visits(0)));
+    assert_eq!(distance_figures([COMMAND; 2], &[]), Err(IsoError::Visits(0)));
     let lost = Placement::point(DVec3::new(f64::NAN, 0.0, 0.0));
-    assert_eq!(pose(&COMMAND, &[COMMAND, lost]), Err(IsoError::NotFinite { visit: 2 }));
+    assert_eq!(pose_figures(&COMMAND, &[COMMAND, lost]), Err(IsoError::NotFinite { visit: 2 }));
     let long = Placement { orientation: Some(DQuat::from_xyzw(0.0, 0.0, 0.0, 1.1)), ..COMMAND };
-    assert_eq!(pose(&long, &[COMMAND, COMMAND]), Err(IsoError::NoRotation { visit: 0 }));
+    assert_eq!(pose_figures(&long, &[COMMAND, COMMAND]), Err(IsoError::NoRotation { visit: 0 }));
     assert!(IsoError::Visits(1).to_string().contains("30"));
 }

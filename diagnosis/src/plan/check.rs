@@ -13,26 +13,26 @@
 
 mod evidence;
 
-use super::bank::rows_of;
-use super::choose::{choose, exchange};
-use super::{NoPlan, Task, Wish, order};
+use super::candidate_jacobians::whitened_jacobians;
+use super::pose_selection::{exchange, select_greedily};
+use super::{PlanError, PlanSettings, Task, pose_order};
 use crate::campaign::Campaign;
-use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Belief, Free, Hypothesis};
-use crate::problem::State;
-use crate::robust::Influence;
-use evidence::{Evidence, Look, least_seen};
+use crate::fit::{FitEffort, FitSettings, fit};
+use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
+use crate::least_squares::FitState;
+use crate::robust_weights::Influence;
+use evidence::{DamageColumns, Evidence, least_seen};
 use nalgebra::DMatrix;
-use physics::{AnyEffect, Given, JointKind, Joints, Model};
+use physics::{AnyEffect, JointKind, Joints, Model, ParameterValues};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Scale of the damage parameters: 1 mrad or 1 mm.
-const UNIT: f64 = 1e-3;
-/// Largest damage, in units of [`UNIT`], that must change the readings by their standard uncertainty for the damage to count as detectable.
-const UNSEEN: f64 = 30.0;
+const DAMAGE_SCALE: f64 = 1e-3;
+/// Largest damage, in units of [`DAMAGE_SCALE`], that must change the readings by their standard uncertainty for the damage to count as detectable.
+const DAMAGE_MAX: f64 = 30.0;
 /// Alternatives are listed if their penalised gain is within this much of the best one's.
-const RIVAL: f64 = 6.0;
+const ALTERNATIVE_GAIN: f64 = 6.0;
 
 /// Kinds of damage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +49,7 @@ pub enum Damage {
 
 /// Required error rates of the test.
 #[derive(Clone, Copy, Debug)]
-pub struct Terms {
+pub struct ErrorRates {
     /// Probability of an alarm for an undamaged robot.
     pub alarm: f64,
     /// Probability of an alarm for a damaged robot (power).
@@ -58,7 +58,7 @@ pub struct Terms {
 
 /// Minimum detectable size of a damage.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Detectable {
+pub struct DetectableDamage {
     /// Kind of damage.
     pub damage: Damage,
     /// Size detected with the required power in the least observable direction, rad or m; `None` if a direction is not observable.
@@ -67,16 +67,16 @@ pub struct Detectable {
 
 /// Poses for a check.
 #[derive(Clone, Debug)]
-pub struct Checkup {
+pub struct PlannedCheck {
     /// Joint positions in an order with short moves, rad or m.
     pub poses: Vec<Joints>,
     /// Minimum detectable damage with these poses.
-    pub detectable: Vec<Detectable>,
+    pub detectable: Vec<DetectableDamage>,
 }
 
 /// A damage that explains the measurements.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Suspect {
+pub struct SuspectedDamage {
     /// Kind of damage.
     pub damage: Damage,
     /// Size, rad or m: one value for an offset, two for a tilt, three for a tool (tool axes).
@@ -89,7 +89,7 @@ pub struct Suspect {
 
 /// Result of a check.
 #[derive(Clone, Debug)]
-pub struct Judgement {
+pub struct CheckResult {
     /// Whether the model still holds.
     pub holds: bool,
     /// Whitened sum of squares of the residuals, with nuisance parameters fitted within their priors.
@@ -102,14 +102,14 @@ pub struct Judgement {
     /// damage.
     pub scatter: Option<f64>,
     /// Damages that explain the residuals, best first; empty if the model holds.
-    pub suspects: Vec<Suspect>,
+    pub suspects: Vec<SuspectedDamage>,
     /// Whether the best of them explains the residuals completely.
     pub is_explained: bool,
     /// Minimum detectable damage with these poses.
-    pub detectable: Vec<Detectable>,
+    pub detectable: Vec<DetectableDamage>,
 }
 
-impl Judgement {
+impl CheckResult {
     /// Whether damage of any kind would have been detected; otherwise the check says nothing about the robot.
     #[must_use]
     pub fn is_informative(&self) -> bool {
@@ -153,12 +153,12 @@ impl Damage {
             Self::ToolShift => ("tool_offset", None, "shift", 3),
             Self::ToolTurn => ("tool_offset", None, "turn", 3),
         };
-        AnyEffect::build(kind, &model.arm, joint, Given(&[(stem, &zeros[..count])])).ok()
+        AnyEffect::build(kind, &model.arm, joint, ParameterValues(&[(stem, &zeros[..count])])).ok()
     }
 }
 
 /// A model with its nuisance parameters and the parameters of all damages.
-struct Watch {
+struct DamageModel {
     hypothesis: Hypothesis,
     /// Number of free parameters with a stated uncertainty; they precede those of the damages.
     stated: usize,
@@ -166,18 +166,18 @@ struct Watch {
     damages: Vec<(Damage, usize, usize)>,
 }
 
-impl Watch {
+impl DamageModel {
     fn of(model: &Model, sigma: &[Vec<f64>]) -> Self {
         let mut hypothesis = Hypothesis::fixed(*model);
         for ((effect, found), sigma) in model.effects().enumerate().zip(sigma) {
             for ((value, mean), sigma) in found.values().iter().enumerate().zip(sigma) {
                 if *sigma > 0.0 {
-                    hypothesis.free.push(Free {
+                    hypothesis.free.push(FreeParameter {
                         effect,
                         value,
                         mean: *mean,
                         sigma: *sigma,
-                        belief: Belief::Stated,
+                        prior_source: PriorSource::Stated,
                     });
                 }
             }
@@ -190,39 +190,42 @@ impl Watch {
             let Some(effect) = damage.effect(model) else { continue };
             let first = hypothesis.free.len();
             if hypothesis.add(effect, &[]).is_ok() {
-                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = UNIT);
+                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = DAMAGE_SCALE);
                 damages.push((damage, first, hypothesis.free.len() - first));
             }
         }
         Self { hypothesis, stated, damages }
     }
 
-    fn state(&self, surroundings: &crate::Surroundings) -> State {
-        State { surroundings: surroundings.clone(), hypothesis: self.hypothesis.clone() }
+    fn state(&self, surroundings: &crate::Extrinsics) -> FitState {
+        FitState { surroundings: surroundings.clone(), hypothesis: self.hypothesis.clone() }
     }
 
     /// Columns of each damage, counted after those of the nuisance parameters.
-    fn looks(&self) -> Vec<Look> {
+    fn damage_columns(&self) -> Vec<DamageColumns> {
         self.damages
             .iter()
-            .map(|(_, first, count)| Look { first: first - self.stated, count: *count })
+            .map(|(_, first, count)| DamageColumns { first: first - self.stated, count: *count })
             .collect()
     }
 
-    fn detectable(&self, evidence: &Evidence, terms: &Terms) -> Vec<Detectable> {
-        let tests = self.tests();
-        let each = self.damages.iter().zip(self.looks());
+    fn detectable(&self, evidence: &Evidence, terms: &ErrorRates) -> Vec<DetectableDamage> {
+        let tests = self.bonferroni_divisor();
+        let each = self.damages.iter().zip(self.damage_columns());
         each.map(|((damage, ..), look)| {
             let weakest = evidence.weakest(look);
-            let seen = weakest.filter(|noises| *noises > 1.0 / (UNSEEN * UNSEEN));
+            let seen = weakest.filter(|noises| *noises > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
             let noises = least_seen(look.count, terms.alarm / tests, terms.power);
-            Detectable { damage: *damage, least: seen.map(|seen| (noises / seen).sqrt() * UNIT) }
+            DetectableDamage {
+                damage: *damage,
+                least: seen.map(|seen| (noises / seen).sqrt() * DAMAGE_SCALE),
+            }
         })
         .collect()
     }
 
     /// Divisor of the false-alarm rate (Bonferroni): one test per damage, and the same share for the tests of the sum.
-    fn tests(&self) -> f64 {
+    fn bonferroni_divisor(&self) -> f64 {
         2.0 * self.damages.len().max(1) as f64
     }
 }
@@ -231,55 +234,64 @@ impl Watch {
 /// uncertainties `sigma`; `wish.criterion` is ignored, since the least observable direction of each damage counts.
 ///
 /// # Errors
-/// [`NoPlan`] if fewer poses than required satisfy the constraints, or they reveal no damage.
-pub fn poses(
+/// [`PlanError`] if fewer poses than required satisfy the constraints, or they reveal no damage.
+pub fn plan_check(
     task: &Task,
     sigma: &[Vec<f64>],
-    wish: &Wish,
-    terms: &Terms,
-) -> Result<Checkup, NoPlan> {
-    let watch = Watch::of(&task.hypothesis.model, sigma);
+    wish: &PlanSettings,
+    terms: &ErrorRates,
+) -> Result<PlannedCheck, PlanError> {
+    let watch = DamageModel::of(&task.hypothesis.model, sigma);
     let mut rng = ChaCha8Rng::seed_from_u64(wish.seed);
     let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
     let state = watch.state(&task.surroundings);
     let all: Vec<usize> = (0..state.width()).collect();
-    let rows = rows_of(&state, &drawn, &all);
-    let nuisance = state.surroundings.numbers().len() + watch.stated;
-    let widths = state.priors();
+    let rows = whitened_jacobians(&state, &drawn, &all);
+    let nuisance = state.surroundings.parameters().len() + watch.stated;
+    let widths = state.prior_sigmas();
     let rows: Vec<DMatrix<f64>> = rows.into_iter().map(|rows| scaled(rows, &widths)).collect();
     let of = |picks: &[usize]| {
         let mut evidence = Evidence::new(nuisance, widths.len() - nuisance);
         picks.iter().for_each(|pick| evidence.add(&rows[*pick], &[]));
         evidence
     };
-    let looks = watch.looks();
+    let looks = watch.damage_columns();
     let worths = |picks: &[usize]| of(picks).worths(&rows, &looks);
-    let mut picks = choose(&worths, wish.count);
+    let mut picks = select_greedily(&worths, wish.count);
     exchange(&worths, &mut picks);
     let detectable = watch.detectable(&of(&picks), terms);
     if detectable.iter().all(|found| found.least.is_none()) {
-        return Err(NoPlan::Nothing);
+        return Err(PlanError::NothingIdentifiable);
     }
     let arm = &task.hypothesis.model.arm;
     let stops: Vec<Joints> = picks.iter().map(|pick| drawn[*pick].q).collect();
-    let order = order::visit(arm, &order::home(arm, &task.reach), &stops);
-    Ok(Checkup { poses: order.into_iter().map(|place| stops[place]).collect(), detectable })
+    let order = pose_order::visit(arm, &pose_order::home(arm, &task.reach), &stops);
+    Ok(PlannedCheck { poses: order.into_iter().map(|place| stops[place]).collect(), detectable })
 }
 
 /// Tests whether `model`, with its stated uncertainties `sigma`, still holds for the measurements of `campaign`. Unknown extrinsic parameters of the
 /// campaign are fitted; the noise is taken as stated.
 #[must_use]
-pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Terms) -> Judgement {
-    let watch = Watch::of(model, sigma);
+pub fn check_model(
+    campaign: &Campaign,
+    model: &Model,
+    sigma: &[Vec<f64>],
+    terms: &ErrorRates,
+) -> CheckResult {
+    let watch = DamageModel::of(model, sigma);
     let used = vec![true; campaign.poses.len()];
-    let settings =
-        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &used,
+        influence: Influence::Equal,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let around = fit(campaign, &Hypothesis::fixed(*model), &settings).surroundings;
     let state = watch.state(&around);
-    let nuisance = state.surroundings.numbers().len() + watch.stated;
+    let nuisance = state.surroundings.parameters().len() + watch.stated;
     let evidence = Evidence::of(campaign, &state, nuisance);
-    let tests = watch.tests();
-    let (sum, freedom) = (evidence.sum(), evidence.freedom(state.surroundings.numbers().len()));
+    let tests = watch.bonferroni_divisor();
+    let (sum, freedom) = (evidence.sum(), evidence.freedom(state.surroundings.parameters().len()));
     let p = evidence::p_above(freedom, sum);
     let (noise, noises) = evidence.noise();
     let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
@@ -287,29 +299,33 @@ pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Ter
     let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
     let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);
     let mut suspects = Vec::new();
-    for ((damage, ..), look) in watch.damages.iter().zip(watch.looks()) {
+    for ((damage, ..), look) in watch.damages.iter().zip(watch.damage_columns()) {
         let Some(found) = evidence.explained(look) else { continue };
-        let size: Vec<f64> = found.size.iter().map(|size| size * UNIT).collect();
-        let suspect =
-            Suspect { damage: *damage, size, sigma: found.sigma * UNIT, gain: found.gain };
+        let size: Vec<f64> = found.size.iter().map(|size| size * DAMAGE_SCALE).collect();
+        let suspect = SuspectedDamage {
+            damage: *damage,
+            size,
+            sigma: found.sigma * DAMAGE_SCALE,
+            gain: found.gain,
+        };
         suspects.push((suspect, found.count));
     }
-    let alarms = |(suspect, count): &&(Suspect, usize)| {
+    let alarms = |(suspect, count): &&(SuspectedDamage, usize)| {
         evidence::p_above(*count, suspect.gain) < terms.alarm / tests
     };
     let holds = p >= 0.5 * terms.alarm && !suspects.iter().any(|suspect| alarms(&suspect));
     let detectable = watch.detectable(&evidence, terms);
-    let price = |count: usize| count as f64 * (freedom.max(2) as f64).ln();
+    let penalty = |count: usize| count as f64 * (freedom.max(2) as f64).ln();
     suspects.retain(|suspect| !holds && alarms(&suspect));
-    suspects.sort_by(|a, b| (b.0.gain - price(b.1)).total_cmp(&(a.0.gain - price(a.1))));
-    let best = suspects.first().map_or(0.0, |(suspect, count)| suspect.gain - price(*count));
-    suspects.retain(|(suspect, count)| suspect.gain - price(*count) > best - RIVAL);
+    suspects.sort_by(|a, b| (b.0.gain - penalty(b.1)).total_cmp(&(a.0.gain - penalty(a.1))));
+    let best = suspects.first().map_or(0.0, |(suspect, count)| suspect.gain - penalty(*count));
+    suspects.retain(|(suspect, count)| suspect.gain - penalty(*count) > best - ALTERNATIVE_GAIN);
     let rest = suspects.first().map(|(suspect, count)| {
         evidence::p_above(freedom.saturating_sub(*count), sum - suspect.gain)
     });
     let is_explained = rest.is_some_and(|p| p >= 0.5 * terms.alarm);
     let suspects = suspects.into_iter().map(|(suspect, _)| suspect).collect();
-    Judgement { holds, sum, freedom, p, scatter, suspects, is_explained, detectable }
+    CheckResult { holds, sum, freedom, p, scatter, suspects, is_explained, detectable }
 }
 
 fn scaled(mut rows: DMatrix<f64>, widths: &[f64]) -> DMatrix<f64> {

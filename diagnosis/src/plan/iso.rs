@@ -7,10 +7,10 @@
 mod evaluation;
 
 pub use self::evaluation::{EvaluatedPose, Evaluation};
-use super::inverse::placed;
-use super::reach::Reach;
-use super::zone::stand;
-use crate::campaign::{Campaign, Place, Reading};
+use super::arm_constraints::ArmConstraints;
+use super::inverse_kinematics::solve_tool_pose;
+use super::working_zone::joints_at;
+use crate::campaign::{Campaign, Reading, ToolPoint};
 use crate::iso9283::Placement;
 use glam::{DQuat, DVec3};
 use physics::{Arm, Chain, Joints};
@@ -18,17 +18,17 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Number of visits of each pose that the standard requires.
-pub const VISITS: usize = 30;
+pub const VISITS_REQUIRED: usize = 30;
 /// Share of the distance from the centre to a corner: a tenth of the diagonal from its end.
-const OUT: f64 = 0.8;
+const DIAGONAL_SHARE: f64 = 0.8;
 /// Number of grid steps in the search for a cube.
 const STEPS: u32 = 9;
 /// Joint positions that differ by less belong to the same pose, rad or m.
-const SAME: f64 = 1e-6;
+const SAME_POSE: f64 = 1e-6;
 
 /// A cube and its five poses.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cube {
+pub struct IsoCube {
     /// Centre, base frame, m.
     pub middle: DVec3,
     /// Edge length, m.
@@ -39,7 +39,7 @@ pub struct Cube {
 
 /// The visits of one pose.
 #[derive(Clone, Debug)]
-pub struct Visits {
+pub struct PoseVisits {
     /// Commanded joint positions, rad or m.
     pub q: Joints,
     /// Commanded placement of the measured point of the tool by the controller's geometry, base frame.
@@ -52,30 +52,30 @@ pub struct Visits {
 #[must_use]
 pub fn cube(
     arm: &Arm,
-    reach: &Reach,
+    reach: &ArmConstraints,
     middle: DVec3,
     edge_m: f64,
     along: DVec3,
     seed: u64,
-) -> Option<Cube> {
+) -> Option<IsoCube> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Another arm configuration may reach poses that the first does not.
     (0..4).find_map(|_| {
-        let first = stand(arm, reach, &mut rng, middle, along)?;
+        let first = joints_at(arm, reach, &mut rng, middle, along)?;
         let turned = Chain::nominal(arm, &first).base_from_tool.rotation;
         let mut poses = [first; 5];
         let corners = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
         for (slot, [out, side]) in poses.iter_mut().skip(1).zip(corners) {
-            let at = middle + 0.5 * OUT * edge_m * DVec3::new(out, side, out);
-            *slot = placed(arm, &first, at, &turned).filter(|q| reach.allows(arm, q))?;
+            let at = middle + 0.5 * DIAGONAL_SHARE * edge_m * DVec3::new(out, side, out);
+            *slot = solve_tool_pose(arm, &first, at, &turned).filter(|q| reach.allows(arm, q))?;
         }
-        Some(Cube { middle, edge_m, poses })
+        Some(IsoCube { middle, edge_m, poses })
     })
 }
 
 /// The largest cube in front of the arm, among those on a grid, whose poses it reaches with the tool's z axis along `along`.
 #[must_use]
-pub fn largest_cube(arm: &Arm, reach: &Reach, along: DVec3, seed: u64) -> Option<Cube> {
+pub fn largest_cube(arm: &Arm, reach: &ArmConstraints, along: DVec3, seed: u64) -> Option<IsoCube> {
     let length: f64 = (0..arm.count())
         .map(|i| arm.joints().get(i).map_or(0.0, |joint| joint.point.distance(arm.next_point(i))))
         .sum();
@@ -98,8 +98,8 @@ pub fn largest_cube(arm: &Arm, reach: &Reach, along: DVec3, seed: u64) -> Option
 
 /// The visits of each pose that was visited at least twice, in the order of the first visits, by the first measured point.
 #[must_use]
-pub fn visits(arm: &Arm, campaign: &Campaign) -> Vec<Visits> {
-    let mut all: Vec<Visits> = Vec::new();
+pub fn pose_visits(arm: &Arm, campaign: &Campaign) -> Vec<PoseVisits> {
+    let mut all: Vec<PoseVisits> = Vec::new();
     for pose in &campaign.poses {
         let Some((place, frame, at)) = pose.seen.iter().find_map(|seen| match seen.reading {
             Reading::Point { place, frame, at } => Some((place, frame, at)),
@@ -121,22 +121,23 @@ pub fn visits(arm: &Arm, campaign: &Campaign) -> Vec<Visits> {
             known.map_or(at, |known| known.value.measuring_from_base.inverse().point(at));
         let attained = Placement { position_m, orientation: orientation.map(|o| turned * o) };
         let q = pose.inputs.q;
-        let same =
-            |visits: &&mut Visits| visits.q.iter().zip(&q).all(|(a, b)| (a - b).abs() < SAME);
+        let same = |visits: &&mut PoseVisits| {
+            visits.q.iter().zip(&q).all(|(a, b)| (a - b).abs() < SAME_POSE)
+        };
         if let Some(visits) = all.iter_mut().find(same) {
             visits.attained.push(attained);
             continue;
         }
         let tool = Chain::nominal(arm, &q).base_from_tool;
         let on_tool = match place {
-            Place::Tcp => DVec3::ZERO,
-            Place::Target(i) => {
+            ToolPoint::Tcp => DVec3::ZERO,
+            ToolPoint::Target(i) => {
                 campaign.surroundings.targets.get(i).map_or(DVec3::ZERO, |t| t.value)
             }
         };
         let orientation = Some(DQuat::from_mat3(&tool.rotation));
         let command = Placement { position_m: tool.point(on_tool), orientation };
-        all.push(Visits { q, command, attained: vec![attained] });
+        all.push(PoseVisits { q, command, attained: vec![attained] });
     }
     all.retain(|visits| visits.attained.len() > 1);
     all
@@ -145,12 +146,12 @@ pub fn visits(arm: &Arm, campaign: &Campaign) -> Vec<Visits> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::made::nominal;
+    use crate::test_campaigns::nominal_robot;
 
     #[test]
     fn the_five_poses_stand_on_the_diagonals_of_a_cube_with_one_orientation() {
-        let arm = nominal().arm;
-        let reach = Reach::of(&arm);
+        let arm = nominal_robot().arm;
+        let reach = ArmConstraints::of(&arm);
         let found = largest_cube(&arm, &reach, DVec3::NEG_Z, 1).expect("a cube");
         assert!(found.edge_m > 0.3, "{}", found.edge_m);
         let tools = found.poses.map(|q| Chain::nominal(&arm, &q).base_from_tool);

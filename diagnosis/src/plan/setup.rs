@@ -2,11 +2,11 @@
 //!
 //! Positions on the tool are in the tool frame, all others in the base frame; SI units.
 
-use super::reach::Reach;
-use super::sight::Sight;
-use super::task::{Patch, Sees, Task, believed};
-use crate::campaign::{Campaign, Noise};
-use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};
+use super::arm_constraints::ArmConstraints;
+use super::line_of_sight::LineOfSight;
+use super::task::{MeasurementKind, Task, TouchSurface, calibration_hypothesis};
+use crate::campaign::{Campaign, ReadingNoise};
+use crate::extrinsics::{Anchor, Extrinsics, FitParameter, MeasuringFrame, Plane, Sphere};
 use glam::DVec3;
 use physics::{Arm, Frame};
 use recording::model::RobotModel;
@@ -60,9 +60,9 @@ pub struct MeasuringSetup {
     pub spheres: Vec<TouchedSphere>,
     /// Margin to the limits of revolute joints, rad; 0 to π/2. Default 5 degrees. Origin: a choice.
     pub margin_rad: f64,
-    /// Radius of the capsules around the links, m; above 0. Default: that of [`Reach::of`].
+    /// Radius of the capsules around the links, m; above 0. Default: that of [`ArmConstraints::of`].
     pub link_radius_m: Option<f64>,
-    /// Radius of the capsule around the base, m; above 0. Default: that of [`Reach::of`].
+    /// Radius of the capsule around the base, m; above 0. Default: that of [`ArmConstraints::of`].
     pub base_radius_m: Option<f64>,
     /// The floor. Default: at the foot of the base for an upright arm.
     pub floor: Floor,
@@ -148,44 +148,44 @@ impl Default for MeasuringSetup {
 }
 
 impl MeasuringSetup {
-    /// The task of a model without measurements; [`Task::asked`] is empty.
+    /// The task of a model without measurements; [`Task::test_poses`] is empty.
     #[must_use]
     pub fn task(&self, model: &RobotModel) -> Task {
         Task {
-            hypothesis: believed(&model.physics, &model.sigma),
+            hypothesis: calibration_hypothesis(&model.physics, &model.sigma),
             surroundings: self.surroundings(),
-            sees: self.sees(),
+            measurement: self.sees(),
             noise: self.noise(LENGTH_SIGMA_M),
             sight: self.sight(),
             reach: self.reach(&model.physics.arm),
-            both_ways: self.both_ways,
-            among: Vec::new(),
-            asked: Vec::new(),
+            both_directions: self.both_ways,
+            given_poses: Vec::new(),
+            test_poses: Vec::new(),
         }
     }
 
     /// Adds what this setup states to the campaign of a recording: a known measuring frame, known target positions.
     pub fn add_to(&self, campaign: &mut Campaign) {
-        let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
+        let Extrinsics { frames, targets, .. } = &mut campaign.surroundings;
         frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
         for (found, stated) in targets.iter_mut().zip(&self.targets) {
             if found.free && self.targets_known {
-                *found = Fitted::known(stated.place_tool_m);
+                *found = FitParameter::known(stated.place_tool_m);
             }
         }
     }
 
     /// Standard uncertainty of lengths, m: as stated, otherwise `otherwise_m`.
     #[must_use]
-    pub fn noise(&self, otherwise_m: f64) -> Noise {
-        Noise::Equal(self.length_sigma_m.unwrap_or(otherwise_m))
+    pub fn noise(&self, otherwise_m: f64) -> ReadingNoise {
+        ReadingNoise::Equal(self.length_sigma_m.unwrap_or(otherwise_m))
     }
 
     /// Constraints of the arm.
     #[must_use]
-    pub fn reach(&self, arm: &Arm) -> Reach {
-        let usual = Reach::of(arm);
-        Reach {
+    pub fn reach(&self, arm: &Arm) -> ArmConstraints {
+        let usual = ArmConstraints::of(arm);
+        ArmConstraints {
             margin_rad: self.margin_rad,
             link_radius_m: self.link_radius_m.unwrap_or(usual.link_radius_m),
             base_radius_m: self.base_radius_m.unwrap_or(usual.base_radius_m),
@@ -201,8 +201,8 @@ impl MeasuringSetup {
 
     /// Line-of-sight constraint; `None` without an instrument.
     #[must_use]
-    pub fn sight(&self) -> Option<Sight> {
-        Some(Sight {
+    pub fn sight(&self) -> Option<LineOfSight> {
+        Some(LineOfSight {
             instrument_base: self.instrument_base_m?,
             range_m: self.range_m,
             acceptance_rad: self.acceptance_rad,
@@ -210,43 +210,45 @@ impl MeasuringSetup {
         })
     }
 
-    fn sees(&self) -> Sees {
+    fn sees(&self) -> MeasurementKind {
         if let Some(Ballbar { length_m, .. }) = self.ballbar {
-            return Sees::Distance { length_m };
+            return MeasurementKind::Distance { length_m };
         }
-        let plane = |(plane, patch): (usize, &TouchedPatch)| Patch::Plane {
+        let plane = |(plane, patch): (usize, &TouchedPatch)| TouchSurface::Plane {
             plane,
-            middle: patch.middle_base_m,
-            within_m: patch.within_m,
+            centre: patch.middle_base_m,
+            radius_m: patch.within_m,
         };
         let planes = self.planes.iter().enumerate().map(plane);
-        let touched: Vec<Patch> =
-            planes.chain((0..self.spheres.len()).map(Patch::Sphere)).collect();
+        let touched: Vec<TouchSurface> =
+            planes.chain((0..self.spheres.len()).map(TouchSurface::Sphere)).collect();
         if touched.is_empty() {
             let orientation_rad = self.orientation_sigma_rad;
-            return Sees::Points { least: self.targets_seen_least, orientation_rad };
+            return MeasurementKind::Points { least: self.targets_seen_least, orientation_rad };
         }
-        Sees::Touch(touched)
+        MeasurementKind::Touch(touched)
     }
 
-    fn surroundings(&self) -> Surroundings {
-        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        let target =
-            |target: &ToolTarget| Fitted { value: target.place_tool_m, free: !self.targets_known };
+    fn surroundings(&self) -> Extrinsics {
+        let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
+        let target = |target: &ToolTarget| FitParameter {
+            value: target.place_tool_m,
+            free: !self.targets_known,
+        };
         let anchor = |ballbar: &Ballbar| Anchor {
-            place: Fitted::unknown(ballbar.anchor_base_m),
-            offset_m: Fitted::known(0.0),
+            place: FitParameter::unknown(ballbar.anchor_base_m),
+            offset_m: FitParameter::known(0.0),
         };
         let plane = |patch: &TouchedPatch| {
             let normal = patch.normal_base;
-            Fitted::unknown(Plane { normal, offset_m: normal.dot(patch.middle_base_m) })
+            FitParameter::unknown(Plane { normal, offset_m: normal.dot(patch.middle_base_m) })
         };
         let sphere = |sphere: &TouchedSphere| Sphere {
-            centre: Fitted::unknown(sphere.centre_base_m),
-            radius_m: Fitted::known(sphere.radius_m),
+            centre: FitParameter::unknown(sphere.centre_base_m),
+            radius_m: FitParameter::known(sphere.radius_m),
         };
-        Surroundings {
-            frames: vec![Fitted { value: station, free: !self.frame_known }],
+        Extrinsics {
+            frames: vec![FitParameter { value: station, free: !self.frame_known }],
             targets: self.targets.iter().map(target).collect(),
             anchors: self.ballbar.iter().map(anchor).collect(),
             planes: self.planes.iter().map(plane).collect(),

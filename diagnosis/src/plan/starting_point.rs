@@ -4,13 +4,13 @@
 //! errors are always reported.
 
 use super::setup::{LENGTH_SIGMA_M, MeasuringSetup};
-use super::{Known, Task};
+use super::{ExistingMeasurements, Task};
 use crate::campaign::Campaign;
-use crate::fit::{Effort, Settings, fit};
-use crate::from_recording::{self, Unusable};
-use crate::gross;
-use crate::result::Fit;
-use crate::robust::Influence;
+use crate::campaign_import::{self, CampaignError};
+use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit_result::Fit;
+use crate::gross_errors;
+use crate::robust_weights::Influence;
 use physics::Arm;
 use recording::model::RobotModel;
 use recording::series::Recording;
@@ -18,7 +18,7 @@ use recording::series::Recording;
 /// A task, and the existing measurements.
 #[derive(Clone, Debug)]
 pub struct StartingPoint {
-    /// The task; [`Task::asked`] is empty.
+    /// The task; [`Task::test_poses`] is empty.
     pub task: Task,
     /// Measurements with their fit; `None` if there are no readings yet.
     pub measured: Option<(Campaign, Fit)>,
@@ -29,7 +29,7 @@ pub struct StartingPoint {
 pub enum NoStartingPoint {
     /// A recording cannot be used.
     #[error(transparent)]
-    Unusable(#[from] Unusable),
+    Unusable(#[from] CampaignError),
     /// A gross error in the recordings.
     #[error("what was measured does not fit the model: {0}")]
     GrossFault(String),
@@ -62,12 +62,16 @@ impl StartingPoint {
         let Some(campaign) = readings(&model.physics.arm, recordings)? else {
             return Ok(Self { task, measured: None });
         };
-        if let Some(fault) = gross::suspicions(&campaign, &model.physics).first() {
-            return Err(NoStartingPoint::GrossFault(fault.says.clone()));
+        if let Some(fault) = gross_errors::detect_global_errors(&campaign, &model.physics).first() {
+            return Err(NoStartingPoint::GrossFault(fault.message.clone()));
         }
         let used = vec![true; campaign.poses.len()];
-        let settings =
-            Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+        let settings = FitSettings {
+            used: &used,
+            influence: Influence::Huber,
+            from: None,
+            effort: FitEffort::Full,
+        };
         let found = fit(&campaign, &task.hypothesis, &settings);
         task.hypothesis.model = found.hypothesis.model.clone();
         task.surroundings = found.surroundings.clone();
@@ -77,8 +81,8 @@ impl StartingPoint {
 
     /// The existing measurements.
     #[must_use]
-    pub fn known(&self) -> Option<Known<'_>> {
-        self.measured.as_ref().map(|(campaign, fit)| Known { campaign, fit })
+    pub fn known(&self) -> Option<ExistingMeasurements<'_>> {
+        self.measured.as_ref().map(|(campaign, fit)| ExistingMeasurements { campaign, fit })
     }
 
     /// Number of poses with readings.
@@ -90,13 +94,13 @@ impl StartingPoint {
 }
 
 /// The measurements; `None` if the recordings contain no values yet.
-fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, Unusable> {
+fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, CampaignError> {
     if recordings.is_empty() {
         return Ok(None);
     }
-    match from_recording::campaign(arm, recordings) {
+    match campaign_import::campaign(arm, recordings) {
         Ok(campaign) => Ok(Some(campaign)),
-        Err(Unusable::NothingMeasured { .. }) => Ok(None),
+        Err(CampaignError::NothingMeasured { .. }) => Ok(None),
         Err(error) => Err(error),
     }
 }

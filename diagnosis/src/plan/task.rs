@@ -1,29 +1,30 @@
 //! Task of a plan: parameters, instruments, constraints; random poses that satisfy the constraints. The same generator gives the same poses. SI
 //! units.
 
-use super::NoPlan;
-use super::inverse::onto;
-use super::reach::Reach;
-use super::sight::Sight;
+use super::PlanError;
+use super::arm_constraints::ArmConstraints;
+use super::inverse_kinematics::solve_tip_on_surface;
+use super::line_of_sight::LineOfSight;
 use crate::campaign::{
-    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+    Arrival, Campaign, Instrument, Observation, Pose, Reading, ReadingNoise, RecordingInfo,
+    ToolPoint,
 };
+use crate::extrinsics::Extrinsics;
 use crate::geometry::{Tolerances, geometry};
 use crate::hypothesis::Hypothesis;
-use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
-use physics::{AnyEffect, Arm, Chain, Given, Inputs, Joints, Model};
+use physics::{AnyEffect, Arm, Chain, Inputs, Joints, Model, ParameterValues};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 /// Largest number of random poses per pose required.
-const PATIENCE: usize = 200;
+const DRAWS_PER_POSE_MAX: usize = 200;
 
 /// Measurement at each pose.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Sees {
-    /// Positions of the targets of [`Surroundings::targets`], or of the TCP if there are none: those visible to the instrument.
+pub enum MeasurementKind {
+    /// Positions of the targets of [`Extrinsics::targets`], or of the TCP if there are none: those visible to the instrument.
     Points {
         /// Minimum number of visible targets; at least 1.
         least: usize,
@@ -36,22 +37,22 @@ pub enum Sees {
         length_m: [f64; 2],
     },
     /// Contacts of a probe at the first target (the TCP if there is none) with planes and spheres.
-    Touch(Vec<Patch>),
+    Touch(Vec<TouchSurface>),
 }
 
 /// A surface that a probe touches.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Patch {
-    /// A region of a plane of [`Surroundings::planes`].
+pub enum TouchSurface {
+    /// A region of a plane of [`Extrinsics::planes`].
     Plane {
         /// Index of the plane.
         plane: usize,
         /// Centre of the region, base frame, m.
-        middle: DVec3,
+        centre: DVec3,
         /// Radius of the region, m.
-        within_m: f64,
+        radius_m: f64,
     },
-    /// A sphere of [`Surroundings::spheres`], by its index.
+    /// A sphere of [`Extrinsics::spheres`], by its index.
     Sphere(usize),
 }
 
@@ -61,26 +62,26 @@ pub struct Task {
     /// The model with the parameters that are to be fitted.
     pub hypothesis: Hypothesis,
     /// Frames, targets and touched surfaces: approximate positions, known or to be fitted.
-    pub surroundings: Surroundings,
+    pub surroundings: Extrinsics,
     /// Measurement at each pose.
-    pub sees: Sees,
+    pub measurement: MeasurementKind,
     /// Standard uncertainty of lengths.
-    pub noise: Noise,
+    pub noise: ReadingNoise,
     /// Line of sight from the instrument; `None` if not required.
-    pub sight: Option<Sight>,
+    pub sight: Option<LineOfSight>,
     /// Constraints of the arm.
-    pub reach: Reach,
+    pub reach: ArmConstraints,
     /// Whether each pose is measured twice, with all joints approaching from below and from above.
-    pub both_ways: bool,
+    pub both_directions: bool,
     /// Candidate poses, such as those known to be free of collisions; if empty, random poses.
-    pub among: Vec<Joints>,
+    pub given_poses: Vec<Joints>,
     /// Test poses, at which the tool error is to be small.
-    pub asked: Vec<Joints>,
+    pub test_poses: Vec<Joints>,
 }
 
 /// A pose with its simulated measurements.
 #[derive(Clone, Debug)]
-pub(crate) struct Candidate {
+pub(crate) struct CandidatePose {
     pub(crate) q: Joints,
     pub(crate) poses: Vec<Pose>,
 }
@@ -88,7 +89,7 @@ pub(crate) struct Candidate {
 /// Hypothesis that `trued calibrate` starts from: the geometry and the effects of `model` with their stated uncertainties, and the compliance of each
 /// joint under gravity if masses are stated.
 #[must_use]
-pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
+pub fn calibration_hypothesis(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = geometry(model, sigma);
     let soft = Tolerances::default().compliance;
     let heavy = model.arm.bodies().next().is_some();
@@ -98,9 +99,12 @@ pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
             |kind: &str| model.effects().any(|e| e.spec().kind == kind && e.joint() == Some(joint));
         if heavy && !bends.iter().any(|kind| has(kind)) {
             let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
-            if let Ok(e) =
-                AnyEffect::build("joint_compliance", &model.arm, Some(joint), Given(given))
-            {
+            if let Ok(e) = AnyEffect::build(
+                "joint_compliance",
+                &model.arm,
+                Some(joint),
+                ParameterValues(given),
+            ) {
                 let first = hypothesis.free.len();
                 hypothesis.add(e, &[]).unwrap_or_default();
                 hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = soft);
@@ -121,37 +125,37 @@ impl Task {
         rng: &mut ChaCha8Rng,
         wanted: usize,
         least: usize,
-    ) -> Result<Vec<Candidate>, NoPlan> {
-        if !self.among.is_empty() {
-            let free = self.among.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
-            let found: Vec<Candidate> =
-                self.among.iter().filter_map(|q| self.candidate(q)).collect();
-            return self.enough(self.among.len(), free, found, least);
+    ) -> Result<Vec<CandidatePose>, PlanError> {
+        if !self.given_poses.is_empty() {
+            let free = self.given_poses.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
+            let found: Vec<CandidatePose> =
+                self.given_poses.iter().filter_map(|q| self.candidate(q)).collect();
+            return self.check_count(self.given_poses.len(), free, found, least);
         }
         let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
-        while found.len() < wanted && drawn < PATIENCE * wanted.max(100) {
+        while found.len() < wanted && drawn < DRAWS_PER_POSE_MAX * wanted.max(100) {
             drawn += 1;
-            let anywhere = self.anywhere(rng);
-            let Some(q) = self.measurable(rng, &anywhere) else { continue };
+            let anywhere = self.random_joints(rng);
+            let Some(q) = self.move_to_measurable(rng, &anywhere) else { continue };
             free += usize::from(self.reach.allows(self.arm(), &q));
             found.extend(self.candidate(&q));
         }
-        self.enough(drawn, free, found, least)
+        self.check_count(drawn, free, found, least)
     }
 
     /// The poses found, if these are as many as are wanted.
-    fn enough(
+    fn check_count(
         &self,
         drawn: usize,
         free: usize,
-        found: Vec<Candidate>,
+        found: Vec<CandidatePose>,
         least: usize,
-    ) -> Result<Vec<Candidate>, NoPlan> {
+    ) -> Result<Vec<CandidatePose>, PlanError> {
         let (seen, wanted) = (found.len(), least.max(1));
         if seen >= wanted {
             return Ok(found);
         }
-        let (origin, remedy) = match (self.among.is_empty(), &self.sight) {
+        let (origin, remedy) = match (self.given_poses.is_empty(), &self.sight) {
             (false, None) => ("given", "give more poses, or relax what bars a pose"),
             (false, Some(_)) => {
                 ("given", "give more poses, move the instrument, or relax what bars a pose")
@@ -159,23 +163,23 @@ impl Task {
             (true, None) => ("drawn", "relax what bars a pose"),
             (true, Some(_)) => ("drawn", "move the instrument, or relax what bars a pose"),
         };
-        Err(NoPlan::Barred { drawn, origin, free, seen, wanted, remedy })
+        Err(PlanError::TooFewPoses { drawn, origin, free, seen, wanted, remedy })
     }
 
     /// Random poses near `q` that satisfy the constraints.
-    pub(crate) fn near(
+    pub(crate) fn neighbours(
         &self,
         rng: &mut ChaCha8Rng,
         q: &Joints,
         by: f64,
         count: usize,
-    ) -> Vec<Candidate> {
+    ) -> Vec<CandidatePose> {
         let mut found = Vec::new();
-        for _ in 0..if self.among.is_empty() { count } else { 0 } {
+        for _ in 0..if self.given_poses.is_empty() { count } else { 0 } {
             let mut near = *q;
             let moved = near.iter_mut().take(self.arm().count());
             moved.for_each(|q| *q += by * (2.0 * rng.random::<f64>() - 1.0));
-            found.extend(self.measurable(rng, &near).and_then(|q| self.candidate(&q)));
+            found.extend(self.move_to_measurable(rng, &near).and_then(|q| self.candidate(&q)));
         }
         found
     }
@@ -183,8 +187,8 @@ impl Task {
     /// Random poses that satisfy the constraints, as a reference for a plan.
     ///
     /// # Errors
-    /// [`NoPlan`] if fewer than `count` satisfy them.
-    pub fn random(&self, count: usize, seed: u64) -> Result<Vec<Joints>, NoPlan> {
+    /// [`PlanError`] if fewer than `count` satisfy them.
+    pub fn random(&self, count: usize, seed: u64) -> Result<Vec<Joints>, PlanError> {
         let drawn = self.draw(&mut ChaCha8Rng::seed_from_u64(seed), count, count)?;
         Ok(drawn.into_iter().take(count).map(|candidate| candidate.q).collect())
     }
@@ -201,8 +205,8 @@ impl Task {
     pub fn workspace(&self, count: usize, seed: u64) -> Vec<Joints> {
         let rng = &mut ChaCha8Rng::seed_from_u64(seed);
         let mut found = Vec::new();
-        for _ in 0..PATIENCE * count {
-            let q = self.anywhere(rng);
+        for _ in 0..DRAWS_PER_POSE_MAX * count {
+            let q = self.random_joints(rng);
             if self.reach.allows(self.arm(), &q) {
                 found.push(q);
             }
@@ -213,7 +217,7 @@ impl Task {
         found
     }
 
-    fn anywhere(&self, rng: &mut ChaCha8Rng) -> Joints {
+    fn random_joints(&self, rng: &mut ChaCha8Rng) -> Joints {
         let mut q = Joints::default();
         for (i, slot) in q.iter_mut().enumerate().take(self.arm().count()) {
             let (low, high) = self.reach.limits(self.arm(), i);
@@ -223,33 +227,33 @@ impl Task {
     }
 
     /// `q` moved to where a measurement is possible: onto a touched surface, or to a measurable length.
-    fn measurable(&self, rng: &mut ChaCha8Rng, q: &Joints) -> Option<Joints> {
+    fn move_to_measurable(&self, rng: &mut ChaCha8Rng, q: &Joints) -> Option<Joints> {
         let arm = self.arm();
         let tip = self.tip();
-        match &self.sees {
-            Sees::Points { .. } => Some(*q),
-            Sees::Distance { length_m: [shortest, longest] } => {
+        match &self.measurement {
+            MeasurementKind::Points { .. } => Some(*q),
+            MeasurementKind::Distance { length_m: [shortest, longest] } => {
                 let anchor = self.surroundings.anchors.first()?.place.value;
                 let length = shortest + (longest - shortest) * rng.random::<f64>();
-                onto(arm, q, tip, |p| {
+                solve_tip_on_surface(arm, q, tip, |p| {
                     ((p - anchor).length() - length, (p - anchor).normalize_or_zero())
                 })
             }
-            Sees::Touch(patches) => {
+            MeasurementKind::Touch(patches) => {
                 let patch = patches.get(rng.random_range(0..patches.len().max(1)))?;
                 match *patch {
-                    Patch::Plane { plane, .. } => {
+                    TouchSurface::Plane { plane, .. } => {
                         let plane = self.surroundings.planes.get(plane)?.value;
                         let off = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
-                        onto(arm, q, tip, |p| (off(p), plane.normal))
+                        solve_tip_on_surface(arm, q, tip, |p| (off(p), plane.normal))
                     }
-                    Patch::Sphere(sphere) => {
+                    TouchSurface::Sphere(sphere) => {
                         let sphere = self.surroundings.spheres.get(sphere)?;
                         let (centre, radius) = (sphere.centre.value, sphere.radius_m.value);
                         let off = |p: DVec3| {
                             ((p - centre).length() - radius, (p - centre).normalize_or_zero())
                         };
-                        onto(arm, q, tip, off)
+                        solve_tip_on_surface(arm, q, tip, off)
                     }
                 }
             }
@@ -261,57 +265,59 @@ impl Task {
         self.surroundings.targets.first().map_or(DVec3::ZERO, |target| target.value)
     }
 
-    fn tip_place(&self) -> Place {
-        if self.surroundings.targets.is_empty() { Place::Tcp } else { Place::Target(0) }
+    fn tip_place(&self) -> ToolPoint {
+        if self.surroundings.targets.is_empty() { ToolPoint::Tcp } else { ToolPoint::Target(0) }
     }
 
     /// `q` with the measurements taken there; `None` if a constraint is violated.
-    pub(crate) fn candidate(&self, q: &Joints) -> Option<Candidate> {
+    pub(crate) fn candidate(&self, q: &Joints) -> Option<CandidatePose> {
         if !self.reach.allows(self.arm(), q) {
             return None;
         }
         let chain = Chain::nominal(self.arm(), q);
         let readings = self.readings(&chain)?;
-        let sides: &[f64] = if self.both_ways { &[1.0, -1.0] } else { &[0.0] };
+        let sides: &[f64] = if self.both_directions { &[1.0, -1.0] } else { &[0.0] };
         let pose = |side: &f64| {
             let mut inputs = Inputs::at_rest(*q);
             inputs.direction.iter_mut().take(self.arm().count()).for_each(|d| *d = *side);
             let seen = readings.clone();
             Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen }
         };
-        Some(Candidate { q: *q, poses: sides.iter().map(pose).collect() })
+        Some(CandidatePose { q: *q, poses: sides.iter().map(pose).collect() })
     }
 
     fn readings(&self, chain: &Chain) -> Option<Vec<Observation>> {
-        let mut readings = match &self.sees {
-            Sees::Points { least, orientation_rad } => {
-                self.points(chain, *least, *orientation_rad)?
+        let mut readings = match &self.measurement {
+            MeasurementKind::Points { least, orientation_rad } => {
+                self.point_readings(chain, *least, *orientation_rad)?
             }
-            Sees::Distance { .. } => {
+            MeasurementKind::Distance { .. } => {
                 let (place, anchor) = (self.tip_place(), 0);
                 vec![(Reading::Distance { place, anchor, length_m: 0.0 }, self.noise, DVec3::ZERO)]
             }
-            Sees::Touch(patches) => vec![(self.touched(chain, patches)?, self.noise, DVec3::ZERO)],
+            MeasurementKind::Touch(patches) => {
+                vec![(self.touch_reading(chain, patches)?, self.noise, DVec3::ZERO)]
+            }
         };
-        let observe = |(reading, noise, at): (Reading, Noise, DVec3)| {
+        let observe = |(reading, noise, at): (Reading, ReadingNoise, DVec3)| {
             Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
         };
         readings.drain(..).map(observe).collect()
     }
 
-    fn points(
+    fn point_readings(
         &self,
         chain: &Chain,
         least: usize,
         orientation_rad: Option<f64>,
-    ) -> Option<Vec<(Reading, Noise, DVec3)>> {
+    ) -> Option<Vec<(Reading, ReadingNoise, DVec3)>> {
         let station = self.surroundings.frames.first()?.value.measuring_from_base;
         let frame = self.surroundings.frames.len() - 1;
-        let places: Vec<Place> = match self.surroundings.targets.len() {
-            0 => vec![Place::Tcp],
-            count => (0..count).map(Place::Target).collect(),
+        let places: Vec<ToolPoint> = match self.surroundings.targets.len() {
+            0 => vec![ToolPoint::Tcp],
+            count => (0..count).map(ToolPoint::Target).collect(),
         };
-        let is_seen = |place: &Place| {
+        let is_seen = |place: &ToolPoint| {
             let radius = self.reach.link_radius_m;
             self.sight.as_ref().is_none_or(|sight| {
                 sight.sees(self.arm(), chain, &self.surroundings, *place, radius)
@@ -320,8 +326,8 @@ impl Task {
         let mut seen = Vec::new();
         for place in places.into_iter().filter(is_seen) {
             let on_tool = match place {
-                Place::Tcp => DVec3::ZERO,
-                Place::Target(i) => self.surroundings.targets[i].value,
+                ToolPoint::Tcp => DVec3::ZERO,
+                ToolPoint::Target(i) => self.surroundings.targets[i].value,
             };
             let at = station.point(chain.base_from_tool.point(on_tool));
             seen.push((Reading::Point { place, frame, at }, self.noise, at));
@@ -331,27 +337,27 @@ impl Task {
         }
         if let Some(sigma) = orientation_rad {
             let reading = Reading::Orientation { frame, measuring_from_tool: DMat3::IDENTITY };
-            seen.push((reading, Noise::Equal(sigma), DVec3::ZERO));
+            seen.push((reading, ReadingNoise::Equal(sigma), DVec3::ZERO));
         }
         Some(seen)
     }
 
     /// The reading of the surface that the probe touches.
-    fn touched(&self, chain: &Chain, patches: &[Patch]) -> Option<Reading> {
+    fn touch_reading(&self, chain: &Chain, patches: &[TouchSurface]) -> Option<Reading> {
         let tip = chain.base_from_tool.point(self.tip());
         let place = self.tip_place();
         let inwards = -(chain.base_from_tool.rotation * DVec3::Z);
         // The probe must point into the surface within 60 degrees.
         let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
         patches.iter().find_map(|patch| match *patch {
-            Patch::Plane { plane, middle, within_m } => {
+            TouchSurface::Plane { plane, centre: middle, radius_m: within_m } => {
                 let thing = self.surroundings.planes.get(plane)?.value;
                 let on = (thing.normal.dot(tip) - thing.offset_m).abs() < 1e-6;
                 let reading = Reading::Plane { place, plane, radius_m: 0.0 };
                 (on && tip.distance(middle) <= within_m && points_in(thing.normal))
                     .then_some(reading)
             }
-            Patch::Sphere(sphere) => {
+            TouchSurface::Sphere(sphere) => {
                 let thing = self.surroundings.spheres.get(sphere)?;
                 let out = tip - thing.centre.value;
                 let on = (out.length() - thing.radius_m.value).abs() < 1e-6;
@@ -363,12 +369,12 @@ impl Task {
 }
 
 /// A campaign of one instrument with known noise.
-pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaign {
+pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Extrinsics) -> Campaign {
     let name = "planned".to_owned();
     Campaign {
         poses,
         surroundings: surroundings.clone(),
         instruments: vec![Instrument { name, noise_is_known: true, ..Instrument::default() }],
-        recordings: vec![Source::of_poses("planned")],
+        recordings: vec![RecordingInfo::of_poses("planned")],
     }
 }

@@ -1,14 +1,14 @@
 //! Plans compared with simulated campaigns: selected poses are valid, better than random ones, and predict the uncertainty of the fit.
 
 use super::*;
-use crate::campaign::Noise;
-use crate::made::{empty, nominal};
-use crate::plan::reach::Reach;
-use crate::plan::sight::Sight;
-use crate::surroundings::{Anchor, Fitted};
-use crate::{Effort, Influence, Settings, Surroundings, fit, geometry, simulate};
+use crate::campaign::ReadingNoise;
+use crate::extrinsics::{Anchor, FitParameter};
+use crate::plan::arm_constraints::ArmConstraints;
+use crate::plan::line_of_sight::LineOfSight;
+use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
+use crate::{Extrinsics, FitEffort, FitSettings, Influence, campaign_simulation, fit, geometry};
 use glam::DVec3;
-use physics::{AnyEffect, Given, Inputs, Memories, Model};
+use physics::{AnyEffect, Inputs, Memories, Model, ParameterValues};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -16,9 +16,9 @@ const SIGMA_M: f64 = 3e-5;
 
 /// One reflector on the IRB 1600's tool and a tracker beside it; the frame and the reflector's position are fitted.
 pub(super) fn task() -> Task {
-    let model = nominal();
-    let made = empty(1, 1);
-    let sight = Sight {
+    let model = nominal_robot();
+    let made = unmeasured_campaign(1, 1);
+    let sight = LineOfSight {
         instrument_base: DVec3::new(3.5, -1.5, 1.0),
         range_m: [0.3, 30.0],
         acceptance_rad: 80.0_f64.to_radians(),
@@ -27,26 +27,26 @@ pub(super) fn task() -> Task {
     let mut task = Task {
         hypothesis: geometry(&model, &[]),
         surroundings: made.surroundings,
-        sees: Sees::Points { least: 1, orientation_rad: None },
-        noise: Noise::Equal(SIGMA_M),
+        measurement: MeasurementKind::Points { least: 1, orientation_rad: None },
+        noise: ReadingNoise::Equal(SIGMA_M),
         sight: Some(sight),
-        reach: Reach::of(&model.arm),
-        both_ways: false,
-        among: Vec::new(),
-        asked: Vec::new(),
+        reach: ArmConstraints::of(&model.arm),
+        both_directions: false,
+        given_poses: Vec::new(),
+        test_poses: Vec::new(),
     };
-    task.asked = task.workspace(60, 1);
+    task.test_poses = task.workspace(60, 1);
     task
 }
 
-fn wish(criterion: Criterion, count: usize, seed: u64) -> Wish {
-    Wish { count, criterion, candidates: 300, seed }
+fn wish(criterion: Criterion, count: usize, seed: u64) -> PlanSettings {
+    PlanSettings { count, criterion, candidates: 300, seed }
 }
 
 /// A robot with geometry errors of typical size, all of them parameters of the hypothesis.
 fn erring(seed: u64) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut hypothesis = geometry(&nominal(), &[]);
+    let mut hypothesis = geometry(&nominal_robot(), &[]);
     let step: Vec<f64> = hypothesis
         .free
         .iter()
@@ -60,26 +60,33 @@ fn erring(seed: u64) -> Model {
 fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
     let truth = erring(seed);
     let campaign = task.campaign(stops);
-    let made = simulate::readings(&campaign, &truth, &task.surroundings, 1.0, seed);
+    let made =
+        campaign_simulation::simulate_readings(&campaign, &truth, &task.surroundings, 1.0, seed);
     let used = vec![true; made.poses.len()];
-    let settings =
-        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &used,
+        influence: Influence::Equal,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let found = fit(&made, &task.hypothesis, &settings);
     let at = |model: &Model, q: &Joints| {
         model.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool.origin
     };
-    let squares =
-        task.asked.iter().map(|q| at(&found.hypothesis.model, q).distance_squared(at(&truth, q)));
-    (squares.sum::<f64>() / task.asked.len() as f64).sqrt()
+    let squares = task
+        .test_poses
+        .iter()
+        .map(|q| at(&found.hypothesis.model, q).distance_squared(at(&truth, q)));
+    (squares.sum::<f64>() / task.test_poses.len() as f64).sqrt()
 }
 
 fn with_known_surroundings() -> Task {
     // Three reflectors, since one alone does not determine the tool's orientation.
-    let mut task = Task { surroundings: empty(3, 1).surroundings, ..task() };
+    let mut task = Task { surroundings: unmeasured_campaign(3, 1).surroundings, ..task() };
     task.sight = None;
-    let Surroundings { frames, targets, .. } = &mut task.surroundings;
-    frames.iter_mut().for_each(|frame| *frame = Fitted::known(frame.value));
-    targets.iter_mut().for_each(|target| *target = Fitted::known(target.value));
+    let Extrinsics { frames, targets, .. } = &mut task.surroundings;
+    frames.iter_mut().for_each(|frame| *frame = FitParameter::known(frame.value));
+    targets.iter_mut().for_each(|target| *target = FitParameter::known(target.value));
     task
 }
 
@@ -121,10 +128,20 @@ fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
     let plan = plan(&task, None, &wish(Criterion::D, 25, 5)).expect("a plan");
     let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
     let campaign = task.campaign(&stops);
-    let made = simulate::readings(&campaign, &task.hypothesis.model, &task.surroundings, 1.0, 9);
+    let made = campaign_simulation::simulate_readings(
+        &campaign,
+        &task.hypothesis.model,
+        &task.surroundings,
+        1.0,
+        9,
+    );
     let used = vec![true; made.poses.len()];
-    let settings =
-        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = FitSettings {
+        used: &used,
+        influence: Influence::Equal,
+        from: None,
+        effort: FitEffort::Full,
+    };
     let found = fit(&made, &task.hypothesis, &settings);
     let mut compared = 0;
     for (k, free) in task.hypothesis.free.iter().enumerate() {
@@ -146,7 +163,7 @@ fn the_error_that_is_said_falls_with_every_pose_and_ends_where_the_tool_errs() {
     let plan = plan(&task, None, &wish(Criterion::Zone, 15, 2)).expect("a plan");
     for pose in &plan.poses {
         assert!(pose.tool_m[1] <= pose.tool_m[0] && pose.log_det_gain > 0.0);
-        assert!(pose.falls.iter().all(|falls| falls.to <= falls.from));
+        assert!(pose.reductions.iter().all(|falls| falls.to <= falls.from));
     }
     let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
     let errors = (0..12).map(|seed| erred(&task, &stops, seed).powi(2)).sum::<f64>() / 12.0;
@@ -175,7 +192,7 @@ fn what_was_measured_already_counts() {
     let task = task();
     let first = plan(&task, None, &wish(Criterion::D, 15, 6)).expect("a plan");
     let stops: Vec<Joints> = first.poses.iter().map(|pose| pose.q).collect();
-    let campaign = simulate::readings(
+    let campaign = campaign_simulation::simulate_readings(
         &task.campaign(&stops),
         &task.hypothesis.model,
         &task.surroundings,
@@ -183,22 +200,22 @@ fn what_was_measured_already_counts() {
         3,
     );
     let used = vec![true; campaign.poses.len()];
-    let settings = Settings {
+    let settings = FitSettings {
         used: &used,
         influence: Influence::Equal,
         from: Some(&task.surroundings),
-        effort: Effort::Full,
+        effort: FitEffort::Full,
     };
     let found = fit(&campaign, &task.hypothesis, &settings);
-    let known = Known { campaign: &campaign, fit: &found };
+    let known = ExistingMeasurements { campaign: &campaign, fit: &found };
     let go_on = Task { surroundings: found.surroundings.clone(), ..task };
     let second = plan(&go_on, Some(known), &wish(Criterion::D, 5, 7)).expect("a plan");
     let (left, begins) = (first.poses[14].tool_m[1], second.poses[0].tool_m[0]);
     assert!((begins / left - 1.0).abs() < 0.25, "{begins} {left}");
-    let far = next(&go_on, None, 200, 1e-6, 1).expect("a pose");
-    let near = next(&go_on, Some(known), 200, 1e-6, 1).expect("a pose");
+    let far = best_next_pose(&go_on, None, 200, 1e-6, 1).expect("a pose");
+    let near = best_next_pose(&go_on, Some(known), 200, 1e-6, 1).expect("a pose");
     assert!(!far.enough && far.tool_m[0] > near.tool_m[0] && near.tool_m[1] < near.tool_m[0]);
-    assert!(next(&go_on, Some(known), 200, 1.0, 1).expect("a pose").enough);
+    assert!(best_next_pose(&go_on, Some(known), 200, 1.0, 1).expect("a pose").enough);
 }
 
 #[test]
@@ -220,16 +237,16 @@ fn the_same_seed_gives_the_same_poses_and_a_place_without_sight_none() {
     }
     assert!(matches!(
         plan(&blind, None, &wish(Criterion::D, 6, 1)),
-        Err(NoPlan::Barred { seen: 0, .. })
+        Err(PlanError::TooFewPoses { seen: 0, .. })
     ));
 }
 
 #[test]
 fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
     let mut bar = task();
-    let place = Fitted::unknown(DVec3::new(0.9, 0.0, 0.2));
-    bar.surroundings.anchors = vec![Anchor { place, offset_m: Fitted::known(0.0) }];
-    bar.sees = Sees::Distance { length_m: [0.598, 0.602] };
+    let place = FitParameter::unknown(DVec3::new(0.9, 0.0, 0.2));
+    bar.surroundings.anchors = vec![Anchor { place, offset_m: FitParameter::known(0.0) }];
+    bar.measurement = MeasurementKind::Distance { length_m: [0.598, 0.602] };
     let planned = plan(&bar, None, &wish(Criterion::D, 8, 1)).expect("a plan");
     let arm = &bar.hypothesis.model.arm;
     for pose in &planned.poses {
@@ -241,26 +258,30 @@ fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
     }
     let mut probe = task();
     let plane = crate::Plane { normal: DVec3::Z, offset_m: 0.3 };
-    probe.surroundings.planes = vec![Fitted::unknown(plane)];
-    let middle = DVec3::new(0.8, 0.0, 0.3);
-    probe.sees = Sees::Touch(vec![Patch::Plane { plane: 0, middle, within_m: 0.3 }]);
+    probe.surroundings.planes = vec![FitParameter::unknown(plane)];
+    let centre = DVec3::new(0.8, 0.0, 0.3);
+    probe.measurement =
+        MeasurementKind::Touch(vec![TouchSurface::Plane { plane: 0, centre, radius_m: 0.3 }]);
     let planned = plan(&probe, None, &wish(Criterion::D, 8, 1)).expect("a plan");
     for pose in &planned.poses {
         let tip = physics::Chain::nominal(arm, &pose.q)
             .base_from_tool
             .point(probe.surroundings.targets[0].value);
-        assert!((tip.z - 0.3).abs() < 1e-5 && tip.distance(middle) < 0.3);
+        assert!((tip.z - 0.3).abs() < 1e-5 && tip.distance(centre) < 0.3);
     }
 }
 
 #[test]
 fn an_offset_effect_that_is_stated_starts_from_what_is_stated() {
-    let mut model = nominal();
+    let mut model = nominal_robot();
     let given: &[(&str, &[f64])] = &[("offset", &[0.001])];
     model
-        .push(AnyEffect::build("joint_offset", &model.arm, Some(2), Given(given)).expect("built"))
+        .push(
+            AnyEffect::build("joint_offset", &model.arm, Some(2), ParameterValues(given))
+                .expect("built"),
+        )
         .expect("room");
-    let task = Task { hypothesis: believed(&model, &[vec![1e-5]]), ..task() };
+    let task = Task { hypothesis: calibration_hypothesis(&model, &[vec![1e-5]]), ..task() };
     let plan = plan(&task, None, &wish(Criterion::D, 4, 1)).expect("a plan");
     let said =
         plan.numbers.iter().find(|number| number.what.contains("joint 3's offset")).expect("named");
@@ -270,11 +291,11 @@ fn an_offset_effect_that_is_stated_starts_from_what_is_stated() {
 #[test]
 fn a_list_of_poses_that_are_known_to_be_free_is_all_that_is_chosen_from() {
     let mut task = task();
-    task.among = task.random(40, 3).expect("drawn");
+    task.given_poses = task.random(40, 3).expect("drawn");
     let planned = plan(&task, None, &wish(Criterion::D, 10, 1)).expect("a plan");
-    assert!(planned.poses.iter().all(|pose| task.among.contains(&pose.q)));
+    assert!(planned.poses.iter().all(|pose| task.given_poses.contains(&pose.q)));
     assert!(matches!(
         plan(&task, None, &wish(Criterion::D, 41, 1)),
-        Err(NoPlan::Barred { drawn: 40, .. })
+        Err(PlanError::TooFewPoses { drawn: 40, .. })
     ));
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use physics::frame::{rotation_about, rotation_from_vector};
-use physics::{AnyEffect, Frame, Given, JOINTS_MAX, Joints};
+use physics::{AnyEffect, Frame, JOINTS_MAX, Joints, ParameterValues};
 use proptest::prelude::*;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -21,7 +21,8 @@ fn robot(keep: &[&str]) -> Model {
 }
 
 fn with(mut model: Model, kind: &str, joint: usize, given: &[(&str, &[f64])]) -> Model {
-    let effect = AnyEffect::build(kind, &model.arm, Some(joint), Given(given)).expect(kind);
+    let effect =
+        AnyEffect::build(kind, &model.arm, Some(joint), ParameterValues(given)).expect(kind);
     model.push(effect).expect("room");
     model
 }
@@ -71,10 +72,10 @@ fn the_axis_of_joint_five_stands_where_the_sag_of_the_joints_before_puts_it() {
         .map(|k| chain.axis(k).cross(chain.point(4) - chain.point(k)) * deviation.joints[k])
         .sum();
     assert!(off.length() > 3e-4, "{off}");
-    let (raw, without) = (found(Sag::AsMeasured), found(Sag::Carriers));
+    let (raw, without) = (found(SagCorrection::AsMeasured), found(SagCorrection::Carriers));
     let miss = |axis: &JointAxis| axis.axis.nearest(chain.point(4)) - chain.point(4);
     assert!((miss(&raw) - off).length() < 1e-6, "{} not {off}", miss(&raw));
-    assert!(miss(&without).length() < 1e-9 && without.axis.left_m < 1e-9);
+    assert!(miss(&without).length() < 1e-9 && without.axis.residual_rms_m < 1e-9);
     assert!((without.shifted_by_sag + off).length() < 1e-6, "{}", without.shifted_by_sag);
     assert!(without.moved_by_sag_m > 3e-4 && raw.moved_by_sag_m == 0.0);
     assert_eq!((raw.shifted_by_sag, raw.turned_by_sag), (DVec3::ZERO, DVec3::ZERO));
@@ -89,11 +90,11 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
     let held = [0.0, 0.3, 0.0, 0.0, 0.4, 0.0];
     let mut swept = sweep(&model, 2, held, (-0.9, 0.7), 33);
     swept.steps.iter_mut().for_each(|step| step.targets.truncate(1));
-    let raw = swept.axis(&model, Sag::AsMeasured, None).expect("arcs");
+    let raw = swept.axis(&model, SagCorrection::AsMeasured, None).expect("arcs");
     let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).point(2);
     // Joint 2 rotates by δ and displaces the pivot of joint 3 by e × (O3 − O2) δ; only the radial component matters, which the circle absorbs as
     // shift and radius: a regression with three parameters.
-    let mut triangle = crate::triangle::Triangle::new(3);
+    let mut triangle = crate::qr::QrFactor::new(3);
     for step in &swept.steps {
         let q = &step.inputs.q;
         let chain = Chain::nominal(&model.arm, q);
@@ -109,7 +110,7 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
     let off = raw.axis.nearest(pivot) - pivot;
     assert!(wanted.length() > 1e-4, "{wanted}");
     assert!((off - wanted).length() < 0.01 * wanted.length(), "{off} not {wanted}");
-    let without = swept.axis(&model, Sag::Carriers, None).expect("arcs");
+    let without = swept.axis(&model, SagCorrection::Carriers, None).expect("arcs");
     assert!((without.axis.nearest(pivot) - pivot).length() < 1e-9);
 }
 
@@ -119,10 +120,11 @@ fn joints_after_the_one_that_moves_bend_its_circle_too() {
     let held = [0.0, 0.2, 0.0, 0.6, 0.8, 0.0];
     let swept = sweep(&model, 2, held, (-0.9, 0.7), 25);
     let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).point(2);
-    let [raw, carriers, all] = [Sag::AsMeasured, Sag::Carriers, Sag::AllOthers].map(|sag| {
-        let found = swept.axis(&model, sag, None).expect("arcs").axis;
-        (found.nearest(pivot) - pivot).length()
-    });
+    let [raw, carriers, all] =
+        [SagCorrection::AsMeasured, SagCorrection::Carriers, SagCorrection::AllOthers].map(|sag| {
+            let found = swept.axis(&model, sag, None).expect("arcs").axis;
+            (found.nearest(pivot) - pivot).length()
+        });
     println!(
         "joint 3's axis is off by {:.1}, {:.1}, {:.4} µm",
         raw * 1e6,
@@ -138,7 +140,7 @@ fn bearings_and_a_base_that_yield_to_gravity_are_taken_out_too() {
     let compliance: &[(&str, &[f64])] = &[("compliance", &[2e-6])];
     let model = with(robot(&[]), "bearing_compliance", 0, compliance);
     let model = with(model, "bearing_compliance", 2, compliance);
-    let base = AnyEffect::build("base_compliance", &model.arm, None, Given(compliance));
+    let base = AnyEffect::build("base_compliance", &model.arm, None, ParameterValues(compliance));
     let mut model = model;
     model.push(base.expect("sound")).expect("room");
     let swept = sweep(&model, 2, [0.0, 0.2, 0.0, 0.6, 0.8, 0.0], (-0.9, 0.7), 25);
@@ -148,8 +150,8 @@ fn bearings_and_a_base_that_yield_to_gravity_are_taken_out_too() {
         let away = found.nearest(chain.point(2)) - chain.point(2);
         away.length() + found.tilt_from(chain.axis(2)).length()
     };
-    assert!(miss(Sag::AsMeasured) > 1e-4 && miss(Sag::Carriers) < 1e-9);
-    assert!(miss(Sag::AllOthers) < 1e-9);
+    assert!(miss(SagCorrection::AsMeasured) > 1e-4 && miss(SagCorrection::Carriers) < 1e-9);
+    assert!(miss(SagCorrection::AllOthers) < 1e-9);
 }
 
 #[test]
@@ -158,7 +160,7 @@ fn errors_at_steps_are_those_of_the_gear_in_both_directions() {
     let held = [0.1, 0.3, -0.2, 0.0, 0.9, 0.0];
     for (joint, backlash) in [(0, 1e-4), (3, 2.5e-4), (5, 5e-4)] {
         let swept = sweep(&model, joint, held, (-1.5, 1.5), 31);
-        let found = swept.axis(&model, Sag::AllOthers, None).expect("arcs");
+        let found = swept.axis(&model, SagCorrection::AllOthers, None).expect("arcs");
         let errors = swept.errors(&model, &found, 0.0).steps;
         assert_eq!(errors.len(), 31);
         let alone = |q: Joints| {
@@ -185,7 +187,7 @@ fn an_axis_that_stands_elsewhere_is_told_at_the_zero_configuration() {
     let model = with(robot(&[]), "axis_tilt", 2, &[("tilt", &[2e-4, -3e-4])]);
     let model = with(model, "axis_shift", 2, &[("shift", &[1e-4, 0.0, -2e-4])]);
     let swept = sweep(&model, 2, [0.5, 0.4, 0.0, 0.2, 0.3, 0.0], (-0.8, 0.8), 21);
-    let found = swept.axis(&model, Sag::default(), None).expect("arcs");
+    let found = swept.axis(&model, SagCorrection::default(), None).expect("arcs");
     let error = found.error(&model.arm, &swept.steps[0].inputs.q).expect("of this arm");
     assert!((error.tilt_rad[0] - 2e-4).abs() < 1e-9 && (error.tilt_rad[1] + 3e-4).abs() < 1e-9);
     assert!((error.shift_m - DVec3::new(1e-4, 0.0, -2e-4)).length() < 1e-9, "{}", error.shift_m);
@@ -203,7 +205,7 @@ fn an_axis_is_as_sure_at_the_zero_configuration_as_it_says() {
             let mut draw = || rng.sample::<f64, _>(StandardNormal) * 30e-6;
             *point += DVec3::new(draw(), draw(), draw());
         }
-        let found = swept.axis(&model, Sag::AsMeasured, Some(30e-6)).expect("arcs");
+        let found = swept.axis(&model, SagCorrection::AsMeasured, Some(30e-6)).expect("arcs");
         let error = found.error(&model.arm, &swept.steps[0].inputs.q).expect("of this arm");
         let (n1, n2) = normals(model.arm.joints()[2].axis);
         let scores = [
@@ -226,7 +228,7 @@ fn a_target_that_is_hidden_at_times_does_no_harm() {
     let mut swept = sweep(&model, 3, [0.0, 0.1, 0.2, 0.0, 0.7, 0.0], (-1.0, 1.0), 21);
     swept.steps.iter_mut().step_by(3).for_each(|step| step.targets[0] = None);
     swept.steps[4].targets[1] = None;
-    let found = swept.axis(&model, Sag::Carriers, None).expect("arcs");
+    let found = swept.axis(&model, SagCorrection::Carriers, None).expect("arcs");
     for error in swept.errors(&model, &found, 0.0).steps {
         assert!((error.mean_rad - 1.8e-4 * error.position_rad).abs() < 1e-9, "{error:?}");
     }
@@ -237,12 +239,15 @@ fn a_sweep_that_is_none_is_refused_in_words() {
     let model = robot(&[]);
     let mut swept = sweep(&model, 1, [0.0; 6], (-0.4, 0.4), 9);
     swept.steps[5].inputs.q[3] += 1e-3;
-    let fault = swept.axis(&model, Sag::default(), None).expect_err("joint 4 moved");
+    let fault = swept.axis(&model, SagCorrection::default(), None).expect_err("joint 4 moved");
     assert!(matches!(fault, SweepError::OtherMoved { joint: 2, other: 4, .. }), "{fault}");
     let none = Sweep { joint: 6, steps: Vec::new() };
-    assert_eq!(none.axis(&model, Sag::default(), None), Err(SweepError::NotRevolute { joint: 7 }));
+    assert_eq!(
+        none.axis(&model, SagCorrection::default(), None),
+        Err(SweepError::NotRevolute { joint: 7 })
+    );
     let empty = Sweep { joint: 1, steps: Vec::new() };
-    let fault = empty.axis(&model, Sag::default(), None).expect_err("nothing there");
+    let fault = empty.axis(&model, SagCorrection::default(), None).expect_err("nothing there");
     assert_eq!(fault, SweepError::Tracks { joint: 2, fault: CircleError::NoTrack });
 }
 
@@ -256,11 +261,11 @@ proptest! {
         let before = [at, at + line];
         let after = before.map(|p| rotation_from_vector(turn) * p + DVec3::new(1e-3, -2e-3, 5e-4));
         let seen = tilt_of_two_targets(before, after, 1e-5).expect("apart");
-        let across = turn - seen.blind * seen.blind.dot(turn);
+        let across = turn - seen.unobservable_axis * seen.unobservable_axis.dot(turn);
         prop_assert!((seen.turn - across).length() < 2e-6, "{} not {across}", seen.turn);
-        prop_assert!(seen.turn.dot(seen.blind).abs() < 1e-12);
+        prop_assert!(seen.turn.dot(seen.unobservable_axis).abs() < 1e-12);
         // About the line itself nothing moves, so nothing is observed.
-        let about = Frame::about(at, rotation_about(seen.blind, 5e-3));
+        let about = Frame::about(at, rotation_about(seen.unobservable_axis, 5e-3));
         let hidden = tilt_of_two_targets(before, before.map(|p| about.point(p)), 1e-5).expect("apart");
         prop_assert!(hidden.turn.length() < 1e-12);
     }

@@ -91,8 +91,8 @@ fn coverage(found: impl Fn(u64) -> Compliances) -> f64 {
 
 #[test]
 fn the_thesis_stiffness_comes_back_from_many_loads_at_once() {
-    let found =
-        all_at_once(&compliant().arm, &loaded_poses(&compliant(), 40), NOISE).expect("sound");
+    let found = estimate_simultaneously(&compliant().arm, &loaded_poses(&compliant(), 40), NOISE)
+        .expect("sound");
     for (joint, wanted) in (1..5).zip(THESIS) {
         let (stiffness, _) = found.stiffness(joint).expect("determined");
         // The remaining error is of second order: the arm deflects by up to 20 mrad.
@@ -107,7 +107,8 @@ fn the_thesis_stiffness_comes_back_from_many_loads_at_once() {
 
 #[test]
 fn what_else_is_wrong_with_the_robot_cancels_in_the_difference() {
-    let found = all_at_once(&robot().arm, &loaded_poses(&robot(), 40), NOISE).expect("sound");
+    let found =
+        estimate_simultaneously(&robot().arm, &loaded_poses(&robot(), 40), NOISE).expect("sound");
     for (joint, wanted) in (1..5).zip(THESIS) {
         let (stiffness, _) = found.stiffness(joint).expect("determined");
         assert!((stiffness / wanted - 1.0).abs() < 0.02, "joint {}: {stiffness}", joint + 1);
@@ -117,7 +118,8 @@ fn what_else_is_wrong_with_the_robot_cancels_in_the_difference() {
 #[test]
 fn the_thesis_stiffness_comes_back_one_joint_after_the_other() {
     let model = compliant();
-    let found = one_after_the_other(&model.arm, &loaded_links(&model, 12), 15e-6).expect("sound");
+    let found =
+        estimate_joint_by_joint(&model.arm, &loaded_links(&model, 12), 15e-6).expect("sound");
     for (joint, wanted) in (1..5).zip(THESIS) {
         let (stiffness, _) = found.stiffness(joint).expect("determined");
         assert!((stiffness / wanted - 1.0).abs() < 1e-3, "joint {}: {stiffness}", joint + 1);
@@ -150,8 +152,8 @@ fn intervals_from_many_loads_hold_the_truth_as_often_as_they_should() {
             pose.shift += vector(&mut rng, NOISE.shift_m);
             pose.turn = pose.turn.map(|turn| turn + vector(&mut rng, NOISE.turn_rad));
         }
-        let found = all_at_once(&arm, &poses, NOISE).expect("sound");
-        assert!((found.left - 1.0).abs() < 0.3, "{}", found.left);
+        let found = estimate_simultaneously(&arm, &poses, NOISE).expect("sound");
+        assert!((found.normalised_rms - 1.0).abs() < 0.3, "{}", found.normalised_rms);
         found
     });
     assert!((0.93..0.97).contains(&share), "{share}");
@@ -168,7 +170,7 @@ fn intervals_of_one_joint_after_the_other_carry_the_doubt_of_those_before() {
             case.before += vector(&mut rng, sigma);
             case.after += vector(&mut rng, sigma);
         }
-        one_after_the_other(&model.arm, &cases, sigma).expect("sound")
+        estimate_joint_by_joint(&model.arm, &cases, sigma).expect("sound")
     });
     assert!((0.93..0.97).contains(&share), "{share}");
 }
@@ -181,7 +183,7 @@ fn a_joint_that_no_load_bends_is_named() {
         // A weight has no moment about joint 1, whose axis is vertical.
         pose.wrench_base = Wrench { force: DVec3::NEG_Z * 60.0, moment: DVec3::ZERO };
     }
-    let found = all_at_once(&model.arm, &poses, NOISE).expect("sound");
+    let found = estimate_simultaneously(&model.arm, &poses, NOISE).expect("sound");
     assert_eq!((found.undetermined[0], found.value[0], found.stiffness(0)), (0, None, None));
 }
 
@@ -190,26 +192,31 @@ fn what_cannot_be_is_refused() {
     let arm = robot().arm;
     let mut poses = loaded_poses(&compliant(), 3);
     poses[1].shift.y = f64::NAN;
-    assert_eq!(all_at_once(&arm, &poses, NOISE), Err(StiffnessError::NotFinite { case: 2 }));
+    assert_eq!(
+        estimate_simultaneously(&arm, &poses, NOISE),
+        Err(StiffnessError::NotFinite { case: 2 })
+    );
     let silent = DifferenceNoise { shift_m: 0.0, ..NOISE };
-    assert_eq!(all_at_once(&arm, &[], silent), Err(StiffnessError::Noise));
+    assert_eq!(estimate_simultaneously(&arm, &[], silent), Err(StiffnessError::Noise));
     let mut cases = loaded_links(&compliant(), 1);
     cases[0].joint = 9;
     let wanted = StiffnessError::NotRevolute { case: 1, joint: 10 };
-    assert_eq!(one_after_the_other(&arm, &cases, 1e-5), Err(wanted));
-    let nothing = all_at_once(&arm, &[], NOISE).expect("nothing to object to");
+    assert_eq!(estimate_joint_by_joint(&arm, &cases, 1e-5), Err(wanted));
+    let nothing = estimate_simultaneously(&arm, &[], NOISE).expect("nothing to object to");
     assert_eq!(nothing.undetermined, [0, 1, 2, 3, 4, 5]);
 }
 
 #[test]
 fn a_global_fit_gets_values_and_priors() {
     let arm = robot().arm;
-    let found = all_at_once(&arm, &loaded_poses(&compliant(), 40), NOISE).expect("sound");
+    let found =
+        estimate_simultaneously(&arm, &loaded_poses(&compliant(), 40), NOISE).expect("sound");
     let given = [("compliance", &[1e-6][..])];
-    let whole = AnyEffect::build("joint_compliance", &arm, Some(2), Given(&given)).expect("sound");
+    let whole = AnyEffect::build("joint_compliance", &arm, Some(2), ParameterValues(&given))
+        .expect("sound");
     let mut hypothesis = Hypothesis::fixed(Model::new(arm, &[whole]).expect("sound"));
     hypothesis.free_all(0, &[], &[]);
-    found.hand_over(&mut hypothesis).expect("room");
+    found.transfer_to(&mut hypothesis).expect("room");
     assert_eq!(hypothesis.model.check(), Ok(()));
     assert_eq!(hypothesis.free.len(), 6);
     for free in &hypothesis.free {

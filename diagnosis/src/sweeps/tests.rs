@@ -1,14 +1,14 @@
 //! Sweeps of a robot with known axes, backlash and compliance.
 
 use super::*;
-use crate::made::{empty, nominal};
-use crate::simulate;
-use physics::{AnyEffect, Given, Inputs, JOINTS_MAX};
+use crate::campaign_simulation;
+use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
+use physics::{AnyEffect, Inputs, JOINTS_MAX, ParameterValues};
 use std::f64::consts::PI;
 
 /// Sweeps of all joints, up and down, each with the others at `home`.
 fn swept(home: [f64; 6]) -> Campaign {
-    let mut campaign = empty(3, 1);
+    let mut campaign = unmeasured_campaign(3, 1);
     let like = campaign.poses[0].clone();
     campaign.poses.clear();
     for joint in 0..6 {
@@ -26,7 +26,8 @@ fn swept(home: [f64; 6]) -> Campaign {
 }
 
 fn effect(kind: &str, joint: usize, numbers: &[(&str, &[f64])]) -> AnyEffect {
-    AnyEffect::build(kind, &nominal().arm, Some(joint), Given(numbers)).expect("built")
+    AnyEffect::build(kind, &nominal_robot().arm, Some(joint), ParameterValues(numbers))
+        .expect("built")
 }
 
 #[test]
@@ -36,7 +37,7 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
         effect("backlash", 4, &[("width", &[4e-4])]),
         effect("joint_compliance", 1, &[("compliance", &[4e-6])]),
     ];
-    let truth = Model::new(nominal().arm, &truth).expect("sound");
+    let truth = Model::new(nominal_robot().arm, &truth).expect("sound");
     let mut campaign = swept([0.1, -0.2, 0.3, 0.0, 0.4, 0.0]);
     // Backlash needs the direction of approach of each step.
     for k in 1..campaign.poses.len() {
@@ -47,11 +48,12 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
                 if moved == 0.0 { before } else { moved.signum() };
         }
     }
-    let campaign = simulate::readings(&campaign, &truth, &campaign.surroundings, 0.02, 3);
+    let campaign =
+        campaign_simulation::simulate_readings(&campaign, &truth, &campaign.surroundings, 0.02, 3);
     let found = sweeps(&truth.arm, &campaign, &campaign.surroundings);
     let joints: Vec<usize> = found.iter().map(|found| found.sweep.joint).collect();
     assert_eq!(joints, [0, 1, 2, 3, 4, 5]);
-    let said = said(&truth, Sag::AllOthers, found);
+    let said = analyse_sweeps(&truth, SagCorrection::AllOthers, found);
     let tilt = said[3].error.expect("an axis");
     for (found, sigma, truth) in [
         (tilt.tilt_rad[0], tilt.sigma_tilt_rad[0], 8e-4),
@@ -65,20 +67,25 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
     let lost: Vec<f64> = errors.steps.iter().filter_map(|s| s.half_lost_motion_rad).collect();
     let mean = lost.iter().sum::<f64>() / lost.len() as f64;
     assert!(lost.len() >= 10 && (mean - 2e-4).abs() < 2e-5, "{mean}");
-    let of_joints = of_joints(&truth.arm, &said);
+    let of_joints = joint_models(&truth.arm, &said);
     assert!(of_joints.iter().any(|of| of.joint == 1), "{of_joints:?}");
 }
 
 #[test]
 fn axes_stand_to_each_other_as_the_arm_has_them_whatever_the_frame() {
-    let model = nominal();
+    let model = nominal_robot();
     let campaign = swept([0.0; 6]);
-    let campaign = simulate::readings(&campaign, &model, &campaign.surroundings, 0.02, 3);
+    let campaign =
+        campaign_simulation::simulate_readings(&campaign, &model, &campaign.surroundings, 0.02, 3);
     // The pose of the tracker is unknown: the relative positions of the axes are the same.
     let mut elsewhere = campaign.surroundings.clone();
     elsewhere.frames[0].value.measuring_from_base = physics::Frame::IDENTITY;
-    let said = said(&model, Sag::AsMeasured, sweeps(&model.arm, &campaign, &elsewhere));
-    let relative = relative(&said);
+    let said = analyse_sweeps(
+        &model,
+        SagCorrection::AsMeasured,
+        sweeps(&model.arm, &campaign, &elsewhere),
+    );
+    let relative = relative_axes(&said);
     assert_eq!(relative.len(), 5);
     let right = std::f64::consts::FRAC_PI_2;
     for (relative, (angle, distance)) in
@@ -93,6 +100,6 @@ fn axes_stand_to_each_other_as_the_arm_has_them_whatever_the_frame() {
 
 #[test]
 fn poses_by_chance_are_no_sweeps() {
-    let campaign = empty(3, 80);
-    assert_eq!(sweeps(&nominal().arm, &campaign, &campaign.surroundings), []);
+    let campaign = unmeasured_campaign(3, 80);
+    assert_eq!(sweeps(&nominal_robot().arm, &campaign, &campaign.surroundings), []);
 }

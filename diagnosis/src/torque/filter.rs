@@ -39,7 +39,7 @@ impl LowPass {
     }
 
     /// The low-pass filtered samples.
-    pub(super) fn pass(&self, samples: &[f64]) -> Vec<f64> {
+    pub(super) fn filtered(&self, samples: &[f64]) -> Vec<f64> {
         let [passed] = self.pass_each([samples]);
         passed
     }
@@ -53,19 +53,21 @@ impl LowPass {
         let pad = self.pad.min(count - 1);
         let at = |k: usize| lists.map(|samples| samples[k]);
         // The ends are padded by point reflection about the end sample, which keeps value and slope continuous.
-        let hysteresis_as_friction =
-            |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
-        let before = (1..=pad).rev().map(|k| hysteresis_as_friction(0, k));
-        let after = (1..=pad).map(|k| hysteresis_as_friction(count - 1, count - 1 - k));
+        let reflected = |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
+        let before = (1..=pad).rev().map(|k| reflected(0, k));
+        let after = (1..=pad).map(|k| reflected(count - 1, count - 1 - k));
         let mut long: Vec<[f64; N]> = before.chain((0..count).map(at)).chain(after).collect();
-        self.run(long.iter_mut());
-        self.run(long.iter_mut().rev());
+        self.filter_in_place(long.iter_mut());
+        self.filter_in_place(long.iter_mut().rev());
         let passed = &long[pad..pad + count];
         std::array::from_fn(|list| passed.iter().map(|at| at[list]).collect())
     }
 
     /// Filters in place through both sections, starting from the steady state of the first sample.
-    fn run<'s, const N: usize>(&self, mut samples: impl Iterator<Item = &'s mut [f64; N]>) {
+    fn filter_in_place<'s, const N: usize>(
+        &self,
+        mut samples: impl Iterator<Item = &'s mut [f64; N]>,
+    ) {
         let [first, second] = &self.sections;
         let Some(start) = samples.next() else { return };
         let mut before = [*start; 4];
@@ -108,7 +110,7 @@ pub(super) fn derivative(samples: &[f64], step_s: f64) -> Vec<f64> {
 }
 
 /// Samples delayed by `by` steps, interpolated by the polynomial through the six nearest (Lagrange); the end values are held.
-pub(super) fn later(samples: &[f64], by: f64) -> Vec<f64> {
+pub(super) fn delayed(samples: &[f64], by: f64) -> Vec<f64> {
     const NEAREST: usize = 6;
     let Some(last) = samples.len().checked_sub(1) else { return Vec::new() };
     let nearest = NEAREST.min(samples.len());
@@ -126,7 +128,7 @@ pub(super) fn later(samples: &[f64], by: f64) -> Vec<f64> {
 }
 
 /// Positions with their velocities and accelerations.
-pub(super) fn moved(q: Vec<f64>, step_s: f64) -> [Vec<f64>; 3] {
+pub(super) fn with_derivatives(q: Vec<f64>, step_s: f64) -> [Vec<f64>; 3] {
     let v = derivative(&q, step_s);
     let a = derivative(&v, step_s);
     [q, v, a]
@@ -144,12 +146,12 @@ mod tests {
     fn a_slow_wave_passes_without_delay_and_a_fast_one_does_not() {
         let filter = LowPass::new(40.0, 1000.0);
         let slow = wave(5.0, 4000);
-        let passed = filter.pass(&slow);
+        let passed = filter.filtered(&slow);
         let worst = slow.iter().zip(&passed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(worst < 0.02, "{worst}");
-        let fast = filter.pass(&wave(200.0, 4000));
+        let fast = filter.filtered(&wave(200.0, 4000));
         assert!(fast[500..3500].iter().all(|x| x.abs() < 1e-4));
-        let edge = filter.pass(&wave(40.0, 4000));
+        let edge = filter.filtered(&wave(40.0, 4000));
         let top = edge[1000..3000].iter().copied().fold(0.0, f64::max);
         assert!((top - 0.5).abs() < 0.01, "{top}");
     }
@@ -157,14 +159,17 @@ mod tests {
     #[test]
     fn a_pair_passes_as_each_alone_does() {
         let (filter, one, other) = (LowPass::new(40.0, 1000.0), wave(5.0, 700), wave(90.0, 700));
-        assert_eq!(filter.pass_each([&one, &other]), [filter.pass(&one), filter.pass(&other)]);
+        assert_eq!(
+            filter.pass_each([&one, &other]),
+            [filter.filtered(&one), filter.filtered(&other)]
+        );
     }
 
     #[test]
     fn what_comes_later_is_what_was() {
         let slow = wave(60.0, 1000);
         let worst = |by: f64| {
-            let late = later(&slow, by);
+            let late = delayed(&slow, by);
             let off = (20..980).map(|k| {
                 let then = libm::sin(2.0 * PI * 0.06 * (k as f64 - by));
                 (late[k] - then).abs()
@@ -178,7 +183,7 @@ mod tests {
     #[test]
     fn a_line_passes_whole_and_its_derivative_is_its_slope() {
         let line: Vec<f64> = (0..300).map(|k| 2.0 + 0.5 * f64::from(k)).collect();
-        let passed = LowPass::new(10.0, 100.0).pass(&line);
+        let passed = LowPass::new(10.0, 100.0).filtered(&line);
         assert!(line.iter().zip(&passed).all(|(a, b)| (a - b).abs() < 1e-6));
         let slopes = derivative(&passed, 0.01);
         assert!(slopes.iter().all(|slope| (slope - 50.0).abs() < 1e-3));
@@ -188,6 +193,8 @@ mod tests {
             (swing[k] - exact).abs() / (200.0 * PI)
         });
         assert!(worst.fold(0.0, f64::max) < 1e-3);
-        assert!(derivative(&[1.0], 0.01) == [0.0] && LowPass::new(1.0, 10.0).pass(&[]).is_empty());
+        assert!(
+            derivative(&[1.0], 0.01) == [0.0] && LowPass::new(1.0, 10.0).filtered(&[]).is_empty()
+        );
     }
 }

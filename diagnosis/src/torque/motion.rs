@@ -8,12 +8,12 @@ use crate::engine::statistics::median;
 use std::borrow::Cow;
 
 use physics::{Arm, Inputs, JOINTS_MAX};
-use recording::series::{Channel, Kind, Recording};
+use recording::series::{Channel, Recording, RecordingKind};
 
-use super::filter::{LowPass, moved};
+use super::filter::{LowPass, with_derivatives};
 use super::resample::resampled;
-use super::stops::{digit, stops};
-use super::stretches::Stretches;
+use super::rest_detection::{resolution, stopped_samples};
+use super::subsampling::Subsampling;
 
 /// Default band, Hz: industrial drives and links move as rigid bodies up to about here.
 const BAND_HZ: f64 = 40.0;
@@ -21,21 +21,21 @@ const BAND_HZ: f64 = 40.0;
 const BAND_SHARE: f64 = 0.1;
 /// Nonlinear laws (sign changes, reversals) are evaluated on motion in a wider band, up to [`BAND_HZ`] and this share of the sampling rate, because
 /// filtered motion reverses too gradually.
-const QUICK_SHARE: f64 = 0.25;
+const WIDE_BAND_SHARE: f64 = 0.25;
 /// Rows per period of the band edge.
 const ROWS_PER_PERIOD: f64 = 5.0;
 /// Periods of the band edge omitted at each end of a run, where the filter lacks the preceding samples.
-const ENDS: f64 = 2.0;
+const OMITTED_PERIODS: f64 = 2.0;
 /// A joint that moves less than this share of its span within [`REST_S`] is at rest.
-const REST: f64 = 1e-4;
+const REST_SPAN_SHARE: f64 = 1e-4;
 /// A joint whose whole span is smaller never moves, rad or m.
-const STILL: f64 = 1e-3;
+const SPAN_LEAST: f64 = 1e-3;
 /// Duration for the detection of rest, s.
 const REST_S: f64 = 0.2;
 /// A pause longer than this many time steps is a gap.
-const GAP: f64 = 3.5;
+const GAP_STEPS: f64 = 3.5;
 /// Minimum number of samples of a run.
-const SHORTEST: usize = 64;
+const RUN_SAMPLES_LEAST: usize = 64;
 /// Reference temperature of the temperature laws, and value of samples without any recorded one, °C.
 pub(super) const ROOM_C: f64 = 20.0;
 
@@ -46,9 +46,9 @@ pub(super) struct Track {
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
     /// Position, velocity and acceleration in the wider band; `None` if the torque's band is as wide.
-    quick: Option<[Vec<f64>; 3]>,
+    wide_band: Option<[Vec<f64>; 3]>,
     /// Position, velocity and acceleration unfiltered; empty if the torque's band is as wide as the wider one.
-    raw: [Vec<f64>; 3],
+    unfiltered: [Vec<f64>; 3],
     /// `None` if no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
     /// Whether the recorded position is constant around each sample.
@@ -77,17 +77,17 @@ pub(super) struct Motion {
     pub(super) runs: Vec<Run>,
     pub(super) band_hz: f64,
     /// Edge of the wider band for nonlinear laws, Hz; at least `band_hz`.
-    pub(super) quick_hz: f64,
+    pub(super) wide_band_hz: f64,
     /// Notes on the processing, for users.
     pub(super) notes: Vec<String>,
     /// Whether torque is computed from current and stated torque constants.
-    pub(super) by_current: bool,
+    pub(super) is_torque_from_current: bool,
 }
 
 impl Track {
     /// Position, velocity and acceleration in the wider band.
-    pub(super) fn quick(&self) -> [&[f64]; 3] {
-        let Self { q, v, a, quick, .. } = self;
+    pub(super) fn wide_band_motion(&self) -> [&[f64]; 3] {
+        let Self { q, v, a, wide_band: quick, .. } = self;
         quick.as_ref().map_or([q, v, a], |[q, v, a]| [q, v, a])
     }
 }
@@ -99,14 +99,14 @@ impl Run {
     }
 
     /// State of the arm at a sample, in the wider band.
-    pub(super) fn quick(&self, sample: usize) -> Inputs {
-        self.state(|track| track.quick().map(|list| list[sample]))
+    pub(super) fn wide_band_inputs(&self, sample: usize) -> Inputs {
+        self.state(|track| track.wide_band_motion().map(|list| list[sample]))
     }
 
     /// State of the arm at a sample, unfiltered. Terms are computed from it first and filtered afterwards, as the recorded torque is; this is exact
     /// for terms that are nonlinear in the motion too.
-    pub(super) fn raw(&self, sample: usize) -> Inputs {
-        self.state(|track| track.raw.each_ref().map(|list| list[sample]))
+    pub(super) fn unfiltered_inputs(&self, sample: usize) -> Inputs {
+        self.state(|track| track.unfiltered.each_ref().map(|list| list[sample]))
     }
 
     fn state(&self, of: impl Fn(&Track) -> [f64; 3]) -> Inputs {
@@ -119,11 +119,11 @@ impl Run {
 
     /// Samples of a nonlinear law, low-pass filtered into the torque's band, at the rows.
     pub(super) fn at_rows(&self, samples: &[f64]) -> Vec<f64> {
-        self.each_at_rows(&[samples]).remove(0)
+        self.all_at_rows(&[samples]).remove(0)
     }
 
     /// [`Run::at_rows`] for several lists of samples at once.
-    pub(super) fn each_at_rows<L: AsRef<[f64]>>(&self, lists: &[L]) -> Vec<Vec<f64>> {
+    pub(super) fn all_at_rows<L: AsRef<[f64]>>(&self, lists: &[L]) -> Vec<Vec<f64>> {
         let lists: Vec<&[f64]> = lists.iter().map(AsRef::as_ref).collect();
         let mut all = vec![vec![0.0; self.rows.len()]; lists.len()];
         let felt = |k: &usize| lists[*k].iter().any(|x| *x != 0.0);
@@ -137,12 +137,12 @@ impl Run {
             put(one, of_one);
             put(other, of_other);
         }
-        last.iter().for_each(|k| put(*k, self.filter.pass(lists[*k])));
+        last.iter().for_each(|k| put(*k, self.filter.filtered(lists[*k])));
         all
     }
 
     /// Values at the rows interpolated linearly to every sample.
-    pub(super) fn between(&self, values: &[f64]) -> Vec<f64> {
+    pub(super) fn interpolated_from_rows(&self, values: &[f64]) -> Vec<f64> {
         let samples = self.joints.first().map_or(0, |track| track.q.len());
         let value = |sample: usize| {
             let above = self.rows.partition_point(|row| *row < sample);
@@ -189,9 +189,11 @@ impl Run {
 #[must_use]
 pub fn has_torque(recordings: &[Recording]) -> bool {
     let some = |torque: Cow<'_, [f64]>| torque.iter().any(|torque| torque.is_finite());
-    recordings.iter().filter(|recording| recording.about.kind == Kind::Path).any(|recording| {
-        (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some_and(some))
-    })
+    recordings.iter().filter(|recording| recording.metadata.kind == RecordingKind::Path).any(
+        |recording| {
+            (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some_and(some))
+        },
+    )
 }
 
 /// Torque of a joint, as recorded or computed from its current, N m or N.
@@ -199,7 +201,7 @@ fn torque(recording: &Recording, joint: usize) -> Option<Cow<'_, [f64]>> {
     if let Some(torque) = recording.column(Channel::Torque(joint)) {
         return Some(Cow::Borrowed(torque));
     }
-    let constant = *recording.about.torque_per_ampere.get(joint)?;
+    let constant = *recording.metadata.torque_per_ampere.get(joint)?;
     let current = recording.column(Channel::Current(joint))?;
     Some(current.iter().map(|ampere| constant * ampere).collect())
 }
@@ -221,8 +223,8 @@ impl Motion {
         let slowest_hz = 1.0 / steps.fold(1e-6, f64::max);
         let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
         let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
-        let quick_hz = BAND_HZ.min(QUICK_SHARE * slowest_hz).max(band_hz);
-        let recorded = |recording| rows(recording, band_hz);
+        let quick_hz = BAND_HZ.min(WIDE_BAND_SHARE * slowest_hz).max(band_hz);
+        let recorded = |recording| row_count(recording, band_hz);
         let all_rows: usize = recordings.iter().map(recorded).sum();
         let mut runs = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
@@ -231,10 +233,10 @@ impl Motion {
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
             "torque and motion were filtered by the same zero-phase low-pass of {} Hz; {whole} rows in {} runs remain",
-            report_hz(band_hz),
+            format_hz(band_hz),
             runs.len()
         )];
-        if Stretches::of(all_rows, 1).is_some() {
+        if Subsampling::of(all_rows, 1).is_some() {
             let share = 100.0 * whole as f64 / all_rows as f64;
             notes.push(format!(
                 "they are {share:.0} % of the recording, in evenly distributed sections"
@@ -248,15 +250,16 @@ impl Motion {
         if by_current {
             notes.push("torque is current times the stated torque constants".to_owned());
         }
-        Self { runs, band_hz, quick_hz, notes, by_current }
+        Self { runs, band_hz, wide_band_hz: quick_hz, notes, is_torque_from_current: by_current }
     }
 
     /// Whether a joint moves, row by row.
     pub(super) fn moves(&self, joint: usize) -> Vec<bool> {
         let [low, high] = self.span(joint);
-        let least = if high - low > STILL { REST * (high - low) } else { f64::INFINITY };
+        let least =
+            if high - low > SPAN_LEAST { REST_SPAN_SHARE * (high - low) } else { f64::INFINITY };
         // The filter rings around a stop, so rows near one are excluded.
-        let after = |run: &Run| (ENDS / (run.step_s * self.band_hz)).ceil() as usize;
+        let after = |run: &Run| (OMITTED_PERIODS / (run.step_s * self.band_hz)).ceil() as usize;
         self.runs.iter().flat_map(|run| run.moves(joint, least, after(run))).collect()
     }
 
@@ -275,7 +278,7 @@ pub(super) fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
-fn report_hz(band_hz: f64) -> String {
+fn format_hz(band_hz: f64) -> String {
     format!("{band_hz:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
@@ -287,12 +290,16 @@ fn step_s(recording: &Recording) -> Option<f64> {
 }
 
 /// Indices of complete rows, in sections without gaps and of sufficient length.
-fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+fn complete_sections(
+    recording: &Recording,
+    step_s: f64,
+    whole: impl Fn(usize) -> bool,
+) -> Vec<Vec<usize>> {
     let mut pieces: Vec<Vec<usize>> = Vec::new();
     for row in (0..recording.len()).filter(|row| whole(*row)) {
         let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
             recording.segment[*before] == recording.segment[row]
-                && recording.t_s[row] - recording.t_s[*before] < GAP * step_s
+                && recording.t_s[row] - recording.t_s[*before] < GAP_STEPS * step_s
                 && recording.t_s[row] > recording.t_s[*before]
         });
         if goes_on {
@@ -301,7 +308,7 @@ fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> 
             pieces.push(vec![row]);
         }
     }
-    pieces.retain(|piece| piece.len() >= SHORTEST);
+    pieces.retain(|piece| piece.len() >= RUN_SAMPLES_LEAST);
     pieces
 }
 
@@ -311,7 +318,7 @@ fn stride(step_s: f64, band_hz: f64) -> usize {
 }
 
 /// Number of rows of a torque recording, if it has no gaps.
-fn rows(recording: &Recording, band_hz: f64) -> usize {
+fn row_count(recording: &Recording, band_hz: f64) -> usize {
     let step_s = step_s(recording).filter(|_| has_torque(std::slice::from_ref(recording)));
     step_s.map_or(0, |step_s| recording.len() / stride(step_s, band_hz))
 }
@@ -323,7 +330,8 @@ fn runs_of(
     [band_hz, quick_hz]: [f64; 2],
     all_rows: usize,
 ) -> Vec<Run> {
-    let Some(step_s) = step_s(recording).filter(|_| recording.about.kind == Kind::Path) else {
+    let Some(step_s) = step_s(recording).filter(|_| recording.metadata.kind == RecordingKind::Path)
+    else {
         return Vec::new();
     };
     let joints = arm.count();
@@ -338,10 +346,10 @@ fn runs_of(
             && torques.iter().flatten().all(|torque| torque[row].is_finite())
     };
     let stride = stride(step_s, band_hz);
-    let mut pieces = pieces(recording, step_s, whole);
-    if let Some(stretches) = Stretches::of(all_rows, stride) {
-        pieces = stretches.within(&pieces);
-        pieces.retain(|piece| piece.len() >= SHORTEST);
+    let mut pieces = complete_sections(recording, step_s, whole);
+    if let Some(stretches) = Subsampling::of(all_rows, stride) {
+        pieces = stretches.apply(&pieces);
+        pieces.retain(|piece| piece.len() >= RUN_SAMPLES_LEAST);
     }
     let run = |piece: &Vec<usize>| {
         let times: Vec<f64> = piece.iter().map(|row| recording.t_s[*row]).collect();
@@ -355,20 +363,24 @@ fn runs_of(
         let quick = LowPass::new(quick_hz, 1.0 / step_s);
         let track = |joint: usize| {
             let recorded = even(columns[joint]);
-            let stops = stops(&recorded, digit(columns[joint]), step_s);
-            let [q, v, a] = moved(filter.pass(&recorded), step_s);
+            let stops = stopped_samples(&recorded, resolution(columns[joint]), step_s);
+            let [q, v, a] = with_derivatives(filter.filtered(&recorded), step_s);
             let (quick, raw) = match quick_hz > band_hz {
-                true => (Some(moved(quick.pass(&recorded), step_s)), moved(recorded, step_s)),
+                true => (
+                    Some(with_derivatives(quick.filtered(&recorded), step_s)),
+                    with_derivatives(recorded, step_s),
+                ),
                 false => (None, Default::default()),
             };
-            let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
+            let torque =
+                torques[joint].as_ref().map(|torque| filter.filtered(&late(torque, delay_s)));
             let temperature = recording
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
-                .map_or(Vec::new(), |column| even(&filled(column)));
-            Track { q, v, a, quick, raw, torque, stops, temperature }
+                .map_or(Vec::new(), |column| even(&gaps_filled(column)));
+            Track { q, v, a, wide_band: quick, unfiltered: raw, torque, stops, temperature }
         };
-        let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);
+        let ends = ((OMITTED_PERIODS / (step_s * band_hz)).ceil() as usize).min(count / 4);
         Run {
             recording: number,
             segment: recording.segment[piece[0]],
@@ -383,7 +395,7 @@ fn runs_of(
 }
 
 /// Samples of a slowly varying quantity, missing ones replaced by the last recorded value.
-fn filled(column: &[f64]) -> Vec<f64> {
+fn gaps_filled(column: &[f64]) -> Vec<f64> {
     let first = column.iter().copied().find(|value| value.is_finite()).unwrap_or(ROOM_C);
     let mut last = first;
     let mut next = |value: &f64| {

@@ -4,13 +4,15 @@
 //! is represented to first order.
 
 use glam::DVec3;
-use physics::dynamics::INERTIAL;
+use physics::dynamics::INERTIAL_PARAMETERS;
 
 use super::motion::Motion;
-use super::rigid::carried;
-use crate::engine::library::{Family, Form, Library, Sign};
-use crate::engine::normal_equations::Solved;
-use crate::engine::table::Column;
+use super::rigid_body::shifted_to;
+use crate::engine::dictionary::{
+    CandidateDictionary, CandidateTerm, CoefficientForm, ParameterBounds,
+};
+use crate::engine::normal_equations::LeastSquaresSolution;
+use crate::engine::regression_data::Regressor;
 
 /// Largest distance of a payload's centre of mass from the tool centre point, m; fits beyond it are ignored, and it is the uncertainty of an
 /// unobservable component.
@@ -19,40 +21,47 @@ pub(super) const REACH_M: f64 = 2.0;
 /// Smallest shift of the centre of mass that recentres the columns, m.
 const NEAR_M: f64 = 1e-3;
 
-impl Library {
+impl CandidateDictionary {
     /// Adds a payload in all recordings or in one; `of_mass`: columns of mass and first moment about `about`.
-    pub(super) fn payload(
+    pub(super) fn add_payload(
         &mut self,
         motion: &Motion,
-        of_mass: &[Column],
+        of_mass: &[Regressor],
         about: DVec3,
         recording: Option<usize>,
     ) {
-        let family = Family {
+        let family = CandidateTerm {
             kind: "payload",
             joint: None,
             recording,
             columns: Vec::new(),
-            signs: vec![Sign::AtLeast(f64::MIN_POSITIVE), Sign::Any, Sign::Any, Sign::Any],
-            form: Form::Payload { about },
-            revises: false,
+            signs: vec![
+                ParameterBounds::AtLeast(f64::MIN_POSITIVE),
+                ParameterBounds::Any,
+                ParameterBounds::Any,
+                ParameterBounds::Any,
+            ],
+            form: CoefficientForm::Payload { about },
+            corrects_stated: false,
             settings: Vec::new(),
         };
-        let columns = of_mass.iter().map(|column| within(motion, column, recording));
-        self.add(family, felt(columns.collect()));
+        let columns = of_mass.iter().map(|column| restricted_to(motion, column, recording));
+        self.add(family, without_rounding_errors(columns.collect()));
     }
 
     /// Recentres the columns of a payload at its fitted centre of mass, and returns whether it moved; `inertia`: the columns of the last body's
     /// inertia.
-    pub(super) fn recentre(
+    pub(super) fn recentre_payload(
         &mut self,
         motion: &Motion,
         name: usize,
         inertia: std::ops::Range<usize>,
-        solved: &Solved,
+        solved: &LeastSquaresSolution,
     ) -> bool {
-        let family = &self.families[name];
-        let (Form::Payload { about }, &[m, x, y, z]) = (family.form, &family.columns[..]) else {
+        let family = &self.terms[name];
+        let (CoefficientForm::Payload { about }, &[m, x, y, z]) =
+            (family.form, &family.columns[..])
+        else {
             return false;
         };
         let number = |column| solved.value(column).unwrap_or(0.0);
@@ -60,19 +69,19 @@ impl Library {
         if !(NEAR_M..REACH_M).contains(&by.length()) {
             return false;
         }
-        let of_inertia: Vec<Column> = self.columns[inertia]
+        let of_inertia: Vec<Regressor> = self.columns[inertia]
             .iter()
-            .map(|column| within(motion, column, family.recording))
+            .map(|column| restricted_to(motion, column, family.recording))
             .collect();
         let places = [m, x, y, z];
         let own = places.map(|place| &self.columns[place]);
-        let all: [&Column; INERTIAL] =
+        let all: [&Regressor; INERTIAL_PARAMETERS] =
             std::array::from_fn(|k| if k < 4 { own[k] } else { &of_inertia[k - 4] });
-        let new = carried(all, by);
-        for (place, column) in places.into_iter().zip(felt(new.to_vec())) {
+        let new = shifted_to(all, by);
+        for (place, column) in places.into_iter().zip(without_rounding_errors(new.to_vec())) {
             self.columns[place] = column;
         }
-        self.families[name].form = Form::Payload { about: about + by };
+        self.terms[name].form = CoefficientForm::Payload { about: about + by };
         true
     }
 }
@@ -81,9 +90,9 @@ impl Library {
 const ROUNDING: f64 = 1e-9;
 
 /// The columns of mass and first moment, with those that affect no drive emptied.
-fn felt(mut columns: Vec<Column>) -> Vec<Column> {
+fn without_rounding_errors(mut columns: Vec<Regressor>) -> Vec<Regressor> {
     let square =
-        |column: &Column| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
+        |column: &Regressor| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
     let squares: Vec<f64> = columns.iter().map(square).collect();
     let least = ROUNDING * ROUNDING * squares[0];
     let unfelt = columns.iter_mut().zip(&squares).filter(|(_, square)| **square < least);
@@ -92,7 +101,7 @@ fn felt(mut columns: Vec<Column>) -> Vec<Column> {
 }
 
 /// The column restricted to the rows of one recording; unchanged if `None`.
-fn within(motion: &Motion, column: &Column, recording: Option<usize>) -> Column {
+fn restricted_to(motion: &Motion, column: &Regressor, recording: Option<usize>) -> Regressor {
     let here = |run: usize| recording.is_none_or(|wanted| wanted == motion.runs[run].recording);
     let runs = motion.runs.iter().enumerate();
     let rows: Vec<bool> =
@@ -100,5 +109,5 @@ fn within(motion: &Motion, column: &Column, recording: Option<usize>) -> Column 
     let only = |values: &[f64]| {
         values.iter().zip(&rows).map(|(x, here)| if *here { *x } else { 0.0 }).collect()
     };
-    Column { parts: column.parts.iter().map(|(joint, x)| (*joint, only(x))).collect() }
+    Regressor { parts: column.parts.iter().map(|(joint, x)| (*joint, only(x))).collect() }
 }

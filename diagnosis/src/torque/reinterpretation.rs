@@ -1,21 +1,25 @@
 //! Prefers the simpler of two effects that explain nearly the same: a spring for spring hardening without a spring, an asymmetric friction for a
 //! spring, dry friction for a hysteresis that is too narrow for the band. Adds no effect.
 
-use super::Stated;
+use super::StatedModel;
 use super::case::Case;
-use super::columns::shortest_way;
-use super::refine;
-use crate::engine::library::Form;
-use crate::engine::stepwise::{Search, others};
+use super::nonlinear_parameters;
+use super::regressors::shortest_reversal;
+use crate::engine::dictionary::CoefficientForm;
+use crate::engine::stepwise::{TermSearch, without_term};
 
 /// Minimum share of an effect's gain that must be lost under the simpler effect for it to be kept.
-const EVEN: f64 = 0.05;
+const LOST_GAIN_SHARE_LEAST: f64 = 0.05;
 /// Or this multiple of a spring's penalty.
-const FEW: f64 = 4.0;
+const LOST_GAIN_PENALTIES: f64 = 4.0;
 
 /// Replaces spring hardening by a spring where no spring is stated or selected.
-pub(super) fn hardening_as_spring(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
-    let families = &case.library.families;
+pub(super) fn hardening_as_spring(
+    case: &Case,
+    stated: &StatedModel<'_>,
+    names: &[usize],
+) -> Vec<usize> {
+    let families = &case.library.terms;
     let is_spring =
         |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;
     let one = |name: &usize| {
@@ -31,21 +35,25 @@ pub(super) fn hardening_as_spring(case: &Case, stated: &Stated<'_>, names: &[usi
 }
 
 /// Replaces a spring by an asymmetric friction, which is constant over position, where that explains almost as much.
-pub(super) fn spring_as_asymmetry(search: &Search<'_>, mut names: Vec<usize>) -> Vec<usize> {
-    let families = &search.library.families;
-    let springs: Vec<usize> =
-        names.iter().copied().filter(|name| families[*name].form == Form::Spring).collect();
+pub(super) fn spring_as_asymmetry(search: &TermSearch<'_>, mut names: Vec<usize>) -> Vec<usize> {
+    let families = &search.library.terms;
+    let springs: Vec<usize> = names
+        .iter()
+        .copied()
+        .filter(|name| families[*name].form == CoefficientForm::Spring)
+        .collect();
     for spring in springs {
         let is_even = |name: usize| {
             families[name].kind == "friction_asymmetry"
                 && families[name].joint == families[spring].joint
         };
         let gain = |names: &[usize]| search.solve(names).solved.gain;
-        let (whole, without) = (gain(&names), gain(&others(&names, spring)));
+        let (whole, without) = (gain(&names), gain(&without_term(&names, spring)));
         let rest: Vec<usize> =
             names.iter().copied().filter(|n| *n != spring && !is_even(*n)).collect();
         let with = |even: usize| rest.iter().copied().chain([even]).collect::<Vec<usize>>();
-        let little = (EVEN * (whole - without)).min(FEW * search.penalty(&families[spring]));
+        let little = (LOST_GAIN_SHARE_LEAST * (whole - without))
+            .min(LOST_GAIN_PENALTIES * search.penalty(&families[spring]));
         let is_enough = |names: &Vec<usize>| whole - gain(names) < little;
         let mut instead = (0..families.len()).filter(|name| is_even(*name)).map(with);
         names = instead.find(is_enough).unwrap_or(names);
@@ -59,12 +67,13 @@ pub(super) fn hysteresis_as_friction(
     always: &[usize],
     mut names: Vec<usize>,
 ) -> Vec<usize> {
-    let families = &case.library.families;
-    let products = case.products(&case.rows.seen());
-    let search = refine::search(case, &products, always);
+    let families = &case.library.terms;
+    let products = case.products(&case.row_sets.seen());
+    let search = nonlinear_parameters::search(case, &products, always);
     for at in 0..names.len() {
         let own = &families[names[at]];
-        let (Form::Loop, Some(joint), Some((_, way))) = (own.form, own.joint, own.settings.first())
+        let (CoefficientForm::Loop, Some(joint), Some((_, way))) =
+            (own.form, own.joint, own.settings.first())
         else {
             continue;
         };
@@ -77,9 +86,9 @@ pub(super) fn hysteresis_as_friction(
         let gain = |names: &[usize]| search.solve(names).solved.gain;
         let mut with = names.clone();
         with[at] = dry;
-        let (whole, without) = (gain(&names), gain(&others(&names, names[at])));
-        let is_sudden = *way <= shortest_way(&case.motion, joint);
-        if is_sudden && whole - gain(&with) < EVEN * (whole - without) {
+        let (whole, without) = (gain(&names), gain(&without_term(&names, names[at])));
+        let is_sudden = *way <= shortest_reversal(&case.motion, joint);
+        if is_sudden && whole - gain(&with) < LOST_GAIN_SHARE_LEAST * (whole - without) {
             names = with;
         }
     }

@@ -2,9 +2,11 @@
 
 use crate::diagnose::Verdict;
 
-use crate::size::Size;
+use crate::effect_size::EffectSize;
 
-use super::{Law, Number, Refit, Rival, Trace, Zone};
+use super::{
+    AlternativeEffect, FittedParameter, RefittedParameter, Trace, UnexplainedTorque, Zone,
+};
 
 /// An effect that the model of the drives lacks, or states with wrong parameters.
 #[derive(Clone, Debug)]
@@ -15,27 +17,27 @@ pub struct Finding {
     pub joint: Option<usize>,
     /// The one recording in which it acts, from 0; `None`: all recordings.
     pub recording: Option<usize>,
-    /// Whether the model states the effect; `numbers` are then differences to its stated parameters.
+    /// Whether the model states the effect; `parameters` are then differences to its stated parameters.
     pub is_change: bool,
     /// Parameters of the effect, SI units.
-    pub numbers: Vec<Number>,
+    pub parameters: Vec<FittedParameter>,
     /// Posterior probability of the effect among its alternatives, 0 to 1.
     pub confidence: f64,
     /// Gain in log-likelihood compared with the fit without it.
     pub gain: f64,
     /// Alternative effects that explain the same.
-    pub rivals: Vec<Rival>,
+    pub alternatives: Vec<AlternativeEffect>,
     /// RMS residual on test rows with all earlier findings of the list applied: without this one, and with it; N m or N.
     pub heldout: [f64; 2],
     /// RMS residual on test rows if only this effect is removed and all others are refitted, N m or N.
     pub heldout_without: f64,
     /// Contribution of this effect to the torques or forces on which it acts, N m or N.
-    pub size: Size,
+    pub size: EffectSize,
 }
 
 /// Test of the fit for one joint, N m or N.
 #[derive(Clone, Debug, PartialEq)]
-pub struct JointProof {
+pub struct JointValidation {
     /// Joint from 0.
     pub joint: usize,
     /// RMS torque on test rows.
@@ -60,9 +62,9 @@ pub struct Diagnosis {
     /// Selected effects with too low a probability to be claimed. They are part of the fit, of the tested residuals and of the written model.
     pub candidates: Vec<Finding>,
     /// Parameters that the model states with an uncertainty, as refitted. They are not findings, but part of the tested fit.
-    pub refits: Vec<Refit>,
+    pub refits: Vec<RefittedParameter>,
     /// Structure in the residual that no candidate effect explains.
-    pub unexplained: Option<Law>,
+    pub unexplained: Option<UnexplainedTorque>,
     /// Low-speed zones excluded from the fit because no known law describes the torque there.
     pub zones: Vec<Zone>,
     /// RMS residual on test rows, of the given model and with all findings, N m or N; joints are weighted by their noise (docs/reference/results.md).
@@ -70,7 +72,7 @@ pub struct Diagnosis {
     /// RMS residual on training and validation rows with all findings, weighted likewise, N m or N.
     pub noise: f64,
     /// Test per joint.
-    pub by_joint: Vec<JointProof>,
+    pub by_joint: Vec<JointValidation>,
     /// RMS torque on test rows over all joints, N m or N.
     pub signal: f64,
     /// Edge of the low-pass filter, Hz.
@@ -78,11 +80,11 @@ pub struct Diagnosis {
     /// Number of rows per joint.
     pub rows: usize,
     /// How the test rows were chosen, as text.
-    pub says: String,
+    pub heldout_description: String,
     /// Effects that these recordings cannot show: name, joint from 0, reason.
     pub not_tested: Vec<(&'static str, Option<usize>, &'static str)>,
     /// Whether all joints are prismatic: forces in N instead of torques in N m.
-    pub slides: bool,
+    pub all_prismatic: bool,
     /// Notes on the processing of the data, as text.
     pub notes: Vec<String>,
     /// Torque over time, for the HTML page.

@@ -1,11 +1,12 @@
 //! Torques of a slider and a pendulum with known physics and unknown noise.
 
 mod load;
-mod numbers;
+mod parameters;
 mod selection;
 
 use physics::{
-    AnyEffect, Arm, Body, Given, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model, Tool,
+    AnyEffect, Arm, Body, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model, ParameterValues,
+    Tool,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -14,11 +15,11 @@ use rand_distr::StandardNormal;
 use recording::series::{Channel, Recording};
 
 use super::case::Case;
-use super::library::GAIN;
-use super::refine;
-use super::{Diagnosis, Doubt, Stated, diagnose};
+use super::library::GAIN_RANGE;
+use super::nonlinear_parameters;
+use super::{Diagnosis, DiagnosisError, StatedModel, diagnose};
 use crate::diagnose::Verdict;
-use crate::engine::library::Sign;
+use crate::engine::dictionary::ParameterBounds;
 use glam::{DMat3, DVec3};
 
 const MASS: f64 = 90.0;
@@ -72,16 +73,20 @@ pub(super) fn slider(link: bool) -> Arm {
 /// Diagnosis of a slider whose model states no effect.
 fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
     let model = Model::new(arm, &[]).unwrap();
-    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let stated = StatedModel { model: &model, sigma: &[], delay_s: 0.0 };
     let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, noise, force)], None, 1);
     case.estimate_noise();
     case
 }
 
-fn told(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Result<Diagnosis, Doubt> {
+fn told(
+    arm: &Arm,
+    effects: &[AnyEffect],
+    recording: Recording,
+) -> Result<Diagnosis, DiagnosisError> {
     let model = Model::new(*arm, effects).unwrap();
     let sigma = vec![vec![0.0; 8]; effects.len()];
-    let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
+    let stated = StatedModel { model: &model, sigma: &sigma, delay_s: 0.0 };
     diagnose(&stated, &[recording], None, 1)
 }
 
@@ -91,7 +96,7 @@ pub(super) fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diag
 
 fn number(diagnosis: &Diagnosis, kind: &str) -> Option<(f64, f64)> {
     let found = diagnosis.findings.iter().find(|finding| finding.kind == kind)?;
-    Some((found.numbers[0].values[0], found.numbers[0].sigma[0]))
+    Some((found.parameters[0].values[0], found.parameters[0].sigma[0]))
 }
 
 #[test]
@@ -171,16 +176,16 @@ fn a_friction_off_within_its_doubt_is_no_finding_and_is_refitted() {
     let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[60.0])]);
     let model = Model::new(arm, &[dry, viscous]).unwrap();
     let sigma = vec![vec![2.0], vec![0.0]];
-    let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
+    let stated = StatedModel { model: &model, sigma: &sigma, delay_s: 0.0 };
     let found = diagnose(&stated, &[with_stops(0.3, force)], None, 1).unwrap();
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
     let [refit] = &found.refits[..] else { panic!("{:?}", found.refits) };
     assert_eq!(
-        (refit.kind, refit.joint, refit.number.stem),
+        (refit.kind, refit.joint, refit.parameter.stem),
         ("coulomb_friction", Some(0), "level")
     );
-    assert!((refit.number.values[0] - 3.0).abs() < 0.1, "{refit:?}");
-    assert!(refit.number.sigma[0] < 0.2, "{refit:?}");
+    assert!((refit.parameter.values[0] - 3.0).abs() < 0.1, "{refit:?}");
+    assert!(refit.parameter.sigma[0] < 0.2, "{refit:?}");
 }
 
 #[test]
@@ -206,7 +211,7 @@ fn a_hanging_mass_is_told_by_gravity_and_a_law_beyond_the_library_is_called_unkn
     let found = of(&arm, &[], recording(JointKind::Revolute, 0.05, strange));
     let law = found.unexplained.as_ref().unwrap();
     assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.findings);
-    assert!(law.words.iter().any(|word| word == "v1"), "{law:?}");
+    assert!(law.depends_on.iter().any(|word| word == "v1"), "{law:?}");
 }
 
 #[test]
@@ -229,7 +234,7 @@ fn the_same_recording_gives_the_same_bits() {
 }
 
 fn effect(arm: &Arm, kind: &str, given: &[(&str, &[f64])]) -> AnyEffect {
-    AnyEffect::build(kind, arm, Some(0), Given(given)).expect(kind)
+    AnyEffect::build(kind, arm, Some(0), ParameterValues(given)).expect(kind)
 }
 
 fn near(found: &Diagnosis, kind: &str, truth: f64, share: f64) {
@@ -324,12 +329,12 @@ fn pendulum() -> Arm {
 fn a_mass_that_hangs_far_from_the_tool_is_one_payload_and_no_sum_of_inertia_and_gravity() {
     let arm = pendulum();
     let given: &[(&str, &[f64])] = &[("mass", &[2.0]), ("com", &[0.1, 0.0, -0.5])];
-    let hangs = AnyEffect::build("payload", &arm, None, Given(given)).unwrap();
+    let hangs = AnyEffect::build("payload", &arm, None, ParameterValues(given)).unwrap();
     let found = of(&arm, &[], driven(&arm, &[hangs], JointKind::Revolute, 0.05));
     let kinds: Vec<&str> = found.findings.iter().map(|finding| finding.kind).collect();
     assert_eq!(kinds, ["payload"], "{:?}", found.findings);
     near(&found, "payload", 2.0, 0.05);
-    let com = &found.findings[0].numbers[1];
+    let com = &found.findings[0].parameters[1];
     assert!((com.values[0] - 0.1).abs() < 0.01 && (com.values[2] + 0.5).abs() < 0.02, "{com:?}");
 }
 
@@ -345,9 +350,13 @@ fn stated_masses_are_believed_where_a_name_explains_as_much_as_their_doubt() {
 
 #[test]
 fn a_drive_gain_stays_within_what_a_drive_can_be_off_by() {
-    let [less, more] = [-0.5, 0.5].map(|gain| Sign::Within(GAIN).admits(gain));
+    let [less, more] = [-0.5, 0.5].map(|gain| ParameterBounds::Within(GAIN_RANGE).admits(gain));
     assert!(less && more);
-    assert!(![-24.3, -1.0, 3.0].into_iter().any(|gain| Sign::Within(GAIN).admits(gain)));
+    assert!(
+        ![-24.3, -1.0, 3.0]
+            .into_iter()
+            .any(|gain| ParameterBounds::Within(GAIN_RANGE).admits(gain))
+    );
 }
 
 #[test]
@@ -357,7 +366,7 @@ fn dry_friction_that_comes_and_goes_along_the_way_is_no_dry_friction() {
     let found = of(&slider(true), &[], recording(JointKind::Prismatic, 1.0, force));
     assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.findings);
     let law = found.unexplained.as_ref().unwrap();
-    assert_eq!(law.words, ["q1", "direction_1"]);
+    assert_eq!(law.depends_on, ["q1", "direction_1"]);
 }
 
 #[test]
@@ -391,10 +400,11 @@ fn what_a_still_joint_holds_is_a_set_and_no_claim() {
     assert_eq!(found.verdict, Verdict::Undetermined, "{:?}", found.findings);
     let [set] = &found.findings[..] else { panic!("{:?}", found.findings) };
     assert_eq!(set.joint, Some(1));
-    assert!((set.numbers[0].values[0] - 0.4).abs() < 0.02, "{set:?}");
-    let rivals: Vec<&str> = set.rivals.iter().map(|rival| rival.kind).collect();
+    assert!((set.parameters[0].values[0] - 0.4).abs() < 0.02, "{set:?}");
+    let rivals: Vec<&str> = set.alternatives.iter().map(|rival| rival.kind).collect();
     assert!(rivals.contains(&"coulomb_friction") && rivals.contains(&"spring"), "{rivals:?}");
     // Dry friction is zero at rest in the model, so stating it explains no torque: it remains in the set of explanations.
-    let dry = AnyEffect::build("coulomb_friction", &two, Some(1), Given(&[("level", &[2.0])]));
+    let dry =
+        AnyEffect::build("coulomb_friction", &two, Some(1), ParameterValues(&[("level", &[2.0])]));
     assert_eq!(holds(0.4, &[dry.unwrap()]).verdict, Verdict::Undetermined);
 }

@@ -2,7 +2,7 @@
 //! evenly subsampled.
 
 use super::case::Case;
-use crate::engine::stepwise::Selection;
+use crate::engine::stepwise::TermSelection;
 
 /// Maximum number of points of a trace.
 const POINTS: usize = 1500;
@@ -19,9 +19,9 @@ pub struct Trace {
     /// Recorded torque, filtered, N m or N.
     pub torque: Vec<f64>,
     /// Residual torque of the given model, and with all findings, N m or N.
-    pub off: [Vec<f64>; 2],
+    pub residuals: [Vec<f64>; 2],
     /// Whether a row belongs to the test set.
-    pub held: Vec<bool>,
+    pub is_test_row: Vec<bool>,
 }
 
 /// RMS recorded torque of a joint on `used` rows, N m or N.
@@ -34,13 +34,13 @@ pub(super) fn torque_rms(case: &Case, joint: usize, used: &[bool]) -> f64 {
 
 fn torque(case: &Case, joint: usize) -> Vec<f64> {
     let target = case.table.target[joint].iter().flatten();
-    target.zip(&case.stated[joint]).map(|(rest, stated)| rest + stated).collect()
+    target.zip(&case.stated_torque[joint]).map(|(rest, stated)| rest + stated).collect()
 }
 
 /// Plot data of one joint.
 pub(super) fn trace(
     case: &Case,
-    (given, selection): (&Selection, &Selection),
+    (given, selection): (&TermSelection, &TermSelection),
     joint: usize,
 ) -> Trace {
     let off = [given, selection].map(|one| case.residual(&one.solved, joint));
@@ -60,7 +60,7 @@ pub(super) fn trace(
         t_s: some(&t_s),
         speed: some(&speed),
         torque: some(&torque),
-        off: off.map(|list| some(&list)),
-        held: case.rows.test.iter().copied().step_by(thin).collect(),
+        residuals: off.map(|list| some(&list)),
+        is_test_row: case.row_sets.test.iter().copied().step_by(thin).collect(),
     }
 }

@@ -1,10 +1,11 @@
-//! A heavy six-axis arm whose set names no make, three reflectors, one joint at a time: its axes stand to each other as those of a FANUC R-2000iB do.
+//! A heavy six-axis arm of unstated make with three reflectors, one joint moved at a time: relative positions of its axes equal those of a FANUC
+//! R-2000iB.
 
 use super::data;
-use diagnosis::single_joint::Sag;
-use diagnosis::{from_recording, sweeps};
+use diagnosis::single_joint::SagCorrection;
+use diagnosis::{campaign_import, sweeps};
 use recording::model::presets::preset;
-use recording::series::{self, Need};
+use recording::series::{self, RequiredData};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
@@ -13,22 +14,27 @@ fn axes_of_an_arm_without_a_name_stand_to_each_other_as_those_of_the_fanuc_do() 
     let Some(path) = data("kuka-3smr/poses_36.csv") else { return };
     let mapping =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../deploy/mappings/kuka-3smr.mapping.toml");
-    let recording = series::read(&path, Some(&mapping), Need::Measurement).expect("sound");
-    // Only the senses of its axes are asked for, and no sag is taken out.
+    let recording = series::read(&path, Some(&mapping), RequiredData::Measurement).expect("sound");
+    // Only the signs of the axes are taken from the model; sag is not corrected.
     let model = preset("fanuc-r2000ib").expect("preset").model().expect("sound").physics;
-    let campaign = from_recording::campaign(&model.arm, &[recording]).expect("usable");
+    let campaign = campaign_import::campaign(&model.arm, &[recording]).expect("usable");
     let found = sweeps::sweeps(&model.arm, &campaign, &campaign.surroundings);
     let joints: Vec<usize> = found.iter().map(|found| found.sweep.joint).collect();
-    // What the controller calls joint 3 was moved against joint 2 while that swept: the mapping adds them.
+    // While joint 2 swept, the controller's joint 3 moved in the opposite sense; the mapping adds the two.
     assert_eq!(joints, [0, 1, 2, 3, 4, 5]);
-    let said = sweeps::said(&model, Sag::AsMeasured, found);
+    let said = sweeps::analyse_sweeps(&model, SagCorrection::AsMeasured, found);
     for said in &said {
         let axis = said.axis.as_ref().expect("an axis");
-        eprintln!("joint {}: left {:.1} um", axis.joint + 1, axis.axis.left_m * 1e6);
-        // Reflectors are known to 0.03 mm there; a circle of six points may leave what the joint bends.
-        assert!(axis.axis.left_m < 3e-4, "joint {}: {} m left", axis.joint + 1, axis.axis.left_m);
+        eprintln!("joint {}: left {:.1} um", axis.joint + 1, axis.axis.residual_rms_m * 1e6);
+        // The reflectors are known to 0.03 mm; the residual of a circle through six points includes the deflection of the joint.
+        assert!(
+            axis.axis.residual_rms_m < 3e-4,
+            "joint {}: {} m left",
+            axis.joint + 1,
+            axis.axis.residual_rms_m
+        );
     }
-    let relative = sweeps::relative(&said);
+    let relative = sweeps::relative_axes(&said);
     let published_m = [0.312, 1.075, 0.225, 0.0, 0.0];
     assert_eq!(relative.len(), published_m.len());
     for (relative, published) in relative.iter().zip(published_m) {

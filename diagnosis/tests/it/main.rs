@@ -1,4 +1,4 @@
-//! Calibration of real robots, where their recordings are at hand.
+//! Calibration of real robots; tests are skipped if the recordings are not available.
 #![expect(
     clippy::expect_used,
     clippy::print_stderr,
@@ -11,7 +11,7 @@ mod sets;
 
 use std::path::PathBuf;
 
-/// A real recording, where it is at hand: `TRUED_DATA`, or `../shared/data` beside the house.
+/// Path of a real recording in `TRUED_DATA`, or in `../shared/data` beside the repository; `None` if it does not exist.
 fn data(name: &str) -> Option<PathBuf> {
     let house = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
     let beside = house.join("../shared/data");

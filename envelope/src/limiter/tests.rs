@@ -1,7 +1,7 @@
 //! Limits hold for any request; exactness inside them; return after a jump.
 
 use super::*;
-use crate::track::NODES_S;
+use crate::track::NODE_SPACING_S;
 use proptest::prelude::*;
 use std::vec::Vec;
 
@@ -104,7 +104,7 @@ fn assert_bounded(outputs: &[(f64, f64)]) -> Result<(), TestCaseError> {
             let bound = limits.jerk() * (1.0 + 1e-6) + rounding;
             prop_assert!(jerk.abs() <= bound, "jerk {jerk} at {sample:?}");
         }
-        if since_s >= NODES_S {
+        if since_s >= NODE_SPACING_S {
             nodes.push(*sample);
         }
     }
@@ -246,9 +246,9 @@ proptest! {
         let fastest = Plan::to_zero(Motion { value, rate, acceleration }, (-0.045, 0.045), wide.jerk());
         let stands = Motion::at_rest(0.0);
         let mut limiter = Limiter {
-            wanted: Track::from_motion(stands),
+            requested: Track::from_motion(stands),
             trend: stands,
-            reach: (0.0, 0.0),
+            recent_range: (0.0, 0.0),
             offset: None,
             ..Limiter::from_motion(value, rate, acceleration)
         };

@@ -29,12 +29,12 @@ proptest! {
         let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
         let longest = from.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         for _ in 0..5000 {
-            let c = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
+            let c = arm.step(&[0.0; 3], limits, Elapsed::exact(DT_S));
             // A joint with less than a hundredth of the longest distance, or less than 20 µrad, may
             // arrive sooner.
             prop_assert!(beside(&c, &from) <= 0.011 * longest + 2e-5, "{c:?} from {from:?}");
         }
-        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S)), [0.0; 3]);
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exact(DT_S)), [0.0; 3]);
     }
 
     #[test]
@@ -51,10 +51,10 @@ proptest! {
         });
         let reach = from.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(reach.fold(0.0, f64::max));
         for _ in 0..3000 {
-            let c = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
+            let c = arm.step(&[0.0; 3], limits, Elapsed::exact(DT_S));
             prop_assert!(beside(&c, &from) <= 2.0 * reach, "{c:?} from {from:?}");
         }
-        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S)), [0.0; 3]);
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exact(DT_S)), [0.0; 3]);
     }
 
     #[test]
@@ -73,7 +73,7 @@ proptest! {
                 let shake = noise * (hash as f64 / (1u64 << 52) as f64 - 1.0);
                 jumped + if k < 600 { sine.0 * libm::sin(sine.1 * DT_S * (k + i) as f64) + shake } else { 0.0 }
             });
-            outputs.push(arm.step(&wanted, |i| Some(own[i]), Elapsed::exactly(DT_S)));
+            outputs.push(arm.step(&wanted, |i| Some(own[i]), Elapsed::exact(DT_S)));
         }
         for i in 0..3 {
             let c = |k: usize| outputs[k][i];
@@ -97,7 +97,7 @@ fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
         let mut most = 0.0_f64;
         for k in 1..3000 {
             let wanted = if k < 1000 { [0.0, wave(k)] } else { [3e-4, wave(k) - jump] };
-            let c = arm.step(&wanted, |_| Some(limits(2e-3, 0.05, 5.0)), Elapsed::exactly(DT_S));
+            let c = arm.step(&wanted, |_| Some(limits(2e-3, 0.05, 5.0)), Elapsed::exact(DT_S));
             most = if k < 900 { 0.0 } else { most.max((c[1] - wanted[1]).abs()) };
         }
         most
@@ -132,10 +132,10 @@ proptest! {
             let has_answer = answered.get(k / every).copied().unwrap_or(false);
             // A late cycle makes the others, which are fast, plan again.
             let dt_s = if k % late == 0 { 15.0 * DT_S } else { DT_S };
-            let elapsed = Elapsed::exactly(dt_s);
+            let elapsed = Elapsed::exact(dt_s);
             let limits = |_| Some(if k < 10 { wide } else { tight });
             let c = if has_answer {
-                arm.step_apart(&[0.0; 6], limits, elapsed)
+                arm.step_independently(&[0.0; 6], limits, elapsed)
             } else {
                 arm.step(&[0.0; 6], limits, elapsed)
             };
@@ -160,7 +160,7 @@ fn joints_that_take_each_other_back_do_so_all_the_way_out() {
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
     let mut most = 0.0_f64;
     for _ in 0..2000 {
-        let c = arm.step(&[0.0; 2], |_| Some(limits(0.01, 0.1, 5.0)), Elapsed::exactly(DT_S));
+        let c = arm.step(&[0.0; 2], |_| Some(limits(0.01, 0.1, 5.0)), Elapsed::exact(DT_S));
         most = most.max(at_tool(&c).abs());
     }
     assert!(most <= at_tool(&from).abs() * (1.0 + 1e-9), "{most}");
@@ -171,9 +171,9 @@ fn a_joint_without_limits_stands_and_holds_nobody_up() {
     let mut arm = Limiters::from_motion(|i| ([1e-3, 2e-3][i], 0.0, 0.0));
     let limits = |i| (i == 0).then(|| limits(0.01, 0.1, 5.0));
     for _ in 0..1000 {
-        arm.step(&[0.0; 2], limits, Elapsed::exactly(DT_S));
+        arm.step(&[0.0; 2], limits, Elapsed::exact(DT_S));
     }
-    assert_eq!(arm.step(&[0.0; 2], limits, Elapsed::exactly(DT_S)), [0.0, 2e-3]);
+    assert_eq!(arm.step(&[0.0; 2], limits, Elapsed::exact(DT_S)), [0.0, 2e-3]);
 }
 
 #[test]
@@ -190,11 +190,8 @@ fn a_long_step_amid_a_slow_ramp_leaves_no_swing() {
         let mut arm = Limiters::from_motion(|i| starts[i]);
         for k in 0..3000 {
             let dt_s = if k == late { 20.0 * DT_S } else { DT_S };
-            let [first, ..] = arm.step(
-                if k < turn { &wanted } else { &[0.0; 3] },
-                limits,
-                Elapsed::exactly(dt_s),
-            );
+            let [first, ..] =
+                arm.step(if k < turn { &wanted } else { &[0.0; 3] }, limits, Elapsed::exact(dt_s));
             assert!(first.abs() < 7e-4, "{first} at {k}, turned at {turn}, late at {late}");
         }
     }
@@ -215,9 +212,10 @@ fn nobody_waits_for_a_joint_that_has_arrived() {
             (Limiters::from_motion(|i| start[i]), Limiters::from_motion(|i| start[i]));
         let arrived =
             |step: &mut dyn FnMut() -> [f64; 3]| (0..4000).position(|_| step() == [0.0; 3]);
-        let elapsed = Elapsed::exactly(DT_S);
+        let elapsed = Elapsed::exact(DT_S);
         let together = arrived(&mut || together.step(&[0.0; 3], limits, elapsed)).expect("in 4 s");
-        let alone = arrived(&mut || alone.step_apart(&[0.0; 3], limits, elapsed)).expect("in 4 s");
+        let alone =
+            arrived(&mut || alone.step_independently(&[0.0; 3], limits, elapsed)).expect("in 4 s");
         assert!(4 * together <= 11 * alone, "{together} ms, each alone in {alone} ms");
     }
 }
@@ -232,11 +230,11 @@ fn a_joint_does_not_swing_for_the_sake_of_one_that_brakes_into_tighter_bounds() 
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
     let mut arrived = None;
     for k in 0..2000 {
-        let elapsed = Elapsed::exactly(if k % 35 == 0 { 15.0 * DT_S } else { DT_S });
+        let elapsed = Elapsed::exact(if k % 35 == 0 { 15.0 * DT_S } else { DT_S });
         let limits = |_| Some(if k < 10 { wide } else { tight });
         let answered = k < 4 || (140..144).contains(&k);
         let [first, ..] = if answered {
-            arm.step_apart(&[0.0; 3], limits, elapsed)
+            arm.step_independently(&[0.0; 3], limits, elapsed)
         } else {
             arm.step(&[0.0; 3], limits, elapsed)
         };
@@ -247,9 +245,9 @@ fn a_joint_does_not_swing_for_the_sake_of_one_that_brakes_into_tighter_bounds() 
 }
 
 /// Random numbers between 0 and 1 (Marsaglia's xorshift), by seed.
-struct Chance(u64);
+struct Rng(u64);
 
-impl Chance {
+impl Rng {
     fn new(seed: u64) -> Self {
         let mut chance = Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
         for _ in 0..8 {
@@ -273,7 +271,7 @@ impl Chance {
 /// Three joints in motion ramp to zero at an uneven pace. Returns the time that the last one takes
 /// after the others have arrived, beyond what its own limits require, s.
 fn held_up_s(seed: u64) -> f64 {
-    let chance = &mut Chance::new(seed);
+    let chance = &mut Rng::new(seed);
     let start =
         [8e-3, 1e-3, 1e-3].map(|far| (chance.within(far), chance.within(8e-3), chance.within(0.1)));
     let limits = limits(2e-2, 1e-2, 5.0);
@@ -314,7 +312,7 @@ fn joints_that_decelerate_stay_on_their_line_when_a_small_one_arrives() {
     let limits = |i: usize| Some(limits(0.01, rates[i], jerks[i]));
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
     for k in 0..400 {
-        let [first, _, last] = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
+        let [first, _, last] = arm.step(&[0.0; 3], limits, Elapsed::exact(DT_S));
         assert!((first / from[0] - last / from[2]).abs() < 1e-6, "step {k}: {first:e}, {last:e}");
         assert!(first > -2e-4 * from[0], "{first:e} beyond zero in step {k}");
     }

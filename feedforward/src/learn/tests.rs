@@ -36,15 +36,15 @@ struct Cell<'a> {
 }
 
 impl Cell<'_> {
-    fn measure(&mut self, commanded: &[f64]) -> Measured {
+    fn measure(&mut self, commanded: &[f64]) -> MeasuredErrors {
         let reached = self.truth.run(STEP_S, commanded);
         let error =
             off(self.path, &reached).iter().map(|e| e + self.noise.next(self.sigma)).collect();
-        Measured { joints: vec![Some((Seen::Link, error))], clock_offset_s: 0.0 }
+        MeasuredErrors { joints: vec![Some((MeasuredQuantity::Link, error))], clock_offset_s: 0.0 }
     }
 
-    fn next(&mut self, commanded: &[f64], runs: usize) -> Next {
-        let measured: Vec<Measured> = (0..runs).map(|_| self.measure(commanded)).collect();
+    fn next(&mut self, commanded: &[f64], runs: usize) -> NextRun {
+        let measured: Vec<MeasuredErrors> = (0..runs).map(|_| self.measure(commanded)).collect();
         let (wanted, commanded) = (&[self.path.to_vec()][..], &[commanded.to_vec()][..]);
         let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
         learn(self.plants, &runs, &settings()).expect("learns")
@@ -87,7 +87,7 @@ fn the_plant_is_identified_from_a_run() {
         Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(7), sigma: 1e-5 };
     let commanded = previewed(&plants, &path);
     let learned = cell.next(&commanded, 1).joints.remove(0).expect("learned");
-    let found = learned.refined.expect("the model explains it far worse").plant;
+    let found = learned.identified.expect("the model explains it far worse").plant;
     let near = |found: f64, truth: f64, share: f64| {
         assert!((found / truth - 1.0).abs() < share, "{found} {truth}");
     };
@@ -123,8 +123,10 @@ fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     plants.joints[0].modes.clear();
     let motor = VirtualJoint { participation: 0.0, ..JOINT };
     let error = off(&path, &motor.run(STEP_S, &path));
-    let measured =
-        [Measured { joints: vec![Some((Seen::Motor, error.clone()))], clock_offset_s: 0.0 }];
+    let measured = [MeasuredErrors {
+        joints: vec![Some((MeasuredQuantity::Motor, error.clone()))],
+        clock_offset_s: 0.0,
+    }];
     let (wanted, commanded) = (&[path.clone()][..], &[path.clone()][..]);
     let next = learn(
         &plants,

@@ -55,10 +55,11 @@ fn an_unknown_clock_is_found_beside_the_delay_that_the_model_expects() {
         .collect();
     let recording = of_links(&reached, 0.1234);
     let expected = expected(&arm, &times_s, &wanted, &error);
-    let found = Measured::of(&recording, expected, Clock::Unknown, &settings()).expect("found");
+    let found =
+        MeasuredErrors::of(&recording, expected, Clock::Unknown, &settings()).expect("found");
     assert!((found.clock_offset_s - 0.1234).abs() < 2e-4, "{}", found.clock_offset_s);
-    let (seen, errors) = found.joints[1].as_ref().expect("measured");
-    assert_eq!(*seen, Seen::Link);
+    let (quantity, errors) = found.joints[1].as_ref().expect("measured");
+    assert_eq!(*quantity, MeasuredQuantity::Link);
     let off = errors.iter().zip(&error[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(off < 1e-4, "{off}");
 }
@@ -72,15 +73,16 @@ fn points_in_an_unknown_frame_become_the_joints_that_move_the_tool_there() {
         *q += 2e-3 * (0.05 * k as f64).sin();
     }
     let turn = rotation_from_vector(DVec3::new(0.3, -0.8, 0.5));
-    let seen: Vec<DVec3> =
+    let quantity: Vec<DVec3> =
         points(&arm, &reached).iter().map(|p| turn * *p + DVec3::new(3.0, 1.0, 0.2)).collect();
     let mut recording = Recording::new(times_s.clone());
     for axis in 0..3 {
-        recording.set(Channel::Position(axis), seen.iter().map(|p| p[axis]).collect());
+        recording.set(Channel::Position(axis), quantity.iter().map(|p| p[axis]).collect());
     }
     let none = vec![vec![0.0; ROWS]; 6];
     let expected = expected(&arm, &times_s, &wanted, &none);
-    let found = Measured::of(&recording, expected, Clock::Offset(0.0), &settings()).expect("found");
+    let found =
+        MeasuredErrors::of(&recording, expected, Clock::Offset(0.0), &settings()).expect("found");
     let mut corrected = reached.clone();
     for (q, joint) in corrected.iter_mut().zip(&found.joints) {
         let (_, errors) = joint.as_ref().expect("measured");
@@ -100,7 +102,7 @@ fn a_measurement_of_another_path_or_of_a_part_of_it_is_refused() {
     let none = vec![vec![0.0; ROWS]; 6];
     let of = |recording: &Recording| {
         let expected = expected(&arm, &times_s, &wanted, &none);
-        Measured::of(recording, expected, Clock::Offset(0.0), &settings())
+        MeasuredErrors::of(recording, expected, Clock::Offset(0.0), &settings())
     };
     let mut other = of_links(&wanted, 0.0);
     other.set(Channel::Link(2), vec![1.5; ROWS]);
@@ -121,7 +123,7 @@ fn a_joint_in_the_unit_of_another_column_is_refused_with_the_factor() {
         let measured = wanted[1].iter().map(|q| factor * q).collect();
         recording.set(channel(1), measured);
         let expected = expected(&arm, &times_s, &wanted, &none);
-        Measured::of(&recording, expected, Clock::Offset(0.0), &settings())
+        MeasuredErrors::of(&recording, expected, Clock::Offset(0.0), &settings())
     };
     for channel in [Channel::Link, Channel::Motor] {
         for scale in [1f64.to_radians(), 1f64.to_degrees()] {

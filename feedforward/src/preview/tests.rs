@@ -3,17 +3,17 @@
 use super::*;
 use crate::settings::settings;
 use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
-use joint_dynamics::plant::{Mode, Uncertain};
+use joint_dynamics::plant::{Mode, UncertainValue};
 use proptest::prelude::*;
 
 /// A model of the joint, with this relative uncertainty of its parameters.
 pub(crate) fn model(of: &VirtualJoint, sigma: f64) -> Plant {
-    let number = |value: f64| Uncertain { value, sigma: sigma * value };
+    let number = |value: f64| UncertainValue { value, sigma: sigma * value };
     let positive = |value: f64| (value > 0.0).then(|| number(value));
     let mode = Mode {
         frequency_hz: number(of.frequency_hz),
         damping_ratio: number(of.damping_ratio),
-        participation: Uncertain { value: of.participation, sigma: 0.0 },
+        participation: UncertainValue { value: of.participation, sigma: 0.0 },
     };
     Plant {
         delays_s: positive(of.delay_s).into_iter().collect(),

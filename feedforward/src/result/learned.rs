@@ -1,12 +1,12 @@
 //! What was learned from measured runs, as JSON and text.
 
-use joint_dynamics::plant::{Plant, Uncertain};
+use joint_dynamics::plant::{Plant, UncertainValue};
 use physics::{Arm, JointKind};
 use serde::Serialize;
 
 use super::{JointCorrection, MILLI, ToolErrors, largest, rms};
-use crate::learn::{Learned, Next, Runs};
-use crate::measured::Seen;
+use crate::learn::{LearnedJoint, NextRun, Runs};
+use crate::measured::MeasuredQuantity;
 
 /// What was learned: `trued.learn/1` (docs/reference/results.md).
 #[derive(Debug, Serialize)]
@@ -55,7 +55,8 @@ pub struct RunDynamics {
 
 impl RunDynamics {
     fn of(plant: &Plant) -> Self {
-        let ms = |numbers: &[Uncertain]| numbers.iter().map(|number| number.value * MILLI).sum();
+        let ms =
+            |numbers: &[UncertainValue]| numbers.iter().map(|number| number.value * MILLI).sum();
         Self {
             delay_ms: ms(&plant.delays_s),
             lag_ms: ms(&plant.lags_s),
@@ -72,17 +73,20 @@ impl RunDynamics {
 }
 
 impl JointReport {
-    fn of(at: usize, kind: JointKind, learned: &Learned) -> Self {
+    fn of(at: usize, kind: JointKind, learned: &LearnedJoint) -> Self {
         Self {
-            measured: match learned.seen {
-                Seen::Link => "link",
-                Seen::Motor => "motor",
-                Seen::Tool => "tool",
+            measured: match learned.quantity {
+                MeasuredQuantity::Link => "link",
+                MeasuredQuantity::Motor => "motor",
+                MeasuredQuantity::Tool => "tool",
             },
             error: MILLI * largest(&learned.error),
             error_rms: MILLI * rms(&learned.error),
             repeatability: learned.repeatability.map(|deviation| MILLI * deviation),
-            by_run: learned.refined.as_ref().map(|refined| RunDynamics::of(&refined.plant)),
+            by_run: learned
+                .identified
+                .as_ref()
+                .map(|identified| RunDynamics::of(&identified.plant)),
             next: JointCorrection::of(at, kind, &learned.next),
         }
     }
@@ -104,11 +108,11 @@ impl JointReport {
 impl LearnReport {
     /// Of the runs of a path and the next commands; `corrections`: where these go.
     #[must_use]
-    pub fn of(arm: &Arm, runs: &Runs<'_>, next: &Next, corrections: String) -> Self {
+    pub fn of(arm: &Arm, runs: &Runs<'_>, next: &NextRun, corrections: String) -> Self {
         let Runs { step_s, wanted, measured, .. } = *runs;
-        let without = |error: fn(&Learned) -> &Vec<f64>| -> Vec<Vec<f64>> {
+        let without = |error: fn(&LearnedJoint) -> &Vec<f64>| -> Vec<Vec<f64>> {
             let joints = wanted.iter().zip(&next.joints);
-            let reached = |(wanted, learned): (&Vec<f64>, &Option<Learned>)| match learned {
+            let reached = |(wanted, learned): (&Vec<f64>, &Option<LearnedJoint>)| match learned {
                 Some(learned) => wanted.iter().zip(error(learned)).map(|(w, e)| w - e).collect(),
                 None => wanted.clone(),
             };
@@ -128,7 +132,7 @@ impl LearnReport {
             joints: joints.collect(),
             not_learned: not_learned.map(|(number, _)| number).collect(),
             tool_before: tool(without(|learned| &learned.error)),
-            tool_next: tool(without(|learned| &learned.next.left)),
+            tool_next: tool(without(|learned| &learned.next.residual)),
         }
     }
 

@@ -1,7 +1,7 @@
 //! Requirements of a robot's cycle on the machine, check by check. Pure.
 
-use super::parse::{self, Limit};
-use super::{Check, Core, Texts};
+use super::parse::{self, ResourceLimit};
+use super::{Check, Core, KernelInfo};
 
 /// Longest exit latency of an idle state that is negligible for a cycle of 1 ms, µs.
 const IDLE_LATENCY_US_MAX: u64 = 10;
@@ -17,7 +17,7 @@ const CAP_SYS_NICE: u32 = 23;
 
 /// All checks, in a fixed order.
 #[must_use]
-pub fn examine(texts: &Texts) -> Vec<Check> {
+pub fn run_checks(texts: &KernelInfo) -> Vec<Check> {
     vec![
         kernel(texts),
         governor(&texts.cores),
@@ -36,7 +36,7 @@ pub fn examine(texts: &Texts) -> Vec<Check> {
 /// The kernel version that introduced the fair server.
 const FAIR_SERVER_SINCE: (u32, u32) = (6, 12);
 
-fn kernel(texts: &Texts) -> Check {
+fn kernel(texts: &KernelInfo) -> Check {
     let name = "real-time kernel";
     let version = texts.version.as_deref();
     let release = version.and_then(parse::release).unwrap_or("unknown kernel");
@@ -100,7 +100,7 @@ fn idle(cores: &[Core]) -> Check {
     }
 }
 
-fn isolated(texts: &Texts) -> Check {
+fn isolated(texts: &KernelInfo) -> Check {
     let name = "isolated cores";
     let fix = "boot with isolcpus=N nohz_full=N rcu_nocbs=N for the cycle's core N, and set realtime.core = N";
     match texts.isolated.as_deref().map(parse::list) {
@@ -117,9 +117,10 @@ fn isolated(texts: &Texts) -> Check {
 
 /// Since Linux 6.12 the fair server stalls spinning threads; before, throttling did, which
 /// `sched_rt_runtime_us` configures.
-fn throttling(texts: &Texts) -> Check {
+fn throttling(texts: &KernelInfo) -> Check {
     let name = "real-time throttling";
-    let release = texts.version.as_deref().and_then(parse::release).and_then(parse::numbers);
+    let release =
+        texts.version.as_deref().and_then(parse::release).and_then(parse::version_numbers);
     if release.is_some_and(|release| release >= FAIR_SERVER_SINCE) {
         return fair_server(texts, name);
     }
@@ -138,7 +139,7 @@ fn throttling(texts: &Texts) -> Check {
     }
 }
 
-fn fair_server(texts: &Texts, name: &'static str) -> Check {
+fn fair_server(texts: &KernelInfo, name: &'static str) -> Check {
     let isolated = texts.isolated.as_deref().and_then(parse::list).unwrap_or_default();
     let is_off = |core: &Core| core.fair_runtime_ns.as_deref() == Some("0");
     let off: Vec<_> = texts.cores.iter().filter(|core| is_off(core)).map(|c| c.number).collect();
@@ -158,18 +159,18 @@ fn fair_server(texts: &Texts, name: &'static str) -> Check {
     }
 }
 
-fn priority(texts: &Texts) -> Check {
+fn priority(texts: &KernelInfo) -> Check {
     let name = "real-time priority";
     let may = texts.status.as_deref().and_then(|s| parse::has_capability(s, CAP_SYS_NICE));
     let limit = texts.limits.as_deref().and_then(|l| parse::limit(l, "Max realtime priority"));
     match (may, limit) {
         (Some(true), _) => Check::pass(name, "any (CAP_SYS_NICE)"),
         (_, Some(limit)) if limit.is_at_least(PRIORITY) => {
-            Check::pass(name, format!("up to {}", worded(limit, "")))
+            Check::pass(name, format!("up to {}", limit_text(limit, "")))
         }
         (_, Some(limit)) => Check::fix(
             name,
-            format!("up to {}, the daemon needs {PRIORITY}", worded(limit, "")),
+            format!("up to {}, the daemon needs {PRIORITY}", limit_text(limit, "")),
             format!(
                 "LimitRTPRIO={PRIORITY} in the unit, or rtprio {PRIORITY} in /etc/security/limits.d"
             ),
@@ -178,32 +179,32 @@ fn priority(texts: &Texts) -> Check {
     }
 }
 
-fn locked(texts: &Texts) -> Check {
+fn locked(texts: &KernelInfo) -> Check {
     let name = "locked memory";
     let may = texts.status.as_deref().and_then(|s| parse::has_capability(s, CAP_IPC_LOCK));
     let limit = texts.limits.as_deref().and_then(|l| parse::limit(l, "Max locked memory"));
     match (may, limit) {
         (Some(true), _) => Check::pass(name, "unlimited (CAP_IPC_LOCK)"),
         (_, Some(limit)) if limit.is_at_least(LOCKED_BYTES) => {
-            Check::pass(name, worded(limit, " bytes"))
+            Check::pass(name, limit_text(limit, " bytes"))
         }
         (_, Some(limit)) => Check::fix(
             name,
-            format!("{}, the daemon locks all its memory", worded(limit, " bytes")),
+            format!("{}, the daemon locks all its memory", limit_text(limit, " bytes")),
             "LimitMEMLOCK=infinity in the unit, or memlock unlimited in /etc/security/limits.d",
         ),
         (_, None) => Check::unknown(name, "not reported by the kernel", "ulimit -l"),
     }
 }
 
-fn worded(limit: Limit, unit: &str) -> String {
+fn limit_text(limit: ResourceLimit, unit: &str) -> String {
     match limit {
-        Limit::Unlimited => "unlimited".to_owned(),
-        Limit::At(number) => format!("{number}{unit}"),
+        ResourceLimit::Unlimited => "unlimited".to_owned(),
+        ResourceLimit::At(number) => format!("{number}{unit}"),
     }
 }
 
-fn shared_memory(texts: &Texts) -> Check {
+fn shared_memory(texts: &KernelInfo) -> Check {
     let name = "shared memory";
     let fix = "mount a tmpfs at /dev/shm with 64 MB or more free";
     let kind = texts.mounts.as_deref().and_then(|mounts| parse::mounted_as(mounts, "/dev/shm"));
@@ -219,7 +220,7 @@ fn shared_memory(texts: &Texts) -> Check {
     }
 }
 
-fn clock(texts: &Texts) -> Check {
+fn clock(texts: &KernelInfo) -> Check {
     let name = "clock source";
     let others = texts.clock_sources.as_deref().unwrap_or_default();
     match texts.clock_source.as_deref() {
@@ -262,7 +263,7 @@ fn siblings(cores: &[Core]) -> Check {
     }
 }
 
-fn swap(texts: &Texts) -> Check {
+fn swap(texts: &KernelInfo) -> Check {
     let name = "swap";
     match texts.swaps.as_deref().map(parse::swaps) {
         Some(Some(0)) => Check::pass(name, "none"),

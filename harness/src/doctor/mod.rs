@@ -1,8 +1,8 @@
 //! `trued doctor`: checks whether a machine is suitable for a robot's cycle, with the fix if not.
 //!
-//! Every result is a pure function of texts of the kernel, read once by [`Texts::read`]; a text
-//! that is missing or invalid gives the result unknown. The machine is not changed. On request the
-//! kernel's own tool measures wake-up latency.
+//! Every result is a pure function of texts of the kernel, read once by [`KernelInfo::read`]; a
+//! text that is missing or invalid gives the result unknown. The machine is not changed. On request
+//! the kernel's own tool measures wake-up latency.
 
 mod checks;
 pub(crate) mod parse;
@@ -11,8 +11,8 @@ mod timerlat;
 
 use serde::Serialize;
 
-pub use checks::examine;
-pub use texts::{Core, IdleState, Texts};
+pub use checks::run_checks;
+pub use texts::{Core, IdleState, KernelInfo};
 pub use timerlat::TimerlatSettings;
 
 /// Result of a check.
@@ -69,7 +69,7 @@ pub struct Diagnosis {
 /// Checks this machine; with settings, wake-up latency is measured as well.
 #[must_use]
 pub fn diagnose(timerlat: Option<TimerlatSettings>) -> Diagnosis {
-    let mut checks = examine(&Texts::read(std::path::Path::new("/")));
+    let mut checks = run_checks(&KernelInfo::read(std::path::Path::new("/")));
     checks.extend(timerlat.map(timerlat::measure));
     let ok = checks.iter().all(|check| check.state != State::Fix);
     Diagnosis { checks, ok }

@@ -24,12 +24,12 @@ pub(crate) fn list(text: &str) -> Option<Vec<usize>> {
 
 /// A limit as the kernel lists it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Limit {
+pub(crate) enum ResourceLimit {
     At(u64),
     Unlimited,
 }
 
-impl Limit {
+impl ResourceLimit {
     pub(crate) fn is_at_least(self, wanted: u64) -> bool {
         match self {
             Self::Unlimited => true,
@@ -39,11 +39,11 @@ impl Limit {
 }
 
 /// The soft limit of that name in `/proc/self/limits`.
-pub(crate) fn limit(limits: &str, name: &str) -> Option<Limit> {
+pub(crate) fn limit(limits: &str, name: &str) -> Option<ResourceLimit> {
     let rest = limits.lines().find_map(|line| line.strip_prefix(name))?;
     match rest.split_whitespace().next()? {
-        "unlimited" => Some(Limit::Unlimited),
-        number => number.parse().ok().map(Limit::At),
+        "unlimited" => Some(ResourceLimit::Unlimited),
+        number => number.parse().ok().map(ResourceLimit::At),
     }
 }
 
@@ -69,7 +69,7 @@ pub(crate) fn release(version: &str) -> Option<&str> {
 }
 
 /// Major and minor number of a kernel's release.
-pub(crate) fn numbers(release: &str) -> Option<(u32, u32)> {
+pub(crate) fn version_numbers(release: &str) -> Option<(u32, u32)> {
     let mut numbers = release.split(['.', '-']).map(|number| number.parse().ok());
     Some((numbers.next()??, numbers.next()??))
 }
@@ -121,8 +121,8 @@ mod tests {
                       Max locked memory         8388608              8388608              bytes     \n\
                       Max realtime priority     0                    0                    \n\
                       Max realtime timeout      unlimited            unlimited            us        \n";
-        assert_eq!(limit(limits, "Max locked memory"), Some(Limit::At(8_388_608)));
-        assert_eq!(limit(limits, "Max realtime timeout"), Some(Limit::Unlimited));
+        assert_eq!(limit(limits, "Max locked memory"), Some(ResourceLimit::At(8_388_608)));
+        assert_eq!(limit(limits, "Max realtime timeout"), Some(ResourceLimit::Unlimited));
         assert_eq!(limit(limits, "Max pending signals"), None);
         assert_eq!(limit("Max locked memory  plenty", "Max locked memory"), None);
         assert_eq!(limit("", "Max locked memory"), None);

@@ -32,7 +32,7 @@ pub struct Core {
 
 /// All information; `None` if the machine has no such file.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Texts {
+pub struct KernelInfo {
     /// `/proc/version`.
     pub version: Option<String>,
     /// `/sys/kernel/realtime`.
@@ -65,7 +65,7 @@ pub struct Texts {
     pub product: Option<String>,
 }
 
-impl Texts {
+impl KernelInfo {
     /// Reads all of them below `root`, which is `/` except in tests.
     #[must_use]
     pub fn read(root: &Path) -> Self {

@@ -27,17 +27,17 @@ impl TimerlatSettings {
 
 /// Output of the tool.
 #[derive(Debug, Clone, PartialEq)]
-struct Found {
+struct TimerlatResult {
     /// The largest delay of a thread on any core, µs, and that core.
     worst_us: f64,
     core: u32,
     /// Parts of the delay beyond the limit, the largest first; empty if the limit was kept.
-    parts: Vec<Part>,
+    parts: Vec<DelayPart>,
 }
 
 /// One part of a delay.
 #[derive(Debug, Clone, PartialEq)]
-struct Part {
+struct DelayPart {
     /// The tool's name for it, for example `IRQ handler delay`.
     what: String,
     percent: f64,
@@ -65,14 +65,14 @@ pub(super) fn measure(settings: TimerlatSettings) -> Check {
     }
 }
 
-fn judge(said: &str, why: &str, settings: TimerlatSettings) -> Check {
-    let Some(found) = parse(said) else {
-        let why = [why, said].concat();
+fn judge(output: &str, why: &str, settings: TimerlatSettings) -> Check {
+    let Some(found) = parse(output) else {
+        let why = [why, output].concat();
         let why = why.trim().lines().next().unwrap_or("rtla printed no output").to_owned();
         let fix = "rtla needs root, a kernel with CONFIG_TIMERLAT_TRACER and tracefs mounted";
         return Check::unknown(NAME, why, fix);
     };
-    let Found { worst_us, core, parts } = found;
+    let TimerlatResult { worst_us, core, parts } = found;
     let limit = settings.limit_us;
     let Some(largest) = parts.first() else {
         let found =
@@ -83,13 +83,13 @@ fn judge(said: &str, why: &str, settings: TimerlatSettings) -> Check {
             Check::fix(NAME, format!("{found}; limit {limit} µs"), "see `rtla timerlat top`")
         };
     };
-    let shares: Vec<String> = parts.iter().map(Part::words).collect();
+    let shares: Vec<String> = parts.iter().map(DelayPart::text).collect();
     let found = format!("{worst_us:.0} µs on core {core}, limit {limit} µs: {}", shares.join(", "));
     Check::fix(NAME, found, remedy(&largest.what))
 }
 
-impl Part {
-    fn words(&self) -> String {
+impl DelayPart {
+    fn text(&self) -> String {
         let who = self.who.as_ref().map(|who| format!(" ({who})")).unwrap_or_default();
         format!("{:.0} % {}{who}", self.percent, self.what)
     }
@@ -113,15 +113,16 @@ fn remedy(what: &str) -> &'static str {
 }
 
 /// Parses the table of cores and the analysis after it.
-fn parse(said: &str) -> Option<Found> {
+fn parse(output: &str) -> Option<TimerlatResult> {
     let mut worst: Option<(f64, u32)> = None;
-    for (core, largest_us) in said.lines().filter_map(row) {
+    for (core, largest_us) in output.lines().filter_map(row) {
         if worst.is_none_or(|(us, _)| largest_us > us) {
             worst = Some((largest_us, core));
         }
     }
-    let mut parts: Vec<Part> = Vec::new();
-    let analysis = said.lines().skip_while(|line| !line.contains("hit stop tracing, analyzing it"));
+    let mut parts: Vec<DelayPart> = Vec::new();
+    let analysis =
+        output.lines().skip_while(|line| !line.contains("hit stop tracing, analyzing it"));
     for line in analysis {
         if let Some(total_us) = total(line) {
             // The sample that stopped the tracer may be missing in the table.
@@ -137,7 +138,7 @@ fn parse(said: &str) -> Option<Found> {
         }
     }
     parts.sort_by(|a, b| b.percent.total_cmp(&a.percent));
-    worst.map(|(worst_us, core)| Found { worst_us, core, parts })
+    worst.map(|(worst_us, core)| TimerlatResult { worst_us, core, parts })
 }
 
 /// A row of the table: a core and the largest delay of its thread, µs.
@@ -154,11 +155,11 @@ fn stopped_core(line: &str) -> Option<u32> {
 }
 
 /// A line such as `IRQ handler delay:     27.49 us (65.52 %)`.
-fn part(line: &str) -> Option<Part> {
+fn part(line: &str) -> Option<DelayPart> {
     let (what, value) = line.trim().rsplit_once(':')?;
     let percent = value.split_once('(')?.1.trim_end_matches([')', ' ', '%']).trim();
     let what = what.trim().to_owned();
-    Some(Part { what, percent: percent.parse().ok()?, who: None })
+    Some(DelayPart { what, percent: percent.parse().ok()?, who: None })
 }
 
 /// The sum of all parts, µs: `Thread latency:    41.96 us (100%)`.

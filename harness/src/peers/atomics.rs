@@ -14,12 +14,12 @@ use std::time::Duration;
 
 use shm_schema::monotonic_ns;
 
-use super::{BACK, Peer, THERE, Way, poll};
+use super::{ANSWER_BYTES, COMMAND_BYTES, RoundTrip, WakeMode, poll};
 use crate::error::BenchError;
 use crate::thread_settings::ThreadSettings;
 
-const WORDS_THERE: usize = THERE / 8;
-const WORDS_BACK: usize = BACK / 8;
+const COMMAND_WORDS: usize = COMMAND_BYTES / 8;
+const ANSWER_WORDS: usize = ANSWER_BYTES / 8;
 
 /// Modes of the other thread.
 const PARKED: u32 = 0;
@@ -32,16 +32,16 @@ const OVER: u32 = 4;
 /// polled.
 #[repr(align(128))]
 struct Slot<const N: usize> {
-    seq: Line,
+    seq: CacheLine,
     words: [AtomicU64; N],
 }
 
 #[repr(align(128))]
-struct Line(AtomicU64);
+struct CacheLine(AtomicU64);
 
 impl<const N: usize> Slot<N> {
     fn new() -> Self {
-        Self { seq: Line(AtomicU64::new(0)), words: from_fn(|_| AtomicU64::new(0)) }
+        Self { seq: CacheLine(AtomicU64::new(0)), words: from_fn(|_| AtomicU64::new(0)) }
     }
 
     fn write(&self, payload: &[u64; N]) {
@@ -54,8 +54,8 @@ impl<const N: usize> Slot<N> {
 }
 
 struct Shared {
-    there: Slot<WORDS_THERE>,
-    back: Slot<WORDS_BACK>,
+    there: Slot<COMMAND_WORDS>,
+    back: Slot<ANSWER_WORDS>,
     task: AtomicU32,
 }
 
@@ -79,7 +79,7 @@ impl Atomics {
         let thread = std::thread::Builder::new()
             .name("bench-atomics".to_owned())
             .spawn(move || {
-                let taken = thread_settings.take();
+                let taken = thread_settings.apply();
                 let goes_on = taken.is_ok();
                 // The receiver waits for this message.
                 let _ = tell.send(taken);
@@ -98,14 +98,14 @@ impl Atomics {
     }
 
     /// The same with a copy of the payload.
-    pub(crate) fn copying(&mut self, way: Way) -> Chunk<'_> {
-        self.begin(if way == Way::Poll { COPY } else { WOKEN })
+    pub(crate) fn copying(&mut self, way: WakeMode) -> Chunk<'_> {
+        self.begin(if way == WakeMode::Poll { COPY } else { WOKEN })
     }
 
     fn begin(&mut self, task: u32) -> Chunk<'_> {
         self.shared.task.store(task, Release);
         self.unpark();
-        Chunk { atomics: self, task, payload: [1; WORDS_THERE] }
+        Chunk { atomics: self, task, payload: [1; COMMAND_WORDS] }
     }
 
     fn unpark(&self) {
@@ -129,10 +129,10 @@ impl Drop for Atomics {
 pub(crate) struct Chunk<'a> {
     atomics: &'a mut Atomics,
     task: u32,
-    payload: [u64; WORDS_THERE],
+    payload: [u64; COMMAND_WORDS],
 }
 
-impl Peer for Chunk<'_> {
+impl RoundTrip for Chunk<'_> {
     // Inlined: compared with the latency of a cache line between two cores.
     #[inline]
     fn round_trip(&mut self, _: u64) -> Option<u64> {
@@ -175,7 +175,7 @@ impl Drop for Chunk<'_> {
 /// The other side.
 fn answer(shared: &Shared, asker: &Thread) {
     let mut last = 0;
-    let reply = [2; WORDS_BACK];
+    let reply = [2; ANSWER_WORDS];
     loop {
         match shared.task.load(Acquire) {
             PARKED => std::thread::park(),

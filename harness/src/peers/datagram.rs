@@ -13,22 +13,22 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use shm_schema::monotonic_ns;
 
 use super::echo::STOP;
-use super::{ANSWER_WITHIN, BACK, Peer, THERE, Way, poll, seq_of};
-use crate::child::Guarded;
+use super::{ANSWER_BYTES, ANSWER_WITHIN, COMMAND_BYTES, RoundTrip, WakeMode, poll, seq_of};
+use crate::child::ChildGuard;
 
 /// An endpoint that sends and receives messages.
-trait Medium {
+trait MessageEndpoint {
     fn send(&mut self, message: &[u8]) -> io::Result<usize>;
     fn receive(&mut self, message: &mut [u8]) -> io::Result<usize>;
-    fn way(&self) -> Way;
+    fn wake_mode(&self) -> WakeMode;
 
     /// The next message, complete; `None` on a time-out or an error.
     fn next(&mut self, message: &mut [u8]) -> Option<()> {
-        let way = self.way();
+        let way = self.wake_mode();
         let mut broken = false;
         let found = poll(|| match self.receive(message) {
             Ok(n) if n == message.len() => Some(()),
-            Err(e) if way == Way::Poll && e.kind() == ErrorKind::WouldBlock => None,
+            Err(e) if way == WakeMode::Poll && e.kind() == ErrorKind::WouldBlock => None,
             Err(e) if e.kind() == ErrorKind::Interrupted => None,
             // Any other result: time-out of a blocking call, closed peer, incomplete message.
             _ => {
@@ -40,7 +40,7 @@ trait Medium {
     }
 
     fn ask(&mut self, seq: u64) -> Option<u64> {
-        let (mut there, mut back) = ([1; THERE], [0; BACK]);
+        let (mut there, mut back) = ([1; COMMAND_BYTES], [0; ANSWER_BYTES]);
         there[..8].copy_from_slice(&seq.to_le_bytes());
         let since_ns = monotonic_ns();
         self.send(&there).ok()?;
@@ -54,9 +54,9 @@ trait Medium {
 
     /// Answers each message until the last one; a pause of [`ANSWER_WITHIN`] does not end it.
     fn answer_all(&mut self) {
-        let (mut there, mut back) = ([0; THERE], [2; BACK]);
+        let (mut there, mut back) = ([0; COMMAND_BYTES], [2; ANSWER_BYTES]);
         let mut silences = 0;
-        while silences < SILENCES_MAX {
+        while silences < TIMEOUTS_MAX {
             if self.next(&mut there).is_none() {
                 silences += 1;
                 continue;
@@ -73,10 +73,10 @@ trait Medium {
 }
 
 /// Number of pauses after which the other side is taken as gone.
-const SILENCES_MAX: u32 = 30;
+const TIMEOUTS_MAX: u32 = 30;
 
 /// Unix datagrams.
-pub(crate) struct Unix(UnixDatagram, Way);
+pub(crate) struct Unix(UnixDatagram, WakeMode);
 
 impl Unix {
     /// A socket with this name; its peer may not exist yet.
@@ -85,16 +85,16 @@ impl Unix {
         let _ = std::fs::remove_file(&path);
         let socket = UnixDatagram::bind(path)?;
         socket.set_read_timeout(Some(ANSWER_WITHIN))?;
-        Ok(Self(socket, Way::Wake))
+        Ok(Self(socket, WakeMode::Wake))
     }
 
     pub(crate) fn connect(&self, dir: &Path, peer: &str) -> io::Result<()> {
         self.0.connect(dir.join(format!("{peer}.unix")))
     }
 
-    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+    pub(crate) fn wait(&mut self, way: WakeMode) -> io::Result<()> {
         self.1 = way;
-        self.0.set_nonblocking(way == Way::Poll)
+        self.0.set_nonblocking(way == WakeMode::Poll)
     }
 
     pub(crate) fn answer(&mut self, dir: &Path) {
@@ -105,26 +105,26 @@ impl Unix {
     }
 }
 
-impl Medium for Unix {
+impl MessageEndpoint for Unix {
     fn send(&mut self, message: &[u8]) -> io::Result<usize> {
         self.0.send(message)
     }
     fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
         self.0.recv(message)
     }
-    fn way(&self) -> Way {
+    fn wake_mode(&self) -> WakeMode {
         self.1
     }
 }
 
 /// UDP over the loopback.
-pub(crate) struct Udp(UdpSocket, Way);
+pub(crate) struct Udp(UdpSocket, WakeMode);
 
 impl Udp {
     pub(crate) fn new() -> io::Result<Self> {
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
         socket.set_read_timeout(Some(ANSWER_WITHIN))?;
-        Ok(Self(socket, Way::Wake))
+        Ok(Self(socket, WakeMode::Wake))
     }
 
     pub(crate) fn port(&self) -> io::Result<u16> {
@@ -135,9 +135,9 @@ impl Udp {
         self.0.connect((Ipv4Addr::LOCALHOST, port))
     }
 
-    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+    pub(crate) fn wait(&mut self, way: WakeMode) -> io::Result<()> {
         self.1 = way;
-        self.0.set_nonblocking(way == Way::Poll)
+        self.0.set_nonblocking(way == WakeMode::Poll)
     }
 
     pub(crate) fn answer(&mut self) {
@@ -145,14 +145,14 @@ impl Udp {
     }
 }
 
-impl Medium for Udp {
+impl MessageEndpoint for Udp {
     fn send(&mut self, message: &[u8]) -> io::Result<usize> {
         self.0.send(message)
     }
     fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
         self.0.recv(message)
     }
-    fn way(&self) -> Way {
+    fn wake_mode(&self) -> WakeMode {
         self.1
     }
 }
@@ -161,30 +161,30 @@ impl Medium for Udp {
 pub(crate) struct Pipes {
     out: File,
     back: File,
-    way: Way,
+    way: WakeMode,
 }
 
 impl Pipes {
     /// The bench's ends: standard input and output of the process.
-    pub(crate) fn of(process: &mut Guarded) -> io::Result<Self> {
+    pub(crate) fn of(process: &mut ChildGuard) -> io::Result<Self> {
         let gone = || io::Error::from(ErrorKind::BrokenPipe);
         let out = OwnedFd::from(process.0.stdin.take().ok_or_else(gone)?);
         let back = OwnedFd::from(process.0.stdout.take().ok_or_else(gone)?);
-        Ok(Self { out: out.into(), back: back.into(), way: Way::Wake })
+        Ok(Self { out: out.into(), back: back.into(), way: WakeMode::Wake })
     }
 
     /// The ends of the process itself.
     pub(crate) fn inherited() -> io::Result<Self> {
         let back = std::io::stdin().as_fd().try_clone_to_owned()?;
         let out = std::io::stdout().as_fd().try_clone_to_owned()?;
-        Ok(Self { out: out.into(), back: back.into(), way: Way::Wake })
+        Ok(Self { out: out.into(), back: back.into(), way: WakeMode::Wake })
     }
 
-    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+    pub(crate) fn wait(&mut self, way: WakeMode) -> io::Result<()> {
         self.way = way;
         let flags = fcntl_getfl(&self.back)?;
         let wanted =
-            if way == Way::Poll { flags | OFlags::NONBLOCK } else { flags - OFlags::NONBLOCK };
+            if way == WakeMode::Poll { flags | OFlags::NONBLOCK } else { flags - OFlags::NONBLOCK };
         Ok(fcntl_setfl(&self.back, wanted)?)
     }
 
@@ -193,31 +193,31 @@ impl Pipes {
     }
 }
 
-impl Medium for Pipes {
+impl MessageEndpoint for Pipes {
     fn send(&mut self, message: &[u8]) -> io::Result<usize> {
         self.out.write(message)
     }
     fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
         self.back.read(message)
     }
-    fn way(&self) -> Way {
+    fn wake_mode(&self) -> WakeMode {
         self.way
     }
 }
 
-impl Peer for Unix {
+impl RoundTrip for Unix {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
         self.ask(seq)
     }
 }
 
-impl Peer for Udp {
+impl RoundTrip for Udp {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
         self.ask(seq)
     }
 }
 
-impl Peer for Pipes {
+impl RoundTrip for Pipes {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
         self.ask(seq)
     }

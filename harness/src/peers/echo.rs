@@ -12,12 +12,12 @@ use std::time::{Duration, Instant};
 use rustix::process::{Signal, set_parent_process_death_signal};
 
 use super::datagram::{self, Pipes};
-use super::plain::Plain;
-use super::{Kind, Peer, Way};
-use crate::BETWEEN_WORDS;
-use crate::child::Guarded;
+use super::plain::PlainIpc;
+use super::{RoundTrip, Transport, WakeMode};
+use crate::ARGUMENT_SEPARATOR;
+use crate::bench_directory::BenchDirectory;
+use crate::child::ChildGuard;
 use crate::error::BenchError;
-use crate::place::Place;
 use crate::plan::{Policy, Programs};
 use crate::thread_settings::ThreadSettings;
 
@@ -32,16 +32,16 @@ pub(crate) struct Echo {
     pipes: Pipes,
     unix: datagram::Unix,
     udp: datagram::Udp,
-    plain: Plain,
+    plain: PlainIpc,
     /// Dropped last: the others depend on its pipes.
-    _process: Guarded,
+    _process: ChildGuard,
 }
 
 impl Echo {
     /// Starts the process; the calling thread measures.
     pub(crate) fn start(
         programs: &dyn Programs,
-        place: &Place,
+        place: &BenchDirectory,
         thread_settings: ThreadSettings,
     ) -> Result<Self, BenchError> {
         let control = place.path("control");
@@ -52,51 +52,55 @@ impl Echo {
         let ThreadSettings { core, policy, priority } = thread_settings;
         let dir = place.dir().to_string_lossy();
         let (core, priority) = (core.to_string(), priority.to_string());
-        let words = ["echo", &dir, &core, policy.name(), &priority].join(BETWEEN_WORDS);
+        let words = ["echo", &dir, &core, policy.name(), &priority].join(ARGUMENT_SEPARATOR);
         let command = programs.part(&words).map_err(failed)?;
-        let mut process = Guarded::spawn_piped(command).map_err(failed)?;
+        let mut process = ChildGuard::spawn_piped(command).map_err(failed)?;
         let pipes = Pipes::of(&mut process).map_err(failed)?;
         let mut words = BufReader::new(accept(&listener, &mut process)?);
         let unix = datagram::Unix::new(place.dir(), "here").map_err(failed)?;
         let udp = datagram::Udp::new().map_err(failed)?;
-        tell(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
-        let told = hear(&mut words)?;
+        write_line(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
+        let told = read_line(&mut words)?;
         let port = told.strip_prefix("port ").and_then(|port| port.parse().ok());
         udp.connect(port.ok_or_else(|| failed(&told))?).map_err(failed)?;
         unix.connect(place.dir(), "there").map_err(failed)?;
-        let plain = Plain::open(place.dir())?;
+        let plain = PlainIpc::open(place.dir())?;
         Ok(Self { words, pipes, unix, udp, plain, _process: process })
     }
 
     /// Starts an answering endpoint, and returns the asking one.
-    pub(crate) fn begin(&mut self, kind: Kind, way: Way) -> Result<&mut dyn Peer, BenchError> {
-        let how = if way == Way::Poll { "poll" } else { "wake" };
-        tell(&mut self.words, &format!("{} {how}", kind.name()))?;
-        let told = hear(&mut self.words)?;
+    pub(crate) fn begin(
+        &mut self,
+        kind: Transport,
+        way: WakeMode,
+    ) -> Result<&mut dyn RoundTrip, BenchError> {
+        let how = if way == WakeMode::Poll { "poll" } else { "wake" };
+        write_line(&mut self.words, &format!("{} {how}", kind.name()))?;
+        let told = read_line(&mut self.words)?;
         if told != "ready" {
             return Err(failed(told));
         }
         match kind {
-            Kind::Unix => self.unix.wait(way).map_err(failed)?,
-            Kind::Udp => self.udp.wait(way).map_err(failed)?,
-            Kind::Pipe => self.pipes.wait(way).map_err(failed)?,
+            Transport::Unix => self.unix.wait(way).map_err(failed)?,
+            Transport::Udp => self.udp.wait(way).map_err(failed)?,
+            Transport::Pipe => self.pipes.wait(way).map_err(failed)?,
             _ => self.plain.wait(way),
         }
         Ok(self.end_of(kind))
     }
 
     /// Ends what [`Self::begin`] started.
-    pub(crate) fn end(&mut self, kind: Kind) {
+    pub(crate) fn end(&mut self, kind: Transport) {
         // The stop message is answered too, which confirms its arrival; a loss shows at the next
         // `begin`.
         let _ = self.end_of(kind).round_trip(STOP);
     }
 
-    fn end_of(&mut self, kind: Kind) -> &mut dyn Peer {
+    fn end_of(&mut self, kind: Transport) -> &mut dyn RoundTrip {
         match kind {
-            Kind::Unix => &mut self.unix,
-            Kind::Udp => &mut self.udp,
-            Kind::Pipe => &mut self.pipes,
+            Transport::Unix => &mut self.unix,
+            Transport::Udp => &mut self.udp,
+            Transport::Pipe => &mut self.pipes,
             _ => &mut self.plain,
         }
     }
@@ -105,12 +109,12 @@ impl Echo {
 impl Drop for Echo {
     fn drop(&mut self) {
         // A process that has ended does not read.
-        let _ = tell(&mut self.words, "end");
-        let _ = hear(&mut self.words);
+        let _ = write_line(&mut self.words, "end");
+        let _ = read_line(&mut self.words);
     }
 }
 
-fn accept(listener: &UnixListener, process: &mut Guarded) -> Result<UnixStream, BenchError> {
+fn accept(listener: &UnixListener, process: &mut ChildGuard) -> Result<UnixStream, BenchError> {
     let since = Instant::now();
     loop {
         match listener.accept() {
@@ -122,7 +126,7 @@ fn accept(listener: &UnixListener, process: &mut Guarded) -> Result<UnixStream, 
             Err(e) if e.kind() != std::io::ErrorKind::WouldBlock => return Err(failed(e)),
             Err(_) => {}
         }
-        if let Some(status) = process.ended() {
+        if let Some(status) = process.try_exit_status() {
             return Err(failed(format!("it ended with {status}")));
         }
         if since.elapsed() > WITHIN {
@@ -136,11 +140,11 @@ fn failed(why: impl std::fmt::Display) -> BenchError {
     BenchError::part("echo", format!("{why}"))
 }
 
-fn tell(words: &mut BufReader<UnixStream>, line: &str) -> Result<(), BenchError> {
+fn write_line(words: &mut BufReader<UnixStream>, line: &str) -> Result<(), BenchError> {
     words.get_mut().write_all(format!("{line}\n").as_bytes()).map_err(failed)
 }
 
-fn hear(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
+fn read_line(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
     let mut line = String::new();
     words.read_line(&mut line).map_err(failed)?;
     if line.is_empty() {
@@ -151,7 +155,7 @@ fn hear(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
 }
 
 /// The process itself: answers until it receives `end`.
-pub(crate) fn answer(arguments: &[&str]) -> Result<(), BenchError> {
+pub(crate) fn run_echo(arguments: &[&str]) -> Result<(), BenchError> {
     // Without this signal a killed parent does not end the process: it ends when its stream closes.
     let _ = set_parent_process_death_signal(Some(Signal::KILL));
     let (dir, thread_settings) = parsed(arguments).ok_or_else(|| failed("arguments"))?;
@@ -162,25 +166,25 @@ pub(crate) fn answer(arguments: &[&str]) -> Result<(), BenchError> {
     }
     let mut unix = datagram::Unix::new(dir, "there").map_err(failed)?;
     let mut udp = datagram::Udp::new().map_err(failed)?;
-    let mut plain = Plain::create(dir)?;
+    let mut plain = PlainIpc::create(dir)?;
     let mut pipes = Pipes::inherited().map_err(failed)?;
-    thread_settings.take()?;
-    let told = hear(&mut words)?;
+    thread_settings.apply()?;
+    let told = read_line(&mut words)?;
     let port = told.strip_prefix("port ").and_then(|port| port.parse().ok());
     udp.connect(port.ok_or_else(|| failed(&told))?).map_err(failed)?;
-    tell(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
+    write_line(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
     loop {
-        let task = hear(&mut words)?;
+        let task = read_line(&mut words)?;
         let (kind, how) = task.split_once(' ').unwrap_or((task.as_str(), ""));
-        let way = if how == "wake" { Way::Wake } else { Way::Poll };
+        let way = if how == "wake" { WakeMode::Wake } else { WakeMode::Poll };
         match kind {
             "unix" => unix.wait(way).map_err(failed)?,
             "udp" => udp.wait(way).map_err(failed)?,
             "pipe" => pipes.wait(way).map_err(failed)?,
             "iceoryx2" => plain.wait(way),
-            _ => return tell(&mut words, "gone"),
+            _ => return write_line(&mut words, "gone"),
         }
-        tell(&mut words, "ready")?;
+        write_line(&mut words, "ready")?;
         match kind {
             "unix" => unix.answer(dir),
             "udp" => udp.answer(),

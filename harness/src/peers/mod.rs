@@ -16,19 +16,19 @@ use serde::Serialize;
 use shm_schema::{Command, Corrected, monotonic_ns};
 
 /// Bytes of a command.
-pub(crate) const THERE: usize = size_of::<Command>();
+pub(crate) const COMMAND_BYTES: usize = size_of::<Command>();
 /// Bytes of an answer.
-pub(crate) const BACK: usize = size_of::<Corrected>();
+pub(crate) const ANSWER_BYTES: usize = size_of::<Corrected>();
 /// Time limit after which an answer counts as lost.
 pub(crate) const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 /// Polls between two readings of the clock.
-const LOOKS_PER_CLOCK: u32 = 1024;
+const POLLS_PER_CLOCK: u32 = 1024;
 
 /// Transport that is measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
-pub enum Kind {
+pub enum Transport {
     /// trued: client, daemon with its correction, client.
     Trued,
     /// The plain transport without correction.
@@ -47,7 +47,7 @@ pub enum Kind {
     Cyclictest,
 }
 
-impl Kind {
+impl Transport {
     /// All of them, in the order of their chunks.
     pub const ALL: [Self; 8] = [
         Self::Trued,
@@ -77,7 +77,7 @@ impl Kind {
 
     /// Description.
     #[must_use]
-    pub fn what(self) -> &'static str {
+    pub fn description(self) -> &'static str {
         match self {
             Self::Trued => "trued, with correction",
             Self::Iceoryx2 => "plain iceoryx2",
@@ -91,14 +91,14 @@ impl Kind {
     }
 
     /// Index in [`Self::ALL`].
-    pub(crate) fn place(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         self as usize
     }
 }
 
 /// How both sides wait for a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Way {
+pub(crate) enum WakeMode {
     /// By polling.
     Poll,
     /// By sleeping until the kernel wakes them.
@@ -106,7 +106,7 @@ pub(crate) enum Way {
 }
 
 /// An answering side.
-pub(crate) trait Peer {
+pub(crate) trait RoundTrip {
     /// Sends message `seq`, which increases by one each time, and awaits its answer: time from just
     /// before the sending to the reception, ns; `None` if it was lost.
     fn round_trip(&mut self, seq: u64) -> Option<u64>;
@@ -116,7 +116,7 @@ pub(crate) trait Peer {
 pub(crate) fn poll<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let since_ns = monotonic_ns();
     loop {
-        for _ in 0..LOOKS_PER_CLOCK {
+        for _ in 0..POLLS_PER_CLOCK {
             if let Some(found) = look() {
                 return Some(found);
             }
@@ -139,6 +139,6 @@ mod tests {
 
     #[test]
     fn all_peers_are_in_the_stated_order() {
-        assert!(Kind::ALL.iter().enumerate().all(|(place, kind)| kind.place() == place));
+        assert!(Transport::ALL.iter().enumerate().all(|(place, kind)| kind.index() == place));
     }
 }

@@ -18,17 +18,17 @@ use iceoryx2::prelude::{
 use shm_schema::{Command, Corrected, monotonic_ns};
 
 use super::echo::STOP;
-use super::{ANSWER_WITHIN, Peer, Way, poll};
+use super::{ANSWER_WITHIN, RoundTrip, WakeMode, poll};
+use crate::bench_directory::BenchDirectory;
 use crate::error::BenchError;
-use crate::place::Place;
 
 type Ipc = ipc::Service;
 
 /// Duration of one wait for an event, after which the caller polls again.
-const ONE_WAIT: Duration = Duration::from_millis(100);
+const EVENT_WAIT: Duration = Duration::from_millis(100);
 
 /// Sends `Out`, receives `In`.
-struct Ends<
+struct IpcPorts<
     Out: ZeroCopySend + std::fmt::Debug + 'static,
     In: ZeroCopySend + std::fmt::Debug + 'static,
 > {
@@ -36,17 +36,17 @@ struct Ends<
     incoming: Subscriber<Ipc, In, ()>,
     wake: Notifier<Ipc>,
     woken: Listener<Ipc>,
-    way: Way,
+    way: WakeMode,
 }
 
-impl<Out, In> Ends<Out, In>
+impl<Out, In> IpcPorts<Out, In>
 where
     Out: Copy + ZeroCopySend + std::fmt::Debug + 'static,
     In: Copy + ZeroCopySend + std::fmt::Debug + 'static,
 {
     fn send(&self, message: Out) -> bool {
         let sent = self.out.send_copy(message).is_ok();
-        sent && (self.way == Way::Poll || self.wake.notify().is_ok())
+        sent && (self.way == WakeMode::Poll || self.wake.notify().is_ok())
     }
 
     fn take(&self) -> Option<In> {
@@ -54,14 +54,14 @@ where
     }
 
     fn next(&self) -> Option<In> {
-        if self.way == Way::Poll {
+        if self.way == WakeMode::Poll {
             return poll(|| self.take());
         }
-        let rounds = ANSWER_WITHIN.as_millis() / ONE_WAIT.as_millis();
+        let rounds = ANSWER_WITHIN.as_millis() / EVENT_WAIT.as_millis();
         (0..rounds).find_map(|_| {
             self.take().or_else(|| {
                 // After the wait, only the presence of a message counts.
-                let _ = self.woken.timed_wait(|_| {}, ONE_WAIT);
+                let _ = self.woken.timed_wait(|_| {}, EVENT_WAIT);
                 self.take()
             })
         })
@@ -70,32 +70,32 @@ where
 
 /// The side of a process.
 enum Side {
-    Asks(Ends<Command, Corrected>),
-    Answers(Ends<Corrected, Command>),
+    Asks(IpcPorts<Command, Corrected>),
+    Answers(IpcPorts<Corrected, Command>),
 }
 
 /// One side of the plain transport.
-pub(crate) struct Plain {
+pub(crate) struct PlainIpc {
     side: Side,
     _node: Node<Ipc>,
 }
 
-impl Plain {
+impl PlainIpc {
     /// The answering side, which creates all services.
     pub(crate) fn create(dir: &Path) -> Result<Self, BenchError> {
         let node = node(dir)?;
-        let side = Side::Answers(ends(&node, "back", "there")?);
+        let side = Side::Answers(open_ports(&node, "back", "there")?);
         Ok(Self { side, _node: node })
     }
 
     /// The asking side.
     pub(crate) fn open(dir: &Path) -> Result<Self, BenchError> {
         let node = node(dir)?;
-        let side = Side::Asks(ends(&node, "there", "back")?);
+        let side = Side::Asks(open_ports(&node, "there", "back")?);
         Ok(Self { side, _node: node })
     }
 
-    pub(crate) fn wait(&mut self, way: Way) {
+    pub(crate) fn wait(&mut self, way: WakeMode) {
         match &mut self.side {
             Side::Asks(ends) => ends.way = way,
             Side::Answers(ends) => ends.way = way,
@@ -121,7 +121,7 @@ impl Plain {
     }
 }
 
-impl Peer for Plain {
+impl RoundTrip for PlainIpc {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
         let Side::Asks(ends) = &self.side else { return None };
         let command = Command { seq, ..Command::default() };
@@ -147,7 +147,7 @@ fn node(dir: &Path) -> Result<Node<Ipc>, BenchError> {
     let root = dir.join("p");
     let root = IoxPath::new(root.to_string_lossy().as_bytes()).map_err(failed)?;
     config.global.set_root_path(&root);
-    config.global.prefix = FileName::new(Place::prefix(dir).as_bytes()).map_err(failed)?;
+    config.global.prefix = FileName::new(BenchDirectory::prefix(dir).as_bytes()).map_err(failed)?;
     NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
@@ -156,7 +156,11 @@ fn node(dir: &Path) -> Result<Node<Ipc>, BenchError> {
 }
 
 /// The two directions, polled, and an event for each.
-fn ends<Out, In>(node: &Node<Ipc>, out: &str, incoming: &str) -> Result<Ends<Out, In>, BenchError>
+fn open_ports<Out, In>(
+    node: &Node<Ipc>,
+    out: &str,
+    incoming: &str,
+) -> Result<IpcPorts<Out, In>, BenchError>
 where
     Out: Copy + ZeroCopySend + std::fmt::Debug + 'static,
     In: Copy + ZeroCopySend + std::fmt::Debug + 'static,
@@ -191,5 +195,5 @@ where
         service!(In, incoming).subscriber_builder().buffer_size(1).create().map_err(failed)?;
     let wake = event(out)?.notifier_builder().create().map_err(failed)?;
     let woken = event(incoming)?.listener_builder().create().map_err(failed)?;
-    Ok(Ends { out: publisher, incoming: subscriber, wake, woken, way: Way::Poll })
+    Ok(IpcPorts { out: publisher, incoming: subscriber, wake, woken, way: WakeMode::Poll })
 }

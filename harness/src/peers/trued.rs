@@ -9,7 +9,7 @@ use trued_client::{
     Client, Corrected, CorrectionStatus, Reason, Setpoint, WrenchFrame, monotonic_ns,
 };
 
-use super::{ANSWER_WITHIN, Peer};
+use super::{ANSWER_WITHIN, RoundTrip};
 use crate::latencies::Latencies;
 
 /// Amplitude of each joint's oscillation, as a share of its range, and its period, s.
@@ -17,14 +17,14 @@ const SWING: f64 = 0.02;
 const SWING_S: f64 = 4.0;
 /// Centre of the oscillation, as a share of the range: not in the middle, where many wrists are
 /// singular.
-const STANDS: f64 = 0.65;
+const CENTRE: f64 = 0.65;
 /// Load on the tool, N and N·m.
 const WRENCH: [f64; 6] = [50.0, -20.0, 30.0, 0.5, 0.2, 0.1];
 const AMBIENT_C: f64 = 24.0;
 /// Number of consecutive corrected answers after which the daemon counts as settled.
-const SETTLED: u32 = 16;
+const SETTLED_ANSWERS: u32 = 16;
 /// Time between commands meanwhile.
-const SETTLES_BY: Duration = Duration::from_millis(1);
+const SETTLING_INTERVAL: Duration = Duration::from_millis(1);
 
 /// The client's side.
 pub(crate) struct Trued {
@@ -54,7 +54,7 @@ impl Trued {
         let bounds = client.status().map(|status| (status.joints as usize, status.bounds));
         let stands = bounds.map_or_else(Vec::new, |(joints, bounds)| {
             let range = |i: usize| (bounds.min[i], bounds.max[i] - bounds.min[i]);
-            (0..joints).map(range).map(|(min, width)| (min + STANDS * width, width)).collect()
+            (0..joints).map(range).map(|(min, width)| (min + CENTRE * width, width)).collect()
         });
         Self {
             client,
@@ -68,23 +68,23 @@ impl Trued {
 
     /// The arm was at rest since the last command: a daemon that was stopped for other measurements
     /// must find it at the same place, or it would ramp.
-    fn stood(&mut self) {
+    fn hold_position(&mut self) {
         self.there_ns = monotonic_ns();
     }
 
     /// Sends commands until the daemon corrects, for at most `within`, without counting. The arm
     /// continues from there: a sudden start would cause a ramp.
     pub(crate) fn settle(&mut self, within: Duration) {
-        self.stood();
+        self.hold_position();
         let counted = std::mem::take(&mut self.answers);
         let until_ns = monotonic_ns() + within.as_nanos() as u64;
         let mut row = 0;
-        while row < SETTLED && monotonic_ns() < until_ns {
+        while row < SETTLED_ANSWERS && monotonic_ns() < until_ns {
             let answered = self.command(ANSWER_WITHIN).1.is_some();
             let corrected =
                 self.newest.is_some_and(|made| made.status() == Ok(CorrectionStatus::Corrected));
             row = if answered && corrected { row + 1 } else { 0 };
-            std::thread::sleep(SETTLES_BY);
+            std::thread::sleep(SETTLING_INTERVAL);
         }
         self.answers = counted;
     }
@@ -113,11 +113,11 @@ impl Trued {
         let Ok(seq) = self.client.send(&setpoint) else { return (sent_ns, None) };
         let Some(answer) = self.client.wait_corrected(seq, limit) else { return (sent_ns, None) };
         let here_ns = monotonic_ns();
-        self.note(&answer, here_ns - sent_ns);
+        self.count_answer(&answer, here_ns - sent_ns);
         (sent_ns, Some(here_ns))
     }
 
-    fn note(&mut self, answer: &Corrected, trip_ns: u64) {
+    fn count_answer(&mut self, answer: &Corrected, trip_ns: u64) {
         let made_in_ns = answer.made_ns.saturating_sub(answer.received_ns);
         let counted = &mut self.answers;
         counted.correction.record(made_in_ns);
@@ -145,7 +145,7 @@ fn is_solved(answer: &Corrected) -> bool {
             .is_ok_and(|reason| ![Reason::NotConverged, Reason::Stale].contains(&reason))
 }
 
-impl Peer for Trued {
+impl RoundTrip for Trued {
     fn round_trip(&mut self, _: u64) -> Option<u64> {
         let (sent_ns, here_ns) = self.command(ANSWER_WITHIN);
         here_ns.map(|here_ns| here_ns - sent_ns)

@@ -1,14 +1,14 @@
 //! The filter on a virtual joint: errors left with and without a horizon, rest, jitter, missed commands, new beginnings.
 
 use super::*;
-use crate::taps::{Taps, TapsSettings};
+use crate::taps::{FilterTaps, TapsSettings};
 use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
 use proptest::prelude::*;
 
 fn filter(believed: f64) -> Filter {
     let plants = JOINT.believed(believed).plants(0.02);
     Filter::new(
-        Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap(),
+        FilterTaps::new(&plants, STEP_S, &TapsSettings::default()).unwrap(),
         [f64::INFINITY; JOINTS_MAX],
     )
 }
@@ -57,7 +57,7 @@ fn without_a_horizon_lags_are_compensated_and_the_delay_remains() {
     let delayed = VirtualJoint { lag_s: 0.0, ..joint }.run(STEP_S, &path);
     let mut plants = joint.plants(0.02);
     plants.joints[0].modes.clear();
-    let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
+    let taps = FilterTaps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
     let commanded = commands(&mut Filter::new(taps, [f64::INFINITY; JOINTS_MAX]), &path, 0);
     let without = off(&delayed, &joint.run(STEP_S, &path));
     let with = off(&delayed, &joint.run(STEP_S, &commanded));
@@ -107,7 +107,7 @@ fn what_follows_the_horizon_counts_as_going_on_at_its_last_speed() {
 fn an_arm_of_many_joints_leads_with_each_as_an_arm_of_one() {
     let mut plants = JOINT.plants(0.02);
     plants.joints = vec![plants.joints[0].clone(); 12];
-    let taps = Taps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
+    let taps = FilterTaps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
     let (mut one, mut many) = (filter(1.0), Filter::new(taps, [f64::INFINITY; JOINTS_MAX]));
     for k in 0..100 {
         let q = 1e-3 * (k as f64).powf(1.3);
@@ -124,13 +124,13 @@ fn a_robot_at_rest_is_not_led() {
     for k in 0..200 {
         let (lead, ahead) = filter.step(&joints(0.4), k * 4_000_000, &[joints(0.4); 100]);
         assert_eq!(lead, [0.0; JOINTS_MAX]);
-        assert_eq!(ahead, Ahead { known: 100, used_at_most: 125, needed: 8 });
+        assert_eq!(ahead, Lookahead { known: 100, used_at_most: 125, needed: 8 });
     }
 }
 
 #[test]
 fn a_command_that_jumps_begins_anew() {
-    let taps = Taps::new(&JOINT.plants(0.02), STEP_S, &TapsSettings::default()).unwrap();
+    let taps = FilterTaps::new(&JOINT.plants(0.02), STEP_S, &TapsSettings::default()).unwrap();
     let mut filter = Filter::new(taps, [0.01; JOINTS_MAX]);
     for k in 0..50 {
         let ahead = [joints(1e-3 * k as f64 + 0.01); 20];

@@ -7,34 +7,34 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use shm_schema::Status;
 use trued_client::Mode;
 
-use super::ask::{Answered, Request};
+use super::requests::{AnsweredRequest, OperatorRequest};
+use crate::cell_watch::{CellState, CellUpdate};
 use crate::changes::Changes;
-use crate::watch::{News, Seen};
 
 /// Number of events kept.
 const EVENTS_KEPT: usize = 200;
 /// The rate of commands is averaged over this time, s: short enough to follow changes, long enough
 /// for two digits at 10 Hz.
-const RATE_OVER_S: f64 = 2.0;
+const RATE_WINDOW_S: f64 = 2.0;
 
 /// Result of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Effect {
+pub(super) enum KeyAction {
     None,
-    Ask(Request),
+    Ask(OperatorRequest),
     Quit,
 }
 
 /// An event, with the daemon's time since its start.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Happened {
+pub(super) struct ScreenEvent {
     pub(super) uptime_s: f64,
     pub(super) says: String,
 }
 
 /// Number of commands at a time.
 #[derive(Clone, Copy, Debug)]
-struct Count {
+struct CommandCount {
     t_ns: u64,
     commands: u64,
 }
@@ -44,19 +44,19 @@ struct Count {
 pub(super) struct Screen {
     pub(super) cell: String,
     /// The displayed state of the cell; `None` before its first status.
-    pub(super) seen: Option<Arc<Seen>>,
+    pub(super) seen: Option<Arc<CellState>>,
     /// The present state of the cell, while the display is frozen.
-    waiting: Option<Arc<Seen>>,
+    waiting: Option<Arc<CellState>>,
     pub(super) frozen: bool,
     /// The request to be confirmed with `y`.
-    pub(super) asks: Option<Request>,
+    pub(super) unconfirmed: Option<OperatorRequest>,
     /// The request sent and not yet answered.
-    pub(super) pending: Option<Request>,
+    pub(super) pending: Option<OperatorRequest>,
     /// Newest first.
-    pub(super) events: VecDeque<Happened>,
+    pub(super) events: VecDeque<ScreenEvent>,
     /// Commands per second; `None` without commands.
     pub(super) rate_hz: Option<f64>,
-    counted: VecDeque<Count>,
+    command_counts: VecDeque<CommandCount>,
     changes: Changes,
 }
 
@@ -67,24 +67,24 @@ impl Screen {
             seen: None,
             waiting: None,
             frozen: false,
-            asks: None,
+            unconfirmed: None,
             pending: None,
             events: VecDeque::new(),
             rate_hz: None,
-            counted: VecDeque::new(),
+            command_counts: VecDeque::new(),
             changes: Changes::default(),
         }
     }
 
     /// Processes a new state of the cell.
-    pub(super) fn hear(&mut self, news: News) {
+    pub(super) fn update(&mut self, news: CellUpdate) {
         for verdict in news.verdicts {
-            self.happened(verdict.to_string());
+            self.add_event(verdict.to_string());
         }
         let Some(seen) = news.seen else { return };
         self.count(&seen.status);
         for says in self.changes.since_last(&seen.report) {
-            self.happened(says);
+            self.add_event(says);
         }
         if self.frozen {
             self.waiting = Some(seen);
@@ -94,83 +94,83 @@ impl Screen {
     }
 
     /// Processes an answer of the daemon.
-    pub(super) fn answered(&mut self, answered: &Answered) {
+    pub(super) fn add_answer(&mut self, answered: &AnsweredRequest) {
         self.pending = None;
-        self.happened(format!("{}: {}", answered.request.says(), answered.says));
+        self.add_event(format!("{}: {}", answered.request.description(), answered.says));
     }
 
     /// Processes a key.
-    pub(super) fn key(&mut self, key: KeyEvent) -> Effect {
+    pub(super) fn key(&mut self, key: KeyEvent) -> KeyAction {
         let is_ctrl_c =
             key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
         if is_ctrl_c {
-            return Effect::Quit;
+            return KeyAction::Quit;
         }
-        if let Some(request) = self.asks.take() {
+        if let Some(request) = self.unconfirmed.take() {
             return match key.code {
                 KeyCode::Char('y' | 'Y') => self.send(request),
-                _ => Effect::None,
+                _ => KeyAction::None,
             };
         }
         match key.code {
-            KeyCode::Char('q') | KeyCode::Esc => Effect::Quit,
+            KeyCode::Char('q') | KeyCode::Esc => KeyAction::Quit,
             KeyCode::Char('b') => {
                 let bypassed = self.now().is_some_and(|seen| seen.report.bypassed);
-                self.ask(Request::Bypass(!bypassed))
+                self.ask(OperatorRequest::Bypass(!bypassed))
             }
-            KeyCode::Char('s') => self.ask(Request::Mode(Mode::Shadow)),
-            KeyCode::Char('l') => self.ask(Request::Mode(Mode::Limited)),
-            KeyCode::Char('f') => self.ask(Request::Mode(Mode::Full)),
-            KeyCode::Char('a') => self.ask(Request::Arm),
-            KeyCode::Char('r') => self.ask(Request::Reload),
+            KeyCode::Char('s') => self.ask(OperatorRequest::Mode(Mode::Shadow)),
+            KeyCode::Char('l') => self.ask(OperatorRequest::Mode(Mode::Limited)),
+            KeyCode::Char('f') => self.ask(OperatorRequest::Mode(Mode::Full)),
+            KeyCode::Char('a') => self.ask(OperatorRequest::Arm),
+            KeyCode::Char('r') => self.ask(OperatorRequest::Reload),
             KeyCode::Char(' ') => {
                 self.frozen = !self.frozen;
                 if let Some(seen) = self.waiting.take() {
                     self.seen = Some(seen);
                 }
-                Effect::None
+                KeyAction::None
             }
-            _ => Effect::None,
+            _ => KeyAction::None,
         }
     }
 
     /// The present state of the cell, displayed or not.
-    fn now(&self) -> Option<&Arc<Seen>> {
+    fn now(&self) -> Option<&Arc<CellState>> {
         self.waiting.as_ref().or(self.seen.as_ref())
     }
 
-    fn ask(&mut self, request: Request) -> Effect {
-        if request.needs_a_yes() {
-            self.asks = Some(request);
-            Effect::None
+    fn ask(&mut self, request: OperatorRequest) -> KeyAction {
+        if request.needs_confirmation() {
+            self.unconfirmed = Some(request);
+            KeyAction::None
         } else {
             self.send(request)
         }
     }
 
-    fn send(&mut self, request: Request) -> Effect {
+    fn send(&mut self, request: OperatorRequest) -> KeyAction {
         self.pending = Some(request);
-        Effect::Ask(request)
+        KeyAction::Ask(request)
     }
 
-    fn happened(&mut self, says: String) {
+    fn add_event(&mut self, says: String) {
         let uptime_s = self.now().map_or(0.0, |seen| seen.report.uptime_s);
-        self.events.push_front(Happened { uptime_s, says });
+        self.events.push_front(ScreenEvent { uptime_s, says });
         self.events.truncate(EVENTS_KEPT);
     }
 
     fn count(&mut self, status: &Status) {
-        let now = Count { t_ns: status.t_ns, commands: status.commands };
-        if self.counted.back().is_some_and(|last| last.commands > now.commands) {
+        let now = CommandCount { t_ns: status.t_ns, commands: status.commands };
+        if self.command_counts.back().is_some_and(|last| last.commands > now.commands) {
             // A new daemon.
-            self.counted.clear();
+            self.command_counts.clear();
         }
-        self.counted.push_back(now);
-        let since_s = |count: &Count| now.t_ns.saturating_sub(count.t_ns) as f64 * 1e-9;
-        while self.counted.get(1).is_some_and(|second| since_s(second) >= RATE_OVER_S) {
-            self.counted.pop_front();
+        self.command_counts.push_back(now);
+        let since_s = |count: &CommandCount| now.t_ns.saturating_sub(count.t_ns) as f64 * 1e-9;
+        while self.command_counts.get(1).is_some_and(|second| since_s(second) >= RATE_WINDOW_S) {
+            self.command_counts.pop_front();
         }
-        self.rate_hz = self.counted.front().and_then(|first| {
+        self.rate_hz = self.command_counts.front().and_then(|first| {
             let (span_s, commands) = (since_s(first), now.commands - first.commands);
             (span_s > 0.0 && commands > 0).then(|| commands as f64 / span_s)
         });
@@ -182,33 +182,37 @@ mod tests {
     use super::*;
     use crate::report::Report;
 
-    fn press(screen: &mut Screen, key: char) -> Effect {
+    fn press(screen: &mut Screen, key: char) -> KeyAction {
         screen.key(KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE))
     }
 
     fn status(screen: &mut Screen, status: Status) {
-        let report = Report::of("cell", &status, None);
-        let seen = Some(Arc::new(Seen { report, status, robot: None }));
-        screen.hear(News { seen, verdicts: Vec::new() });
+        let report = Report::new("cell", &status, None);
+        let seen = Some(Arc::new(CellState { report, status, robot: None }));
+        screen.update(CellUpdate { seen, verdicts: Vec::new() });
     }
 
     #[test]
     fn requests_that_remove_the_correction_are_sent_at_once_others_after_confirmation() {
         let mut screen = Screen::new("cell");
         status(&mut screen, Status::default());
-        assert_eq!(press(&mut screen, 'b'), Effect::Ask(Request::Bypass(true)));
-        assert_eq!(press(&mut screen, 's'), Effect::Ask(Request::Mode(Mode::Shadow)));
+        assert_eq!(press(&mut screen, 'b'), KeyAction::Ask(OperatorRequest::Bypass(true)));
+        assert_eq!(press(&mut screen, 's'), KeyAction::Ask(OperatorRequest::Mode(Mode::Shadow)));
         for (key, request) in [
-            ('l', Request::Mode(Mode::Limited)),
-            ('f', Request::Mode(Mode::Full)),
-            ('a', Request::Arm),
-            ('r', Request::Reload),
+            ('l', OperatorRequest::Mode(Mode::Limited)),
+            ('f', OperatorRequest::Mode(Mode::Full)),
+            ('a', OperatorRequest::Arm),
+            ('r', OperatorRequest::Reload),
         ] {
-            assert_eq!(press(&mut screen, key), Effect::None);
-            assert_eq!(press(&mut screen, 'n'), Effect::None, "`{key}` then no");
-            assert_eq!(press(&mut screen, 'y'), Effect::None, "nothing waits for a yes any more");
-            assert_eq!(press(&mut screen, key), Effect::None);
-            assert_eq!(press(&mut screen, 'y'), Effect::Ask(request));
+            assert_eq!(press(&mut screen, key), KeyAction::None);
+            assert_eq!(press(&mut screen, 'n'), KeyAction::None, "`{key}` then no");
+            assert_eq!(
+                press(&mut screen, 'y'),
+                KeyAction::None,
+                "nothing waits for a yes any more"
+            );
+            assert_eq!(press(&mut screen, key), KeyAction::None);
+            assert_eq!(press(&mut screen, 'y'), KeyAction::Ask(request));
         }
     }
 
@@ -216,21 +220,21 @@ mod tests {
     fn a_bypassed_cell_is_asked_to_end_it() {
         let mut screen = Screen::new("cell");
         status(&mut screen, Status { bypassed: 1, ..Status::default() });
-        assert_eq!(press(&mut screen, 'b'), Effect::None);
-        assert_eq!(press(&mut screen, 'y'), Effect::Ask(Request::Bypass(false)));
+        assert_eq!(press(&mut screen, 'b'), KeyAction::None);
+        assert_eq!(press(&mut screen, 'y'), KeyAction::Ask(OperatorRequest::Bypass(false)));
     }
 
     #[test]
     fn a_frozen_screen_stays_and_the_bypass_key_goes_by_the_cell_as_it_is() {
         let mut screen = Screen::new("cell");
         status(&mut screen, Status::default());
-        assert_eq!(press(&mut screen, ' '), Effect::None);
+        assert_eq!(press(&mut screen, ' '), KeyAction::None);
         status(&mut screen, Status { bypassed: 1, commands: 9, ..Status::default() });
         assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(0));
-        assert_eq!(press(&mut screen, 'b'), Effect::None, "it is bypassed: a yes is needed");
-        assert_eq!(screen.asks, Some(Request::Bypass(false)));
-        assert_eq!(press(&mut screen, 'n'), Effect::None);
-        assert_eq!(press(&mut screen, ' '), Effect::None);
+        assert_eq!(press(&mut screen, 'b'), KeyAction::None, "it is bypassed: a yes is needed");
+        assert_eq!(screen.unconfirmed, Some(OperatorRequest::Bypass(false)));
+        assert_eq!(press(&mut screen, 'n'), KeyAction::None);
+        assert_eq!(press(&mut screen, ' '), KeyAction::None);
         assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(9));
     }
 
@@ -240,7 +244,10 @@ mod tests {
         status(&mut screen, Status { health: 2, ..Status::default() });
         assert!(screen.events.is_empty(), "the first status is no change");
         status(&mut screen, Status { health: 3, mode: 1, bypassed: 1, ..Status::default() });
-        screen.answered(&Answered { request: Request::Arm, says: "refused: no".to_owned() });
+        screen.add_answer(&AnsweredRequest {
+            request: OperatorRequest::Arm,
+            says: "refused: no".to_owned(),
+        });
         let says: Vec<&str> = screen.events.iter().map(|one| one.says.as_str()).collect();
         assert_eq!(says[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
         assert!(says[3].starts_with("running -> degraded"), "{says:?}");
@@ -261,13 +268,13 @@ mod tests {
     #[test]
     fn q_escape_and_ctrl_c_quit_and_a_question_is_left_by_any_key() {
         let mut screen = Screen::new("cell");
-        assert_eq!(press(&mut screen, 'q'), Effect::Quit);
+        assert_eq!(press(&mut screen, 'q'), KeyAction::Quit);
         let escape = KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE);
-        assert_eq!(press(&mut screen, 'a'), Effect::None);
-        assert_eq!(screen.key(escape), Effect::None, "it leaves the question");
-        assert_eq!(screen.key(escape), Effect::Quit);
+        assert_eq!(press(&mut screen, 'a'), KeyAction::None);
+        assert_eq!(screen.key(escape), KeyAction::None, "it leaves the question");
+        assert_eq!(screen.key(escape), KeyAction::Quit);
         let ctrl_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
-        assert_eq!(press(&mut screen, 'a'), Effect::None);
-        assert_eq!(screen.key(ctrl_c), Effect::Quit);
+        assert_eq!(press(&mut screen, 'a'), KeyAction::None);
+        assert_eq!(screen.key(ctrl_c), KeyAction::Quit);
     }
 }

@@ -1,5 +1,5 @@
-//! Drawing of the screen: state and reason, correction per joint, cycle, vibration, events, keys. Made for 80 × 24; on smaller terminals sections are
-//! omitted from the bottom, state and keys last.
+//! Drawing of the screen: state and reason, correction per joint, cycle, vibration, events, keys. Designed for 80 × 24; on smaller terminals sections are
+//! omitted from the bottom up, except state and keys.
 
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
@@ -13,21 +13,21 @@ use super::screen::Screen;
 use crate::report::{Joint, Report};
 
 /// Age at which a status is out of date, s: one is published every 40 ms.
-const OLD_S: f64 = 1.0;
+const STATUS_AGE_MAX_S: f64 = 1.0;
 /// From this share of its limit on a correction counts as near the limit, 0 to 1.
 const NEAR_LIMIT: f64 = 0.8;
 /// Length of a joint's bar to each side, columns.
-const BAR: usize = 10;
+const BAR_COLUMNS: usize = 10;
 /// Below this width the cycle is shown below the joints instead of next to them, columns.
-const NARROW: u16 = 70;
+const NARROW_COLUMNS: u16 = 70;
 /// Rows of title, state and keys.
-const ALWAYS: u16 = 6;
+const FIXED_ROWS: u16 = 6;
 
 /// Draws the screen.
 pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     let [title, state, rest, keys] = Layout::vertical([
         Constraint::Length(1),
-        Constraint::Length(ALWAYS - 2),
+        Constraint::Length(FIXED_ROWS - 2),
         Constraint::Min(0),
         Constraint::Length(1),
     ])
@@ -43,7 +43,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     draw_state(frame, state, report, screen.frozen);
     let joints = u16::try_from(report.joints.len()).unwrap_or(u16::MAX).saturating_add(2);
     let (joint_rows, cycle_rows) = (joints.max(3), 7);
-    if rest.width < NARROW {
+    if rest.width < NARROW_COLUMNS {
         let rows = [Constraint::Length(joint_rows), Constraint::Length(cycle_rows)];
         let [corrections, cycle, events] =
             Layout::vertical([rows[0], rows[1], Constraint::Min(0)]).areas(rest);
@@ -71,12 +71,12 @@ fn draw_title(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
     frame.render_widget(Paragraph::new(text).style(Style::new().reversed()), area);
 }
 
-/// The state to be readable from a distance, and its colour.
+/// The state in large letters, and its colour.
 fn state_word(report: &Report) -> (String, Color) {
     if report.away.is_some() {
         return ("NO DAEMON".to_owned(), Color::Red);
     }
-    if report.age_s > OLD_S {
+    if report.age_s > STATUS_AGE_MAX_S {
         return (format!("NO STATUS FOR {:.0} s", report.age_s), Color::Red);
     }
     if report.bypassed {
@@ -118,9 +118,9 @@ fn draw_state(frame: &mut Frame<'_>, area: Rect, report: &Report, frozen: bool) 
 
 /// A bar to the left or right of the centre, for a share from -1 to 1.
 fn bar(share: f64) -> String {
-    let filled = ((share.abs().min(1.0) * BAR as f64).round() as usize).min(BAR);
-    let (full, empty) = ("#".repeat(filled), " ".repeat(BAR - filled));
-    let none = " ".repeat(BAR);
+    let filled = ((share.abs().min(1.0) * BAR_COLUMNS as f64).round() as usize).min(BAR_COLUMNS);
+    let (full, empty) = ("#".repeat(filled), " ".repeat(BAR_COLUMNS - filled));
+    let none = " ".repeat(BAR_COLUMNS);
     if share < 0.0 { format!("{empty}{full}|{none}") } else { format!("{none}|{full}{empty}") }
 }
 
@@ -175,7 +175,7 @@ fn draw_events(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
         format!("vibration {}{line}", vibration.watch)
     });
     let mut lines = vec![Line::styled(vibration, Style::new().add_modifier(Modifier::BOLD))];
-    let event = |one: &super::screen::Happened| {
+    let event = |one: &super::screen::ScreenEvent| {
         Line::from(format!("{:>8.1} s  {}", one.uptime_s, one.says))
     };
     lines.extend(screen.events.iter().map(event));
@@ -185,11 +185,11 @@ fn draw_events(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
 
 fn keys_line(screen: &Screen) -> Line<'static> {
     let bold = Style::new().add_modifier(Modifier::BOLD);
-    if let Some(request) = screen.asks {
-        return Line::styled(format!("{}? y: yes, any other key: no", request.says()), bold);
+    if let Some(request) = screen.unconfirmed {
+        return Line::styled(format!("{}? y: yes, any other key: no", request.description()), bold);
     }
     if let Some(request) = screen.pending {
-        return Line::styled(format!("{} ... waiting for the daemon", request.says()), bold);
+        return Line::styled(format!("{} ... waiting for the daemon", request.description()), bold);
     }
     // The first ones fit on a narrow terminal too.
     let keys = [
@@ -213,7 +213,7 @@ fn keys_line(screen: &Screen) -> Line<'static> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::watch::{News, Seen};
+    use crate::cell_watch::{CellState, CellUpdate};
     use ratatui::Terminal;
     use ratatui::backend::TestBackend;
     use shm_schema::Status;
@@ -221,13 +221,13 @@ mod tests {
 
     fn shown(status: &Status, width: u16, height: u16) -> Vec<String> {
         let mut screen = Screen::new("cell");
-        let report = Report::of("cell", status, None);
-        let seen = Some(Arc::new(Seen {
+        let report = Report::new("cell", status, None);
+        let seen = Some(Arc::new(CellState {
             report: Report { age_s: 0.0, ..report },
             status: *status,
             robot: None,
         }));
-        screen.hear(News { seen, verdicts: Vec::new() });
+        screen.update(CellUpdate { seen, verdicts: Vec::new() });
         let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a terminal");
         terminal.draw(|frame| draw(frame, &screen)).expect("drawn");
         let buffer = terminal.backend().buffer();

@@ -5,10 +5,10 @@
 //! is ignored. Source: docs/reference/effects.md; thesis 3.1 to 3.4. Exact for any shift.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 const ROUNDING_M: f64 = 1e-6;
@@ -25,7 +25,7 @@ pub struct AxisShift {
 impl Effect for AxisShift {
     const SPEC: Spec = Spec {
         kind: "axis_shift",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::Geometry,
         needs: &[],
         has_memory: false,
@@ -34,7 +34,7 @@ impl Effect for AxisShift {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let is_last = site.joint + 1 == site.arm.count();
         let barred = if is_last { DVec3::ZERO } else { site.arm.joints()[site.joint].axis };
         let values = site.array("shift");
@@ -55,6 +55,6 @@ impl Effect for AxisShift {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 }

@@ -5,11 +5,11 @@
 //! Meant for small tilts; exact for any.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::frame::normals;
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `axis_tilt`.
@@ -24,7 +24,7 @@ pub struct AxisTilt {
 impl Effect for AxisTilt {
     const SPEC: Spec = Spec {
         kind: "axis_tilt",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::Geometry,
         needs: &[],
         has_memory: false,
@@ -34,7 +34,7 @@ impl Effect for AxisTilt {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let axis = site.arm.joints()[site.joint].axis;
         Ok(Self {
             joint: site.joint,
@@ -53,6 +53,6 @@ impl Effect for AxisTilt {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 }

@@ -5,9 +5,9 @@
 //! Source: docs/reference/effects.md. Meant for small tilts; exact for any.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use crate::trig::sin_cos;
 use crate::frame::normals;
 use glam::DVec3;
@@ -24,7 +24,7 @@ pub struct AxisWobble {
 impl Effect for AxisWobble {
     const SPEC: Spec = Spec {
         kind: "axis_wobble",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::Geometry,
         needs: &[],
         has_memory: false,
@@ -36,7 +36,7 @@ impl Effect for AxisWobble {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let ([a1, a2], [p1, p2]) = (site.array("amplitude"), site.array("phase"));
         Ok(Self {
             joint: site.joint,

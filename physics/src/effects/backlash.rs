@@ -8,10 +8,10 @@
 
 use crate::Inputs;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `backlash`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,14 +23,14 @@ pub struct Backlash {
 impl Effect for Backlash {
     const SPEC: Spec = Spec {
         kind: "backlash",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Direction],
         has_memory: true,
         parameters: &[Parameter::linear("width", Unit::Milliradian, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("width")] })
     }
 
@@ -41,7 +41,7 @@ impl Effect for Backlash {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     /// A wider gap moves the end that z last touched; inside the gap z moves with that end.

@@ -5,10 +5,10 @@
 //! the poses of a recording is part of an unknown measuring frame. Inertia does not act on it.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `base_compliance`.
@@ -20,14 +20,14 @@ pub struct BaseCompliance {
 impl Effect for BaseCompliance {
     const SPEC: Spec = Spec {
         kind: "base_compliance",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Geometry,
         needs: &[Need::Masses, Need::Wrench],
         has_memory: false,
         parameters: &[Parameter::linear("compliance", Unit::TurnCompliance, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: [site.one("compliance")] })
     }
 

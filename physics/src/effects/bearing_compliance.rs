@@ -5,9 +5,9 @@
 //! Source: docs/reference/effects.md; Abele's virtual joints (thesis 1.10). Linear. Inertia and a counterbalance's spring do not act on it.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::Frame;
 use glam::DVec3;
 
@@ -22,7 +22,7 @@ pub struct BearingCompliance {
 impl Effect for BearingCompliance {
     const SPEC: Spec = Spec {
         kind: "bearing_compliance",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::Geometry,
         needs: &[Need::Masses, Need::Wrench],
         has_memory: false,
@@ -32,7 +32,7 @@ impl Effect for BearingCompliance {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("compliance")], pivot: site.pivot()? })
     }
 

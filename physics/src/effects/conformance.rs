@@ -2,7 +2,7 @@
 //!
 //! No test for allocation is needed: the crate is `no_std` without `alloc`.
 
-mod follows;
+mod joint_slopes;
 mod keys;
 mod samples;
 mod scene;
@@ -48,9 +48,9 @@ fn numbers(contribution: &Contribution) -> Vec<f64> {
         }
         Contribution::ToolForce(term) => match term {
             ForceTerm::Edge(v) | ForceTerm::Chip(v) => v.to_array().to_vec(),
-            ForceTerm::Wear(x) | ForceTerm::Ring(x) => vec![*x],
+            ForceTerm::Wear(x) | ForceTerm::Oscillation(x) => vec![*x],
             ForceTerm::Runout(pair) => pair.to_vec(),
-            ForceTerm::Leak(matrix) => matrix.to_cols_array().to_vec(),
+            ForceTerm::CrossTalk(matrix) => matrix.to_cols_array().to_vec(),
         },
     }
 }

@@ -6,9 +6,9 @@
 //! Its force on the joint's bearing and on the base is not modelled.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 use crate::trig::sin_cos;
 
 /// `counterbalance`.
@@ -21,7 +21,7 @@ pub struct Counterbalance {
 impl Effect for Counterbalance {
     const SPEC: Spec = Spec {
         kind: "counterbalance",
-        place: Place::RevoluteJoint,
+        scope: EffectScope::RevoluteJoint,
         acts_on: ActsOn::Loads,
         needs: &[],
         has_memory: false,
@@ -34,7 +34,7 @@ impl Effect for Counterbalance {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let stems = ["stiffness", "free_length", "a", "L", "angle"];
         Ok(Self { joint: site.joint, values: stems.map(|stem| site.one(stem)) })
     }

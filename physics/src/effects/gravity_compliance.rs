@@ -4,11 +4,11 @@
 //! masses and of counterbalance springs. Source: docs/reference/effects.md. Linear; needs the arm's masses, no effect without them.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `gravity_compliance`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,14 +20,14 @@ pub struct GravityCompliance {
 impl Effect for GravityCompliance {
     const SPEC: Spec = Spec {
         kind: "gravity_compliance",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Masses],
         has_memory: false,
         parameters: &[Parameter::linear("compliance", Unit::Compliance, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("compliance")] })
     }
 

@@ -6,10 +6,10 @@
 //! are not identifiable (components along an axis, bodies whose joint never moves): rank deficiency in a fit.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site, VALUES_MAX};
+use crate::effect::{BuildError, Effect, Memory, BuildContext, VALUES_MAX};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use crate::{JOINTS_MAX, JointKind};
 use glam::DVec3;
 
@@ -24,7 +24,7 @@ pub struct GravitySag {
 impl Effect for GravitySag {
     const SPEC: Spec = Spec {
         kind: "gravity_sag",
-        place: Place::RevoluteJoint,
+        scope: EffectScope::RevoluteJoint,
         acts_on: ActsOn::JointPosition,
         needs: &[],
         has_memory: false,
@@ -33,7 +33,7 @@ impl Effect for GravitySag {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let count = site.list("sag").len();
         Ok(Self { joint: site.joint, values: site.array("sag"), count })
     }

@@ -4,10 +4,10 @@
 //! The geometry is unchanged, since poses are measured relative to the base: only gravity loads change.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `gravity_tilt`.
@@ -19,7 +19,7 @@ pub struct GravityTilt {
 impl Effect for GravityTilt {
     const SPEC: Spec = Spec {
         kind: "gravity_tilt",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Loads,
         needs: &[Need::Masses],
         has_memory: false,
@@ -28,7 +28,7 @@ impl Effect for GravityTilt {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("tilt") })
     }
 
@@ -40,6 +40,6 @@ impl Effect for GravityTilt {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 }

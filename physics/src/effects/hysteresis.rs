@@ -8,10 +8,10 @@
 
 use crate::Inputs;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use libm::{exp, expm1};
 
 /// Newton's method from the right on a convex function never overshoots; a test verifies that this
@@ -28,7 +28,7 @@ pub struct Hysteresis {
 impl Effect for Hysteresis {
     const SPEC: Spec = Spec {
         kind: "hysteresis",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Direction],
         has_memory: true,
@@ -38,7 +38,7 @@ impl Effect for Hysteresis {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("amplitude"), site.one("reversal")] })
     }
 
@@ -50,7 +50,7 @@ impl Effect for Hysteresis {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     fn derivative(&self, k: usize, _signals: &Signals<'_>, memory: &Memory) -> Contribution {

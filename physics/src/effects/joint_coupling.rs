@@ -4,9 +4,9 @@
 //! Source: docs/reference/effects.md. Memoryless; holds over the whole range.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `joint_coupling`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct JointCoupling {
 impl Effect for JointCoupling {
     const SPEC: Spec = Spec {
         kind: "joint_coupling",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[],
         has_memory: false,
@@ -29,7 +29,7 @@ impl Effect for JointCoupling {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let (number, count) = (site.one("from_joint"), site.arm.count());
         let from = (0..count).find(|&j| (j + 1) as f64 == number && j != site.joint);
         let from = from.ok_or(BuildError::Combination(

@@ -4,11 +4,11 @@
 //! Memoryless, independent of everything.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `joint_offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,14 +20,14 @@ pub struct JointOffset {
 impl Effect for JointOffset {
     const SPEC: Spec = Spec {
         kind: "joint_offset",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[],
         has_memory: false,
         parameters: &[Parameter::linear("offset", Unit::Milliradian, Range::Any)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("offset")] })
     }
 

@@ -5,10 +5,10 @@
 //! Source: docs/reference/effects.md. Holds within `range`; outside it is constant.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 
 const TERMS_MAX: usize = 16;
 
@@ -24,7 +24,7 @@ pub struct JointPolynomial {
 impl Effect for JointPolynomial {
     const SPEC: Spec = Spec {
         kind: "joint_polynomial",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[],
         has_memory: false,
@@ -37,7 +37,7 @@ impl Effect for JointPolynomial {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let range: [f64; 2] = site.array("range");
         if range[0] >= range[1] {
             return Err(BuildError::Combination("`range` with the lower position first"));
@@ -75,7 +75,7 @@ impl Effect for JointPolynomial {
         let per_joint = 2.0 / (high - low);
         let x = per_joint * (signals.inputs.q[self.joint] - low) - 1.0;
         if x.abs() >= 1.0 {
-            return Slope::Steady;
+            return Slope::Zero;
         }
         let (mut term, mut next, mut position) = ((1.0, 0.0), (x, 1.0), 0.0);
         for coefficient in self.values() {

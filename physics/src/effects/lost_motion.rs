@@ -4,9 +4,9 @@
 //! inertia at the joint. Source: docs/reference/effects.md. Depends on the load, not on the direction of motion; memoryless.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `lost_motion`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub struct LostMotion {
 impl Effect for LostMotion {
     const SPEC: Spec = Spec {
         kind: "lost_motion",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Masses, Need::Wrench],
         has_memory: false,
@@ -28,7 +28,7 @@ impl Effect for LostMotion {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("width"), site.one("torque")] })
     }
 

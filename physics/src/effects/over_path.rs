@@ -7,15 +7,15 @@
 //! have no state here.
 
 use crate::Arm;
-use crate::effect::{BuildError, Given, Site};
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Role, Spec, Unit};
+use crate::effect::{BuildContext, BuildError, ParameterValues};
+use crate::spec::{ActsOn, Count, EffectScope, Need, Parameter, Range, Role, Spec, Unit};
 use glam::DVec3;
 
 /// Specs of the effects over paths.
 pub static OVER_PATHS: &[Spec] = &[
     Spec {
         kind: "time_delay",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Time],
         has_memory: true,
@@ -23,12 +23,12 @@ pub static OVER_PATHS: &[Spec] = &[
             // Linear to first order: the delayed motion is the present motion minus speed times
             // delay.
             Parameter::linear("delay", Unit::Millisecond, Range::Any),
-            Parameter::setting("channel", Unit::Word, Range::Any),
+            Parameter::setting("channel", Unit::Text, Range::Any),
         ],
     },
     Spec {
         kind: "servo_lag",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Time],
         has_memory: true,
@@ -36,7 +36,7 @@ pub static OVER_PATHS: &[Spec] = &[
     },
     Spec {
         kind: "flexible_mode",
-        place: Place::JointOrBase,
+        scope: EffectScope::JointOrBase,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Acceleration, Need::Wrench, Need::Time],
         has_memory: true,
@@ -51,7 +51,7 @@ pub static OVER_PATHS: &[Spec] = &[
     },
     Spec {
         kind: "reversal_spike",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Direction, Need::Time],
         has_memory: true,
@@ -62,14 +62,14 @@ pub static OVER_PATHS: &[Spec] = &[
     },
     Spec {
         kind: "torque_delay",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Time],
         has_memory: true,
         parameters: &[
             // Linear to first order, as above.
             Parameter::linear("delay", Unit::Millisecond, Range::Any),
-            Parameter::setting("channel", Unit::Word, Range::Any),
+            Parameter::setting("channel", Unit::Text, Range::Any),
         ],
     },
 ];
@@ -92,13 +92,20 @@ impl OverPath {
         kind: &str,
         arm: &Arm,
         joint: Option<usize>,
-        given: Given<'_>,
+        given: ParameterValues<'_>,
     ) -> Option<Result<Self, BuildError>> {
         let spec = OVER_PATHS.iter().find(|spec| spec.kind == kind)?;
-        Some(Site::checked(spec, arm, joint, given).and_then(|site| Self::at(spec, joint, &site)))
+        Some(
+            BuildContext::checked(spec, arm, joint, given)
+                .and_then(|site| Self::at(spec, joint, &site)),
+        )
     }
 
-    fn at(spec: &'static Spec, joint: Option<usize>, site: &Site<'_>) -> Result<Self, BuildError> {
+    fn at(
+        spec: &'static Spec,
+        joint: Option<usize>,
+        site: &BuildContext<'_>,
+    ) -> Result<Self, BuildError> {
         let axis = match site.vector("axis") {
             None => None,
             Some(axis) => {
@@ -108,13 +115,13 @@ impl OverPath {
                 Some(axis)
             }
         };
-        if spec.place == Place::JointOrBase && joint.is_some() == axis.is_some() {
+        if spec.scope == EffectScope::JointOrBase && joint.is_some() == axis.is_some() {
             return Err(BuildError::Combination("either `joint` or `axis`"));
         }
         let mut values = [0.0; VALUES_MAX];
         for (value, parameter) in values.iter_mut().zip(fitted(spec)) {
             let default = if parameter.stem == "participation" { 1.0 } else { 0.0 };
-            *value = site.maybe(parameter.stem).unwrap_or(default);
+            *value = site.optional_value(parameter.stem).unwrap_or(default);
         }
         Ok(Self { spec, joint, axis, values })
     }

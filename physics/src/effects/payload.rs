@@ -5,10 +5,10 @@
 //! drive torques; with free compliances only the product is identifiable.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `payload`, of positions and of torques.
@@ -20,7 +20,7 @@ pub struct Payload {
 impl Effect for Payload {
     const SPEC: Spec = Spec {
         kind: "payload",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Loads,
         needs: &[],
         has_memory: false,
@@ -30,7 +30,7 @@ impl Effect for Payload {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let [x, y, z] = site.array("com");
         Ok(Self { values: [site.one("mass"), x, y, z] })
     }
@@ -43,7 +43,7 @@ impl Effect for Payload {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     fn derivative(&self, k: usize, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {

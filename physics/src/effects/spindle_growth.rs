@@ -6,11 +6,11 @@
 
 use crate::Inputs;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
-use crate::heat::{Cause, Heat, LAG, REFERENCE};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
+use crate::thermal::{ThermalInput, ThermalLaw, LAG, REFERENCE};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 const BY_TEMPERATURE: Parameter =
@@ -22,31 +22,31 @@ const BY_SPEED: Parameter =
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpindleGrowth {
     values: [f64; 2],
-    heat: Heat,
+    heat: ThermalLaw,
 }
 
 impl Effect for SpindleGrowth {
     const SPEC: Spec = Spec {
         kind: "spindle_growth",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Geometry,
         needs: &[Need::Temperature, Need::SpindleSpeed],
         has_memory: true,
         parameters: &[BY_TEMPERATURE, BY_SPEED, LAG, REFERENCE],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let (cause, growth) = match (site.maybe("growth"), site.maybe("growth_um")) {
-            (Some(growth), None) => (Cause::Ambient, growth),
-            (None, Some(growth)) => (Cause::Spindle, growth),
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let (cause, growth) = match (site.optional_value("growth"), site.optional_value("growth_um")) {
+            (Some(growth), None) => (ThermalInput::Ambient, growth),
+            (None, Some(growth)) => (ThermalInput::Spindle, growth),
             _ => return Err(BuildError::Combination("growth per kelvin or per krpm, one of them")),
         };
-        Ok(Self { values: [growth, site.one("lag")], heat: Heat::new(site, cause) })
+        Ok(Self { values: [growth, site.one("lag")], heat: ThermalLaw::new(site, cause) })
     }
 
     fn fitted(&self) -> &'static [Parameter] {
         let law: &[Parameter; 2] = match self.heat.cause {
-            Cause::Spindle => &[BY_SPEED, LAG],
+            ThermalInput::Spindle => &[BY_SPEED, LAG],
             _ => &[BY_TEMPERATURE, LAG],
         };
         &law[..self.heat.count]
@@ -65,11 +65,11 @@ impl Effect for SpindleGrowth {
     }
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-        self.grown(self.heat.level(self.values, signals.inputs, memory))
+        self.grown(self.heat.response(self.values, signals.inputs, memory))
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {

@@ -6,10 +6,10 @@
 //! [`crate::Model`] looks up the linear compliance and reports in [`crate::Evaluation`] when a load is beyond.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `stiffness_hardening`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,14 +21,14 @@ pub struct StiffnessHardening {
 impl Effect for StiffnessHardening {
     const SPEC: Spec = Spec {
         kind: "stiffness_hardening",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Masses, Need::Wrench],
         has_memory: false,
         parameters: &[Parameter::linear("cubic", Unit::CubicCompliance, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { joint: site.joint, values: [site.one("cubic")] })
     }
 

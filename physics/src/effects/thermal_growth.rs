@@ -8,11 +8,11 @@
 
 use crate::Inputs;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
-use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
+use crate::thermal::{ThermalInput, ThermalLaw, LAG, REFERENCE, TIME_CONSTANT};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 const GROWTH: Parameter =
@@ -25,14 +25,14 @@ const AMPLITUDE: Parameter =
 pub struct ThermalGrowth {
     joint: usize,
     values: [f64; 2],
-    heat: Heat,
+    heat: ThermalLaw,
     direction: DVec3,
 }
 
 impl Effect for ThermalGrowth {
     const SPEC: Spec = Spec {
         kind: "thermal_growth",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::Geometry,
         needs: &[Need::Temperature, Need::Time],
         has_memory: true,
@@ -46,14 +46,14 @@ impl Effect for ThermalGrowth {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let (heat, values) = Heat::of_joint(site, "growth")?;
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let (heat, values) = ThermalLaw::of_joint(site, "growth")?;
         Ok(Self { joint: site.joint, values, heat, direction: direction(site)? })
     }
 
     fn fitted(&self) -> &'static [Parameter] {
         let law: &[Parameter; 2] = match self.heat.cause {
-            Cause::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
+            ThermalInput::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
             _ => &[GROWTH, LAG],
         };
         &law[..self.heat.count]
@@ -72,11 +72,11 @@ impl Effect for ThermalGrowth {
     }
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-        self.grown(self.heat.level(self.values, signals.inputs, memory))
+        self.grown(self.heat.response(self.values, signals.inputs, memory))
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
@@ -98,7 +98,7 @@ impl ThermalGrowth {
     }
 }
 
-fn direction(site: &Site<'_>) -> Result<DVec3, BuildError> {
+fn direction(site: &BuildContext<'_>) -> Result<DVec3, BuildError> {
     if let Some(direction) = site.vector("direction") {
         return direction
             .try_normalize()
@@ -114,7 +114,7 @@ mod tests {
     use crate::Model;
     use crate::effects::AnyEffect;
     use crate::effects::conformance::scene;
-    use crate::{Given, Memories};
+    use crate::{ParameterValues, Memories};
 
     #[test]
     fn an_aluminium_upper_arm_of_0_7_m_grows_16_5_um_per_kelvin() {
@@ -123,7 +123,7 @@ mod tests {
         scene.inputs.q = [0.0; crate::JOINTS_MAX];
         scene.inputs.ambient_celsius = 21.0;
         let growth = [per_kelvin * length_m];
-        let given = Given(&[("growth", &growth)]);
+        let given = ParameterValues(&[("growth", &growth)]);
         let effect = AnyEffect::build("thermal_growth", &scene.arm, Some(1), given).expect("sound");
         let model = Model::new(scene.arm, &[effect]).expect("one effect");
         let seen = model.evaluate(&scene.inputs, &Memories::default());
@@ -137,9 +137,9 @@ mod tests {
         joints[1].axis = DVec3::Y;
         let arm = crate::Arm::new(&joints, scene().arm.tool, crate::arm::GRAVITY).expect("sound");
         let growth = [1e-6];
-        let build = |given: Given<'_>| AnyEffect::build("thermal_growth", &arm, Some(0), given);
-        assert_eq!(build(Given(&[("growth", &growth)])), Err(BuildError::NeedsDirection));
+        let build = |given: ParameterValues<'_>| AnyEffect::build("thermal_growth", &arm, Some(0), given);
+        assert_eq!(build(ParameterValues(&[("growth", &growth)])), Err(BuildError::NeedsDirection));
         let up = [0.0, 0.0, 2.0];
-        assert!(build(Given(&[("growth", &growth), ("direction", &up)])).is_ok());
+        assert!(build(ParameterValues(&[("growth", &growth), ("direction", &up)])).is_ok());
     }
 }

@@ -6,11 +6,11 @@
 
 use crate::Inputs;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
-use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
+use crate::thermal::{ThermalInput, ThermalLaw, LAG, REFERENCE, TIME_CONSTANT};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 const DRIFT: Parameter =
     Parameter::linear("drift", Unit::MilliradianPerKelvin, Range::Any).optional();
@@ -22,27 +22,27 @@ const AMPLITUDE: Parameter =
 pub struct ThermalZero {
     joint: usize,
     values: [f64; 2],
-    heat: Heat,
+    heat: ThermalLaw,
 }
 
 impl Effect for ThermalZero {
     const SPEC: Spec = Spec {
         kind: "thermal_zero",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[Need::Temperature, Need::Time],
         has_memory: true,
         parameters: &[DRIFT, LAG, AMPLITUDE, TIME_CONSTANT, REFERENCE],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let (heat, values) = Heat::of_joint(site, "drift")?;
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let (heat, values) = ThermalLaw::of_joint(site, "drift")?;
         Ok(Self { joint: site.joint, values, heat })
     }
 
     fn fitted(&self) -> &'static [Parameter] {
         let law: &[Parameter; 2] = match self.heat.cause {
-            Cause::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
+            ThermalInput::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
             _ => &[DRIFT, LAG],
         };
         &law[..self.heat.count]
@@ -61,11 +61,11 @@ impl Effect for ThermalZero {
     }
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-        self.drifted(self.heat.level(self.values, signals.inputs, memory))
+        self.drifted(self.heat.response(self.values, signals.inputs, memory))
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {

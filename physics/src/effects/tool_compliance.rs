@@ -4,9 +4,9 @@
 //! Source: docs/reference/effects.md. Linear; moments have no effect, and the tool does not rotate.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `tool_compliance`.
@@ -18,7 +18,7 @@ pub struct ToolCompliance {
 impl Effect for ToolCompliance {
     const SPEC: Spec = Spec {
         kind: "tool_compliance",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Geometry,
         needs: &[Need::Wrench],
         has_memory: false,
@@ -28,7 +28,7 @@ impl Effect for ToolCompliance {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("compliance") })
     }
 

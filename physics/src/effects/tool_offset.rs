@@ -4,10 +4,10 @@
 //! at least one of the two, the other one is zero. Source: docs/reference/effects.md. Exact for any shift and turn.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `tool_offset`.
@@ -21,7 +21,7 @@ pub struct ToolOffset {
 impl Effect for ToolOffset {
     const SPEC: Spec = Spec {
         kind: "tool_offset",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Geometry,
         needs: &[],
         has_memory: false,
@@ -33,7 +33,7 @@ impl Effect for ToolOffset {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let given = match (site.vector("shift"), site.vector("turn")) {
             (Some(_), Some(_)) => (0, 6),
             (Some(_), None) => (0, 3),
@@ -66,6 +66,6 @@ impl Effect for ToolOffset {
     }
 
     fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+        Slope::Zero
     }
 }

@@ -5,11 +5,11 @@
 //! Source: docs/reference/effects.md; thesis equation 3.5. Memoryless.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 use crate::trig::sin_cos;
 
 /// `transmission_error`.
@@ -22,7 +22,7 @@ pub struct TransmissionError {
 impl Effect for TransmissionError {
     const SPEC: Spec = Spec {
         kind: "transmission_error",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::JointPosition,
         needs: &[],
         has_memory: false,
@@ -33,7 +33,7 @@ impl Effect for TransmissionError {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("amplitude"), site.one("cycles"), site.one("phase")];
         Ok(Self { joint: site.joint, values })
     }

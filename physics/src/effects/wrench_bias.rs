@@ -5,9 +5,9 @@
 //! described at [`Contribution::Sensor`]. It acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::Wrench;
 use glam::DVec3;
 
@@ -22,7 +22,7 @@ pub struct WrenchBias {
 impl Effect for WrenchBias {
     const SPEC: Spec = Spec {
         kind: "wrench_bias",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Loads,
         needs: &[Need::Wrench],
         has_memory: false,
@@ -33,7 +33,7 @@ impl Effect for WrenchBias {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let given = match (site.vector("bias"), site.vector("bias_Nm")) {
             (Some(_), Some(_)) => (0, 6),
             (Some(_), None) => (0, 3),

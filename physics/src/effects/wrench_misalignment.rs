@@ -4,9 +4,9 @@
 //! TCP. Source: docs/reference/effects.md. It combines as described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::Wrench;
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ pub struct WrenchMisalignment {
 impl Effect for WrenchMisalignment {
     const SPEC: Spec = Spec {
         kind: "wrench_misalignment",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Loads,
         needs: &[Need::Wrench],
         has_memory: false,
@@ -28,7 +28,7 @@ impl Effect for WrenchMisalignment {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("turn") })
     }
 

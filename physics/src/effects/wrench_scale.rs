@@ -5,9 +5,9 @@
 //! described at [`Contribution::Sensor`] and acts on the tool only through compliances.
 
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::Wrench;
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ pub struct WrenchScale {
 impl Effect for WrenchScale {
     const SPEC: Spec = Spec {
         kind: "wrench_scale",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::Loads,
         needs: &[Need::Wrench],
         has_memory: false,
@@ -29,7 +29,7 @@ impl Effect for WrenchScale {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("scale") })
     }
 

@@ -8,7 +8,7 @@ use glam::DVec3;
 
 /// Four vectors at once.
 #[derive(Clone, Copy)]
-pub struct Three<S: Lanes> {
+pub struct Vec3Lanes<S: Lanes> {
     lanes: S,
     /// Their first coordinates.
     pub x: S::Four,
@@ -18,7 +18,7 @@ pub struct Three<S: Lanes> {
     pub z: S::Four,
 }
 
-impl<S: Lanes> Three<S> {
+impl<S: Lanes> Vec3Lanes<S> {
     /// From their coordinates.
     #[inline(always)]
     pub fn of(lanes: S, [x, y, z]: [S::Four; 3]) -> Self {
@@ -27,7 +27,7 @@ impl<S: Lanes> Three<S> {
 
     /// Vectors `4 k` to `4 k + 3`.
     #[inline(always)]
-    pub fn gathered(lanes: S, from: &[Padded; JOINTS_MAX], k: usize) -> Self {
+    pub fn gathered(lanes: S, from: &[PaddedVec3; JOINTS_MAX], k: usize) -> Self {
         let rows = from.as_chunks::<WIDTH>().0[k];
         Self::of(lanes, lanes.columns(rows.map(|row| row.four(lanes))))
     }
@@ -35,48 +35,48 @@ impl<S: Lanes> Three<S> {
     /// One vector in all lanes.
     #[inline(always)]
     pub fn same(lanes: S, v: DVec3) -> Self {
-        Self { lanes, x: lanes.same(v.x), y: lanes.same(v.y), z: lanes.same(v.z) }
+        Self { lanes, x: lanes.splat(v.x), y: lanes.splat(v.y), z: lanes.splat(v.z) }
     }
 
     /// `self − other`.
     #[inline(always)]
     pub fn minus(self, other: Self) -> Self {
         let lanes = self.lanes;
-        let (x, y) = (lanes.minus(self.x, other.x), lanes.minus(self.y, other.y));
-        Self { lanes, x, y, z: lanes.minus(self.z, other.z) }
+        let (x, y) = (lanes.sub(self.x, other.x), lanes.sub(self.y, other.y));
+        Self { lanes, x, y, z: lanes.sub(self.z, other.z) }
     }
 
     /// `self × factor`.
     #[inline(always)]
     pub fn times(self, factor: S::Four) -> Self {
         let lanes = self.lanes;
-        let (x, y) = (lanes.times(self.x, factor), lanes.times(self.y, factor));
-        Self { lanes, x, y, z: lanes.times(self.z, factor) }
+        let (x, y) = (lanes.mul(self.x, factor), lanes.mul(self.y, factor));
+        Self { lanes, x, y, z: lanes.mul(self.z, factor) }
     }
 
     /// `self + other × factor`.
     #[inline(always)]
     pub fn plus_times(self, other: Self, factor: S::Four) -> Self {
         let lanes = self.lanes;
-        let x = lanes.times_plus(other.x, factor, self.x);
-        let y = lanes.times_plus(other.y, factor, self.y);
-        Self { lanes, x, y, z: lanes.times_plus(other.z, factor, self.z) }
+        let x = lanes.mul_add(other.x, factor, self.x);
+        let y = lanes.mul_add(other.y, factor, self.y);
+        Self { lanes, x, y, z: lanes.mul_add(other.z, factor, self.z) }
     }
 
     /// The sum of the four.
     #[inline(always)]
     pub fn sum(self) -> DVec3 {
         let lanes = self.lanes;
-        lanes.xyz(lanes.sums([self.x, self.y, self.z, lanes.same(0.0)]))
+        lanes.to_vector(lanes.row_sums([self.x, self.y, self.z, lanes.splat(0.0)]))
     }
 
     /// `self × other`.
     #[inline(always)]
     pub fn cross(self, other: Self) -> Self {
         let lanes = self.lanes;
-        let x = lanes.times_from(self.z, other.y, lanes.times(self.y, other.z));
-        let y = lanes.times_from(self.x, other.z, lanes.times(self.z, other.x));
-        let z = lanes.times_from(self.y, other.x, lanes.times(self.x, other.y));
+        let x = lanes.neg_mul_add(self.z, other.y, lanes.mul(self.y, other.z));
+        let y = lanes.neg_mul_add(self.x, other.z, lanes.mul(self.z, other.x));
+        let z = lanes.neg_mul_add(self.y, other.x, lanes.mul(self.x, other.y));
         Self { lanes, x, y, z }
     }
 
@@ -84,9 +84,9 @@ impl<S: Lanes> Three<S> {
     #[inline(always)]
     pub fn cross_plus(self, other: Self, sum: Self) -> Self {
         let lanes = self.lanes;
-        let x = lanes.times_from(self.z, other.y, lanes.times_plus(self.y, other.z, sum.x));
-        let y = lanes.times_from(self.x, other.z, lanes.times_plus(self.z, other.x, sum.y));
-        let z = lanes.times_from(self.y, other.x, lanes.times_plus(self.x, other.y, sum.z));
+        let x = lanes.neg_mul_add(self.z, other.y, lanes.mul_add(self.y, other.z, sum.x));
+        let y = lanes.neg_mul_add(self.x, other.z, lanes.mul_add(self.z, other.x, sum.y));
+        let z = lanes.neg_mul_add(self.y, other.x, lanes.mul_add(self.x, other.y, sum.z));
         Self { lanes, x, y, z }
     }
 
@@ -94,16 +94,16 @@ impl<S: Lanes> Three<S> {
     #[inline(always)]
     pub fn dot(self, other: Self) -> S::Four {
         let lanes = self.lanes;
-        let x = lanes.times(self.x, other.x);
-        lanes.times_plus(self.z, other.z, lanes.times_plus(self.y, other.y, x))
+        let x = lanes.mul(self.x, other.x);
+        lanes.mul_add(self.z, other.z, lanes.mul_add(self.y, other.y, x))
     }
 
     /// `sum + self · other`.
     #[inline(always)]
     pub fn dot_plus(self, other: Self, sum: S::Four) -> S::Four {
         let lanes = self.lanes;
-        let x = lanes.times_plus(self.x, other.x, sum);
-        lanes.times_plus(self.z, other.z, lanes.times_plus(self.y, other.y, x))
+        let x = lanes.mul_add(self.x, other.x, sum);
+        lanes.mul_add(self.z, other.z, lanes.mul_add(self.y, other.y, x))
     }
 }
 
@@ -111,9 +111,9 @@ impl<S: Lanes> Three<S> {
 /// than the preceding write stalls the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
-pub struct Padded([f64; WIDTH]);
+pub struct PaddedVec3([f64; WIDTH]);
 
-impl Padded {
+impl PaddedVec3 {
     /// From a vector.
     pub const fn of(v: DVec3) -> Self {
         Self([v.x, v.y, v.z, 0.0])
@@ -122,13 +122,13 @@ impl Padded {
     /// From a vector in lanes.
     #[inline(always)]
     pub fn put<S: Lanes>(lanes: S, four: S::Four) -> Self {
-        Self(lanes.numbers(four))
+        Self(lanes.to_array(four))
     }
 
     /// The vector in lanes.
     #[inline(always)]
     pub fn four<S: Lanes>(&self, lanes: S) -> S::Four {
-        lanes.of(self.0)
+        lanes.load(self.0)
     }
 
     /// The vector.
@@ -142,7 +142,7 @@ impl Padded {
 /// One vector per joint, stored as an array per coordinate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(64))]
-pub struct Vectors {
+pub struct JointVectors {
     /// First coordinates.
     pub x: [f64; JOINTS_MAX],
     /// Second.
@@ -151,7 +151,7 @@ pub struct Vectors {
     pub z: [f64; JOINTS_MAX],
 }
 
-impl Vectors {
+impl JointVectors {
     /// The vector of joint `i`.
     #[inline(always)]
     pub fn at(&self, i: usize) -> DVec3 {
@@ -165,17 +165,17 @@ impl Vectors {
 
     /// The vectors of joints `4 k` to `4 k + 3`.
     #[inline(always)]
-    pub fn part<S: Lanes>(&self, lanes: S, k: usize) -> Three<S> {
+    pub fn part<S: Lanes>(&self, lanes: S, k: usize) -> Vec3Lanes<S> {
         let (x, y) = (lanes.part(&self.x, k), lanes.part(&self.y, k));
-        Three::of(lanes, [x, y, lanes.part(&self.z, k)])
+        Vec3Lanes::of(lanes, [x, y, lanes.part(&self.z, k)])
     }
 
     /// Sets the vectors of joints `4 k` to `4 k + 3`.
     #[inline(always)]
-    pub fn put<S: Lanes>(&mut self, three: Three<S>, k: usize) {
+    pub fn put<S: Lanes>(&mut self, three: Vec3Lanes<S>, k: usize) {
         let lanes = three.lanes;
-        lanes.put(three.x, &mut self.x, k);
-        lanes.put(three.y, &mut self.y, k);
-        lanes.put(three.z, &mut self.z, k);
+        lanes.store(three.x, &mut self.x, k);
+        lanes.store(three.y, &mut self.y, k);
+        lanes.store(three.z, &mut self.z, k);
     }
 }

@@ -4,10 +4,10 @@
 //! The invariants of [`crate::model`] apply. No heap.
 
 use crate::deviation::Contribution;
-use crate::lanes::{Lanes, Work, widest};
+use crate::lanes::{Kernel, Lanes, run_widest};
 use crate::loads::{LoadChange, Loads};
 use crate::signals::{Inputs, Signals};
-use crate::slopes::Told;
+use crate::slopes::SlopeSums;
 use crate::spec::ActsOn;
 use crate::{Chain, Evaluation, JOINTS_MAX, Joints, Memories, Model};
 use glam::DVec3;
@@ -15,9 +15,9 @@ use glam::DVec3;
 impl Model {
     /// [`Model::evaluate`], written over an evaluation of a model of the same arm, or over the
     /// default: nothing is copied.
-    pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        self.deviate_into(inputs, memories, seen, None);
-        seen.stand(&self.arm, inputs);
+    pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, evaluation: &mut Evaluation) {
+        self.deviate_into(inputs, memories, evaluation, None);
+        evaluation.set_real(&self.arm, inputs);
     }
 
     /// The first half of [`Model::evaluate_into`], without the actual geometry; with the effects'
@@ -26,10 +26,13 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &mut Evaluation,
-        told: Option<&mut Told>,
+        evaluation: &mut Evaluation,
+        slopes: Option<&mut SlopeSums>,
     ) {
-        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on: None, told });
+        run_widest(
+            self.arm.count(),
+            DeviationKernel { model: self, inputs, memories, evaluation, on: None, slopes },
+        );
     }
 
     /// The same with the effects' slopes, for joints a step `on` from those of `seen`.
@@ -37,19 +40,30 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &mut Evaluation,
+        evaluation: &mut Evaluation,
         on: &Joints,
-        told: &mut Told,
+        slopes: &mut SlopeSums,
     ) {
-        let (on, told) = (Some(on), Some(told));
-        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on, told });
+        let (on, slopes) = (Some(on), Some(slopes));
+        run_widest(
+            self.arm.count(),
+            DeviationKernel { model: self, inputs, memories, evaluation, on, slopes },
+        );
     }
 
     /// [`Model::evaluate_into`] for the geometry and loads in `seen`, computed by
     /// [`Model::load_into`] and possibly changed since.
-    pub fn evaluate_under(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        widest(self.arm.count(), Bend { model: self, inputs, memories, seen });
-        seen.stand(&self.arm, inputs);
+    pub fn evaluate_under(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        evaluation: &mut Evaluation,
+    ) {
+        run_widest(
+            self.arm.count(),
+            ContributionsKernel { model: self, inputs, memories, evaluation },
+        );
+        evaluation.set_real(&self.arm, inputs);
     }
 
     /// The loads for the controller's geometry in `seen`, with `beside` as an additional change.
@@ -58,18 +72,18 @@ impl Model {
         inputs: &Inputs,
         memories: &Memories,
         beside: &Contribution,
-        seen: &mut Evaluation,
+        evaluation: &mut Evaluation,
     ) {
         let mut change = LoadChange::default();
         change.add(beside);
-        let Evaluation { nominal, loads, .. } = seen;
+        let Evaluation { nominal, loads, .. } = evaluation;
         self.load(inputs, nominal, memories, &mut change, loads);
     }
 
     /// The first part of [`Model::deviate_into`]: the nominal geometry and its loads.
-    pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        seen.nominal.stand(&self.arm, &inputs.q);
-        let (chain, loads) = (&seen.nominal, &mut seen.loads);
+    pub fn load_into(&self, inputs: &Inputs, memories: &Memories, evaluation: &mut Evaluation) {
+        evaluation.nominal.set_nominal(&self.arm, &inputs.q);
+        let (chain, loads) = (&evaluation.nominal, &mut evaluation.loads);
         self.load(inputs, chain, memories, &mut LoadChange::default(), loads);
     }
 
@@ -78,43 +92,43 @@ impl Model {
         &self,
         lanes: S,
         (inputs, memories): (&Inputs, &Memories),
-        seen: &mut Evaluation,
+        evaluation: &mut Evaluation,
         on: Option<&Joints>,
-        told: Option<&mut Told>,
+        slopes: Option<&mut SlopeSums>,
     ) {
-        let Evaluation { nominal, loads, .. } = &mut *seen;
-        nominal.stand_in(lanes, &self.arm, &inputs.q, on);
+        let Evaluation { nominal, loads, .. } = &mut *evaluation;
+        nominal.set_nominal_in(lanes, &self.arm, &inputs.q, on);
         let change = &mut LoadChange::default();
         self.load_in(lanes, (inputs, nominal), memories, change, loads);
-        self.bend(lanes, (inputs, memories), seen, told);
+        self.sum_contributions(lanes, (inputs, memories), evaluation, slopes);
     }
 
     /// Contributions of the effects for given geometry and loads.
     #[inline(always)]
-    fn bend<S: Lanes>(
+    fn sum_contributions<S: Lanes>(
         &self,
         lanes: S,
         (inputs, memories): (&Inputs, &Memories),
-        seen: &mut Evaluation,
-        mut told: Option<&mut Told>,
+        evaluation: &mut Evaluation,
+        mut slopes: Option<&mut SlopeSums>,
     ) {
-        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
+        let Evaluation { nominal, loads, deviation, out_of_range: beyond, .. } = evaluation;
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
-        if let Some(told) = &mut told {
+        if let Some(told) = &mut slopes {
             // Effects on the loads, and inertia, have other derivatives.
             let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
             told.begin(at_rest && !self.changes_loads, &self.laws);
         }
-        self.laws.begin(lanes, &signals, deviation, told.as_deref_mut());
+        self.laws.begin(lanes, &signals, deviation, slopes.as_deref_mut());
         for index in &self.others[..self.others_count] {
             let place = usize::from(*index);
             if let Some(effect) = &self.effects[place] {
-                effect.act((&signals, &memories.0[place]), deviation, told.as_deref_mut());
+                effect.act((&signals, &memories.0[place]), deviation, slopes.as_deref_mut());
             }
         }
-        *beyond = if self.hardens { self.beyond(loads) } else { None };
+        *beyond = if self.hardens { self.load_out_of_range(loads) } else { None };
     }
 
     /// The loads, including changes by effects, which are zero before.
@@ -126,7 +140,10 @@ impl Model {
         change: &mut LoadChange,
         loads: &mut Loads,
     ) {
-        widest(self.arm.count(), Load { model: self, inputs, chain, memories, change, loads });
+        run_widest(
+            self.arm.count(),
+            LoadsKernel { model: self, inputs, chain, memories, change, loads },
+        );
     }
 
     #[inline(always)]
@@ -142,57 +159,57 @@ impl Model {
             change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
         }
         let stands = (&self.arm, chain);
-        loads.carry(lanes, stands, inputs.wrench_base, change);
+        loads.compute(lanes, stands, inputs.wrench_base, change);
         if self.changes_loads {
-            loads.forget_inertia();
+            loads.clear_inertia();
             let signals = Signals { arm: &self.arm, inputs, chain, loads };
             for (effect, memory) in self.effects().zip(memories.iter()) {
                 if effect.spec().acts_on == ActsOn::Loads {
                     change.add(&effect.predict(&signals, memory));
                 }
             }
-            loads.carry(lanes, stands, inputs.wrench_base, change);
+            loads.compute(lanes, stands, inputs.wrench_base, change);
         }
-        loads.carry_inertia(&self.arm, chain, inputs, change);
+        loads.compute_inertia(&self.arm, chain, inputs, change);
     }
 }
 
-struct Deviate<'a> {
+struct DeviationKernel<'a> {
     model: &'a Model,
     inputs: &'a Inputs,
     memories: &'a Memories,
-    seen: &'a mut Evaluation,
+    evaluation: &'a mut Evaluation,
     on: Option<&'a Joints>,
-    told: Option<&'a mut Told>,
+    slopes: Option<&'a mut SlopeSums>,
 }
 
-impl Work for Deviate<'_> {
+impl Kernel for DeviationKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        let Self { model, inputs, memories, seen, on, told } = self;
+        let Self { model, inputs, memories, evaluation: seen, on, slopes: told } = self;
         model.deviate(lanes, (inputs, memories), seen, on, told);
     }
 }
 
-struct Bend<'a> {
+struct ContributionsKernel<'a> {
     model: &'a Model,
     inputs: &'a Inputs,
     memories: &'a Memories,
-    seen: &'a mut Evaluation,
+    evaluation: &'a mut Evaluation,
 }
 
-impl Work for Bend<'_> {
+impl Kernel for ContributionsKernel<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.model.bend(lanes, (self.inputs, self.memories), self.seen, None);
+        self.model.sum_contributions(lanes, (self.inputs, self.memories), self.evaluation, None);
     }
 }
 
-struct Load<'a> {
+struct LoadsKernel<'a> {
     model: &'a Model,
     inputs: &'a Inputs,
     chain: &'a Chain,
@@ -201,7 +218,7 @@ struct Load<'a> {
     loads: &'a mut Loads,
 }
 
-impl Work for Load<'_> {
+impl Kernel for LoadsKernel<'_> {
     type Output = ();
 
     #[inline(always)]

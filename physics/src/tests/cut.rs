@@ -1,8 +1,8 @@
 //! Forces of a cutter: closed forms, signs, harmonics, and changes by effects and a sensor.
 
-use crate::cut::{Bite, CutForce, Cutter};
+use crate::cut::{CutForce, Cutter, ToothForces};
 use crate::effects::conformance::scene;
-use crate::{AnyEffect, Given, Memories, Model};
+use crate::{AnyEffect, Memories, Model, ParameterValues};
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use glam::{DMat3, DVec3};
 
@@ -24,7 +24,7 @@ fn mill() -> Cutter {
     }
 }
 
-fn force(cutter: &Cutter, bite: &Bite) -> DVec3 {
+fn force(cutter: &Cutter, bite: &ToothForces) -> DVec3 {
     CutForce::default().acting(cutter, bite, 0.0)
 }
 
@@ -37,7 +37,7 @@ fn turn() -> impl Iterator<Item = f64> {
 fn wave(cutter: &Cutter, under: &CutForce, cycles: f64) -> DVec3 {
     let (mut cos, mut sin) = (DVec3::ZERO, DVec3::ZERO);
     for angle in turn() {
-        let force = under.acting(cutter, &cutter.bite(angle, FEED), 0.0);
+        let force = under.acting(cutter, &cutter.tooth_forces(angle, FEED), 0.0);
         cos += force * (cycles * angle).cos();
         sin += force * (cycles * angle).sin();
     }
@@ -56,7 +56,8 @@ fn at(effects: &[Named<'_>], time_s: f64) -> CutForce {
     let scene = scene();
     let mut model = Model::nominal(scene.arm);
     for (kind, numbers) in effects {
-        let effect = AnyEffect::build(kind, &scene.arm, None, Given(numbers)).expect("sound");
+        let effect =
+            AnyEffect::build(kind, &scene.arm, None, ParameterValues(numbers)).expect("sound");
         model.push(effect).expect("room");
     }
     let inputs = crate::Inputs { time_s, ..scene.inputs };
@@ -109,7 +110,7 @@ fn the_mean_over_a_turn_is_the_mean_whatever_helix_and_runout() {
     let under = with(&[("runout", &[("radial", &[5e-6]), ("phase", &[0.7])])]);
     let mut sum = DVec3::ZERO;
     for angle in turn() {
-        sum += under.acting(&cutter, &cutter.bite(angle, FEED), 0.0);
+        sum += under.acting(&cutter, &cutter.tooth_forces(angle, FEED), 0.0);
     }
     let off = sum / f64::from(TURN) - force(&cutter, &cutter.mean(FEED));
     assert!(off.length() < 5e-3, "{off}");
@@ -136,9 +137,9 @@ fn the_tooth_that_stands_out_takes_what_the_one_before_it_left() {
     let radial = 3e-6;
     let under = with(&[("runout", &[("radial", &[radial]), ("phase", &[0.0])])]);
     // Tooth 0 where the chip is thickest, then tooth 1 there.
-    let tangential = |angle: f64| under.acting(&cutter, &cutter.bite(angle, FEED), 0.0).y;
+    let tangential = |angle: f64| under.acting(&cutter, &cutter.tooth_forces(angle, FEED), 0.0).y;
     let more = 2.0 * radial * cutter.chip_n_m2.x * cutter.axial_depth_m;
-    let plain = force(&cutter, &cutter.bite(FRAC_PI_2, FEED)).y;
+    let plain = force(&cutter, &cutter.tooth_forces(FRAC_PI_2, FEED)).y;
     assert!((tangential(FRAC_PI_2) - plain - more).abs() < 1e-9);
     assert!((tangential(FRAC_PI_2 + PI) - plain + more).abs() < 1e-9);
 }
@@ -146,7 +147,7 @@ fn the_tooth_that_stands_out_takes_what_the_one_before_it_left() {
 #[test]
 fn without_feed_only_edges_rub_and_blunt_ones_rub_more_along_the_cut() {
     let cutter = mill();
-    let bite = cutter.bite(1.0, 0.0);
+    let bite = cutter.tooth_forces(1.0, 0.0);
     assert_eq!(force(&cutter, &bite), bite.edge * cutter.edge_n_m);
     let worn = with(&[("tool_wear", &[("growth", &[0.05])])]);
     let grown = worn.acting(&cutter, &bite, 4.0);
@@ -162,25 +163,29 @@ fn turning_is_the_limit_of_one_tooth_that_stays_in_the_thickest_chip() {
         Cutter { teeth: 1, entry_rad: FRAC_PI_2 - narrow, exit_rad: FRAC_PI_2 + narrow, ..mill() };
     let share = 2.0 * narrow / TAU;
     let limit = force(&grazing, &grazing.mean(FEED)) / share;
-    let one = force(&turned, &turned.bite(2.0, FEED));
+    let one = force(&turned, &turned.tooth_forces(2.0, FEED));
     assert!((one - limit).length() < 1e-6 * one.length(), "{one} {limit}");
     let (c, e) = (turned.chip_n_m2, turned.edge_n_m);
     let expected = (c * FEED + e) * turned.axial_depth_m;
     assert!((one - DVec3::new(-expected.y, expected.x, expected.z)).length() < 1e-12);
     let under = with(&[("runout", &[("radial", &[5e-6]), ("phase", &[0.7])])]);
-    assert_eq!(under.acting(&turned, &turned.bite(0.0, FEED), 0.0), one, "one tooth leads none");
+    assert_eq!(
+        under.acting(&turned, &turned.tooth_forces(0.0, FEED), 0.0),
+        one,
+        "one tooth leads none"
+    );
 }
 
 #[test]
 fn a_tool_that_gives_way_along_its_axis_cuts_less_deep() {
     let cutter = mill();
-    let bite = cutter.bite(1.2, FEED);
+    let bite = cutter.tooth_forces(1.2, FEED);
     let give = 2e-6;
     let soft = with(&[("tool_compliance", &[("compliance", &[0.0, 0.0, give])])]);
     let force = soft.acting(&cutter, &bite, 0.0);
     let depth = cutter.axial_depth_m - give * force.z;
     let shallow = Cutter { axial_depth_m: depth, ..cutter };
-    let expected = CutForce::default().acting(&shallow, &shallow.bite(1.2, FEED), 0.0);
+    let expected = CutForce::default().acting(&shallow, &shallow.tooth_forces(1.2, FEED), 0.0);
     assert!((force - expected).length() < 1e-9, "{force} {expected}");
 }
 
@@ -202,8 +207,8 @@ fn a_sensor_reads_turned_then_leaking_then_scaled_then_off() {
         2.0 + felt.y,
         3.0 + 0.95 * (felt.z + 0.01 * felt.x),
     );
-    assert!((sensor.read(acting) - expected).length() < 1e-12);
-    assert_eq!(CutForce::default().read(acting), DMat3::IDENTITY * acting);
+    assert!((sensor.measured_force(acting) - expected).length() < 1e-12);
+    assert_eq!(CutForce::default().measured_force(acting), DMat3::IDENTITY * acting);
 }
 
 #[test]
@@ -211,8 +216,8 @@ fn chatter_swings_across_the_feed_only_where_a_tooth_cuts() {
     let chatter: &[Named<'_>] = &[("chatter", &[("frequency", &[250.0]), ("amplitude", &[7.0])])];
     let cutter = Cutter { teeth: 1, ..mill() };
     let crest = at(chatter, 1e-3);
-    let inside = cutter.bite(1.0, FEED);
+    let inside = cutter.tooth_forces(1.0, FEED);
     let swing = crest.acting(&cutter, &inside, 0.0) - force(&cutter, &inside);
     assert!((swing - DVec3::new(0.0, 7.0, 0.0)).length() < 1e-9, "{swing}");
-    assert_eq!(crest.acting(&cutter, &cutter.bite(4.0, FEED), 0.0), DVec3::ZERO);
+    assert_eq!(crest.acting(&cutter, &cutter.tooth_forces(4.0, FEED), 0.0), DVec3::ZERO);
 }

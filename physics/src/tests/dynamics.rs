@@ -2,7 +2,7 @@
 
 use super::loads::energy as potential;
 use crate::arm::GRAVITY;
-use crate::dynamics::{Inertial, Regressor, inverse_dynamics};
+use crate::dynamics::{InertialParameters, Regressor, inverse_dynamics};
 use crate::frame::rotation_from_vector;
 use crate::inertia::tests::energy as kinetic;
 use crate::{Arm, Body, Chain, Inputs, JOINTS_MAX, Joint, JointKind, Joints, Tool, Wrench};
@@ -216,7 +216,7 @@ proptest! {
         let table = Regressor::new(&arm, &chain, &inputs, arm.gravity);
         let mut sum = [0.0; JOINTS_MAX];
         for (joint, body) in arm.bodies() {
-            let parameters = Inertial::of(body).values();
+            let parameters = InertialParameters::of(body).values();
             for (sum, row) in sum.iter_mut().zip(table.of_body(joint)) {
                 *sum += row.iter().zip(parameters).map(|(y, p)| y * p).sum::<f64>();
             }
@@ -230,8 +230,8 @@ proptest! {
 
     #[test]
     fn bodies_on_one_joint_add_up((arm, inputs) in in_motion(), one in body(), other in body()) {
-        let (a, b) = (Inertial::of(&one), Inertial::of(&other));
-        let both = Inertial { mass: a.mass + b.mass, first_moment: a.first_moment + b.first_moment, inertia: a.inertia + b.inertia };
+        let (a, b) = (InertialParameters::of(&one), InertialParameters::of(&other));
+        let both = InertialParameters { mass: a.mass + b.mass, first_moment: a.first_moment + b.first_moment, inertia: a.inertia + b.inertia };
         let centre = both.first_moment / both.mass;
         // The joint body by the parallel axis theorem about its own centre.
         let carried = |body: &Body| {
@@ -240,7 +240,7 @@ proptest! {
             body.inertia + (DMat3::from_diagonal(DVec3::splat(r.length_squared())) - outer) * body.mass
         };
         let body = Body { inertia: carried(&one) + carried(&other), ..Body::point_mass(both.mass, centre) };
-        for (found, wanted) in Inertial::of(&body).values().iter().zip(both.values()) {
+        for (found, wanted) in InertialParameters::of(&body).values().iter().zip(both.values()) {
             prop_assert!((found - wanted).abs() < 1e-11);
         }
         let with = |body: Option<Body>| {

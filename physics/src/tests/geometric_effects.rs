@@ -134,7 +134,12 @@ fn a_shifted_axis_takes_along_all_that_it_carries() {
 fn a_shift_along_the_axis_is_the_last_joints_alone() {
     let arm = scene().arm;
     let build = |joint, shift: &[f64]| {
-        AnyEffect::build("axis_shift", &arm, Some(joint), crate::Given(&[("shift", shift)]))
+        AnyEffect::build(
+            "axis_shift",
+            &arm,
+            Some(joint),
+            crate::ParameterValues(&[("shift", shift)]),
+        )
     };
     assert!(matches!(build(1, &[0.0, 1e-5, 0.0]), Err(crate::BuildError::Combination(_))));
     let rounded = build(1, &[1e-3, 9e-7, 0.0]).expect("rounding is no part along the axis");

@@ -5,7 +5,7 @@ use super::six_joints;
 use crate::deviation::Deviation;
 use crate::effects::conformance::{Scene, scene, sliding_scene};
 use crate::frame::vector_from_rotation;
-use crate::lanes::Plain;
+use crate::lanes::PortableLanes;
 use crate::{Arm, Chain, Joint, JointKind, Joints, Loads, Tool};
 use core::f64::consts::FRAC_PI_2;
 use glam::{DMat3, DVec3};
@@ -148,8 +148,8 @@ fn the_lanes_of_any_machine_say_the_same() {
     for scene in [scene(), sliding_scene()] {
         let Scene { arm, inputs, .. } = scene;
         let mut plain = [Chain::nominal(&arm, &inputs.q); 2];
-        plain[0].stand_in(Plain::<2>, &arm, &inputs.q, None);
-        plain[1].stand_in(Plain::<4>, &arm, &inputs.q, None);
+        plain[0].set_nominal_in(PortableLanes::<2>, &arm, &inputs.q, None);
+        plain[1].set_nominal_in(PortableLanes::<4>, &arm, &inputs.q, None);
         let wide = Chain::nominal(&arm, &inputs.q);
         assert_eq!(plain[0].bodies, plain[1].bodies);
         for i in 0..arm.count() {

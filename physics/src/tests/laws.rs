@@ -88,10 +88,10 @@ fn an_effect_that_takes_the_place_of_another_kind_is_felt_as_if_it_had_been_ther
         let mut changed = Model::new(arm, &[compliance, offset]).expect("they fit");
         changed.change(1, |place| *place = comes).expect("there");
         assert_eq!(says(&changed), says(&built), "{}", comes.spec().kind);
-        assert_eq!(changed.hardens(), built.hardens());
+        assert_eq!(changed.has_hardening(), built.has_hardening());
         changed.change(1, |place| *place = offset).expect("there");
         let plain = Model::new(arm, &[compliance, offset]).expect("they fit");
         assert_eq!(says(&changed), says(&plain), "without {}", comes.spec().kind);
-        assert!(!changed.hardens());
+        assert!(!changed.has_hardening());
     }
 }

@@ -144,8 +144,8 @@ fn a_stiffening_law_is_refused_beyond_the_load_where_it_would_turn_back() {
             effect(&scene.arm, "stiffness_hardening", 1, &[("cubic", &[cubic])]),
         ];
         let seen = evaluated(scene.arm, &effects, &scene.inputs);
-        assert_eq!(seen.beyond.is_some(), beyond);
-        if let Some(seen) = seen.beyond {
+        assert_eq!(seen.out_of_range.is_some(), beyond);
+        if let Some(seen) = seen.out_of_range {
             assert_eq!(seen.joint, 1);
             assert!((seen.limit - limit).abs() < 1e-9 && seen.torque.abs() > limit);
         }

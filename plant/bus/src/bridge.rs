@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use live::report::Report;
-use shm_schema::{Cell, Current};
+use shm_schema::{Announcement, Cell};
 use trued_client::{Answer, ConnectionEvent, Monitor, Status};
 
 use crate::acceptance::{Accept, Acceptance, Reason, Refusal};
@@ -207,7 +207,7 @@ impl Bridge {
         }
         let away = |why: String| Refusal::new(Reason::DaemonAway, why);
         let monitor = self.monitor.as_mut().ok_or_else(|| away(self.absent.clone()))?;
-        if let Some(why) = monitor.away() {
+        if let Some(why) = monitor.disconnect_reason() {
             return Err(away(why.to_string()));
         }
         let file = acceptance.stage(&checked)?;
@@ -252,7 +252,7 @@ impl Bridge {
         if let Some(monitor) = &mut self.monitor {
             while let Some(event) = monitor.next_event() {
                 if matches!(event, ConnectionEvent::Connected { .. }) {
-                    let current = Current::read(&self.cell);
+                    let current = Announcement::read(&self.cell);
                     self.daemon_version = current.ok().map(|current| current.contract.program);
                 }
                 events.push(match event {
@@ -292,7 +292,7 @@ impl Bridge {
     fn take_status(&mut self) -> Option<String> {
         let Some(monitor) = &mut self.monitor else { return Some(self.absent.clone()) };
         let status = monitor.status();
-        if let Some(away) = monitor.away() {
+        if let Some(away) = monitor.disconnect_reason() {
             self.former_t_ns = status.map_or(0, |status| status.t_ns);
             return Some(away.to_string());
         }
@@ -307,7 +307,7 @@ impl Bridge {
     }
 
     fn report(&self, away: Option<String>) -> Option<Report> {
-        self.status.as_ref().map(|status| Report::of(&self.keys.cell, status, away))
+        self.status.as_ref().map(|status| Report::new(&self.keys.cell, status, away))
     }
 
     fn summarise(&mut self) -> Result<(), BridgeError> {

@@ -12,7 +12,7 @@ use crate::series::{Observation, Series};
 use crate::settings::Settings;
 use crate::time::months;
 
-/// Times of a change that are tried, at most; more recordings are tried at even distances.
+/// Largest number of candidate times of a change; of more recordings, evenly spaced ones are candidates.
 const ONSETS: usize = 200;
 /// Standard deviations of half an interval of 95 %.
 const HALF_95: f64 = 1.96;
@@ -21,8 +21,8 @@ const TEMPERATURES: f64 = 0.9;
 
 /// How a series changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// At once, from one recording to the next.
+pub enum ChangeKind {
+    /// From one recording to the next.
     Step,
     /// Steadily, from some recording on.
     Growth,
@@ -39,13 +39,13 @@ pub struct Estimate {
     pub high: f64,
 }
 
-/// The change that a series has most probably, if it has one.
+/// The most probable change of a series, if it has one.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Change {
     /// Logarithm of the Bayes factor of a change against none.
     pub log_bayes: f64,
     /// Step or growth.
-    pub kind: Kind,
+    pub kind: ChangeKind,
     /// Probability of that kind among the two.
     pub kind_probability: f64,
     /// The first recording that is changed, as an index of observations: most probable, and the ends of an interval of 95 %.
@@ -62,9 +62,9 @@ pub struct Change {
     pub per_kelvin: Option<f64>,
 }
 
-/// A tried change.
-struct Tried {
-    kind: Kind,
+/// A candidate change.
+struct CandidateChange {
+    kind: ChangeKind,
     first: usize,
     fit: Fit,
     /// Its last column at the last recording.
@@ -73,25 +73,25 @@ struct Tried {
 
 /// The change of a series; none where it has too few recordings for one.
 #[must_use]
-pub fn change(series: &Series, settings: &Settings) -> Option<Change> {
+pub fn most_probable_change(series: &Series, settings: &Settings) -> Option<Change> {
     let observations = &series.observations;
     let count = observations.len();
     if series.found() < settings.least_found || count < 2 * settings.least_after {
         return None;
     }
-    let kelvins = kelvins(observations, settings);
+    let kelvins = centred_temperatures(observations, settings);
     let constant = fit(
         &rows(observations, &kelvins, |_| 0.0),
         [true, false, kelvins.is_some()],
         settings.missed_share,
         None,
     );
-    let tried: Vec<Tried> = [Kind::Growth, Kind::Step]
+    let tried: Vec<CandidateChange> = [ChangeKind::Growth, ChangeKind::Step]
         .into_iter()
         .flat_map(|kind| tried(observations, &kelvins, kind, settings, &constant))
         .collect();
     let penalty = 0.5 * (count as f64).ln();
-    let evidence = |kind: Kind| {
+    let evidence = |kind: ChangeKind| {
         let of: Vec<f64> = tried
             .iter()
             .filter(|one| one.kind == kind)
@@ -99,11 +99,14 @@ pub fn change(series: &Series, settings: &Settings) -> Option<Change> {
             .collect();
         log_mean(&of) - penalty
     };
-    let (growth, step) = (evidence(Kind::Growth), evidence(Kind::Step));
-    let (kind, of_kind, other) =
-        if growth >= step { (Kind::Growth, growth, step) } else { (Kind::Step, step, growth) };
-    let chosen: Vec<&Tried> = tried.iter().filter(|one| one.kind == kind).collect();
-    let summary = Summary::of(&chosen)?;
+    let (growth, step) = (evidence(ChangeKind::Growth), evidence(ChangeKind::Step));
+    let (kind, of_kind, other) = if growth >= step {
+        (ChangeKind::Growth, growth, step)
+    } else {
+        (ChangeKind::Step, step, growth)
+    };
+    let chosen: Vec<&CandidateChange> = tried.iter().filter(|one| one.kind == kind).collect();
+    let summary = WeightedSummary::of(&chosen)?;
     Some(Change {
         log_bayes: log_mean(&[growth, step]),
         kind,
@@ -120,8 +123,8 @@ pub fn change(series: &Series, settings: &Settings) -> Option<Change> {
     })
 }
 
-/// Temperatures about their mean, where they are a covariate.
-fn kelvins(observations: &[Observation], settings: &Settings) -> Option<Vec<f64>> {
+/// Temperatures minus their mean, where they are a covariate.
+fn centred_temperatures(observations: &[Observation], settings: &Settings) -> Option<Vec<f64>> {
     let known: Vec<f64> = observations.iter().filter_map(|one| one.ambient_c).collect();
     let low = known.iter().copied().fold(f64::INFINITY, f64::min);
     let high = known.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -152,37 +155,39 @@ fn rows(
     observations.iter().enumerate().map(row).collect()
 }
 
-/// Every time at which a change of this kind may begin, fitted; each begins where its neighbour ended.
+/// Fits every candidate time of this kind of change; each fit starts at the result of its neighbour.
 fn tried(
     observations: &[Observation],
     kelvins: &Option<Vec<f64>>,
-    kind: Kind,
+    kind: ChangeKind,
     settings: &Settings,
     constant: &Fit,
-) -> Vec<Tried> {
+) -> Vec<CandidateChange> {
     let count = observations.len();
     let (from, to) = (1, count - settings.least_after);
     let stride = (to + 1 - from).div_ceil(ONSETS).max(1);
     let is_bounded = observations.iter().any(|one| matches!(one.reading, Reading::Below { .. }));
-    let mut fits: Vec<Tried> = Vec::new();
+    let mut fits: Vec<CandidateChange> = Vec::new();
     for first in (from..=to).step_by(stride) {
         let changed = |i: usize| match kind {
-            Kind::Step => f64::from(u8::from(i >= first)),
-            Kind::Growth => months(observations[first - 1].at_us, observations[i].at_us).max(0.0),
+            ChangeKind::Step => f64::from(u8::from(i >= first)),
+            ChangeKind::Growth => {
+                months(observations[first - 1].at_us, observations[i].at_us).max(0.0)
+            }
         };
         let rows = rows(observations, kelvins, changed);
         let active = [true, true, kelvins.is_some()];
         let near = fits.last().map_or(constant, |one| &one.fit);
         let warm = fit(&rows, active, settings.missed_share, Some(near));
-        // With bounds the likelihood may have two maxima: the other is looked for from anew.
+        // With bounds the likelihood may have two maxima: the other is searched from a new start.
         let cold = is_bounded.then(|| fit(&rows, active, settings.missed_share, None));
         let better = cold.filter(|cold| cold.log_likelihood > warm.log_likelihood).unwrap_or(warm);
-        fits.push(Tried { kind, first, fit: better, reach: changed(count - 1) });
+        fits.push(CandidateChange { kind, first, fit: better, reach: changed(count - 1) });
     }
     fits
 }
 
-/// Logarithm of the mean of numbers that are given by their logarithms.
+/// Logarithm of the mean of numbers given by their logarithms.
 fn log_mean(logs: &[f64]) -> f64 {
     let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if !most.is_finite() {
@@ -202,21 +207,22 @@ fn quadratic(matrix: &[[f64; TERMS]; TERMS], by: &[f64; TERMS]) -> f64 {
 }
 
 /// All times of one kind, each with its probability.
-struct Summary<'a> {
-    tried: Vec<(&'a Tried, f64)>,
-    best: &'a Tried,
+struct WeightedSummary<'a> {
+    tried: Vec<(&'a CandidateChange, f64)>,
+    best: &'a CandidateChange,
     first: [usize; 3],
 }
 
-impl<'a> Summary<'a> {
-    fn of(tried: &[&'a Tried]) -> Option<Self> {
+impl<'a> WeightedSummary<'a> {
+    fn of(tried: &[&'a CandidateChange]) -> Option<Self> {
         let best = tried
             .iter()
             .copied()
             .max_by(|a, b| a.fit.log_likelihood.total_cmp(&b.fit.log_likelihood))?;
-        let weight = |one: &Tried| (one.fit.log_likelihood - best.fit.log_likelihood).exp();
+        let weight =
+            |one: &CandidateChange| (one.fit.log_likelihood - best.fit.log_likelihood).exp();
         let whole: f64 = tried.iter().map(|one| weight(one)).sum();
-        let weighted: Vec<(&Tried, f64)> =
+        let weighted: Vec<(&CandidateChange, f64)> =
             tried.iter().map(|one| (*one, weight(one) / whole)).collect();
         let quantile = |share: f64| {
             let mut reached = 0.0;
@@ -235,7 +241,7 @@ impl<'a> Summary<'a> {
     }
 
     /// Mean and interval of a number over all times; the variance is that within and between them.
-    fn estimate(&self, of: impl Fn(&Tried) -> (f64, f64)) -> Estimate {
+    fn estimate(&self, of: impl Fn(&CandidateChange) -> (f64, f64)) -> Estimate {
         let (mut mean, mut square) = (0.0, 0.0);
         for (one, weight) in &self.tried {
             let (value, variance) = of(one);

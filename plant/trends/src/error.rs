@@ -1,8 +1,8 @@
-//! What can be wrong with the results that are given: where, what, what was expected, what to do.
+//! Errors in the given results: where, what, what is expected, what to do.
 
 use std::path::PathBuf;
 
-/// Why there is no answer.
+/// Why there is no report.
 #[derive(Debug, thiserror::Error)]
 pub enum TrendsError {
     /// A folder cannot be read.
@@ -10,7 +10,7 @@ pub enum TrendsError {
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// What the system said.
+        /// Message of the system.
         why: std::io::Error,
     },
     /// A folder holds no result.
@@ -31,14 +31,14 @@ pub enum TrendsError {
         /// What is wrong with it.
         what: String,
     },
-    /// A file that is no Parquet, or torn.
+    /// A file is not Parquet, or incomplete.
     #[error(
         "{file}: cannot be read as Parquet: {why}; remove the file and run `trued diagnose --batch … --resume`, which writes it again"
     )]
-    Torn {
+    NotParquet {
         /// The file.
         file: String,
-        /// What the library said.
+        /// Message of the library.
         why: String,
     },
     /// A query failed.
@@ -46,7 +46,7 @@ pub enum TrendsError {
     Query {
         /// Which.
         query: &'static str,
-        /// What the library said.
+        /// Message of the library.
         why: String,
     },
     /// A recording has two results.
@@ -54,7 +54,7 @@ pub enum TrendsError {
         "robot {robot}: {files} of {recorded_at} was diagnosed twice (results {first} and {second}); the model or the version of trued differs: keep the results \
          of one model and version in a folder, and give that"
     )]
-    Twice {
+    DiagnosedTwice {
         /// Robot.
         robot: String,
         /// Files of the recording.

@@ -1,4 +1,4 @@
-//! The answer over all series of a fleet: which changes are reported, and what it does at the tool.
+//! Evaluation of all series of a fleet: which changes are reported, and their effect at the tool.
 //!
 //! False alarms: every series has the same prior probability of a change, so many that in the whole fleet [`Settings::expected_changes`] are expected; more series
 //! thus need more evidence each. A reported change has the posterior probability [`Settings::reported_probability`] or more. Measured on fleets that do not change:
@@ -7,8 +7,8 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::change::{Change, Estimate, Kind, change};
-use crate::results::{Count, Results};
+use crate::change::{Change, ChangeKind, Estimate, most_probable_change};
+use crate::results::{Results, RobotCounts};
 use crate::series::{self, Series};
 use crate::settings::Settings;
 use crate::time::{after, day};
@@ -16,7 +16,7 @@ use crate::time::{after, day};
 /// Name of the format.
 pub const SCHEMA: &str = "trued.trends/1";
 
-/// The answer.
+/// Report on a fleet.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[schemars(title = "trued.trends/1")]
 pub struct Answer {
@@ -26,29 +26,29 @@ pub struct Answer {
     pub version: &'static str,
     /// Robots, by name.
     pub robots: Vec<RobotSummary>,
-    /// What grows worse, the most probable first.
+    /// Changes away from zero, the most probable first.
     pub alerts: Vec<Alert>,
-    /// What changed towards zero: a repair, an adjustment.
+    /// Changes towards zero: a repair, an adjustment.
     pub decreases: Vec<Alert>,
     /// Series that were searched for a change.
     pub series: usize,
     /// Tool error that is allowed, mm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance_mm: Option<f64>,
-    /// What was searched, for pages.
+    /// The searched series, for pages.
     #[serde(skip)]
     #[schemars(skip)]
-    pub searched: Vec<Searched>,
+    pub searched: Vec<SearchedSeries>,
 }
 
-/// What is known of a robot.
+/// Summary of a robot.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RobotSummary {
     /// Its name.
     pub robot: String,
     /// Recordings.
     pub recordings: usize,
-    /// Recordings that were refused.
+    /// Number of refused recordings.
     pub refused: usize,
     /// Recordings without a time, which are left out.
     pub without_time: usize,
@@ -93,7 +93,7 @@ pub struct Alert {
     /// Probability that it is of this kind, 0 to 1.
     pub kind_probability: f64,
     /// Since when.
-    pub since: Since,
+    pub since: Onset,
     /// The number before, in the unit of the parameter.
     pub before: Interval,
     /// The number at the last recording.
@@ -104,21 +104,21 @@ pub struct Alert {
     /// Height of the step; of a step only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub step: Option<Interval>,
-    /// What the effect does to what was measured (the tool, in the position domain) at the last recording.
+    /// Size of the effect on the measured quantity (the tool, in the position domain) at the last recording.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub size_now: Option<Size>,
-    /// When its largest tool error reaches the tolerance, if it goes on like that.
+    pub size_now: Option<EffectSize>,
+    /// When its largest tool error reaches the tolerance, if the growth continues.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reaches_tolerance: Option<Reaches>,
     /// Recordings in which the effect was found.
     pub found: usize,
     /// Recordings in which it was not found, which bound it.
     pub below: usize,
-    /// Recordings that name another effect in its place, which say nothing.
+    /// Recordings that name another effect in its place; they give no information.
     pub unknown: usize,
     /// Scatter between recordings beyond the stated uncertainty, in the unit of the parameter.
     pub scatter: f64,
-    /// Change per kelvin of ambient temperature, which is taken out; none where it was not recorded.
+    /// Change per kelvin of ambient temperature, which is compensated; none where it was not recorded.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub per_kelvin: Option<f64>,
     /// Other numbers of the same effect that change, and other names that recordings give it: `EFFECT.PARAMETER`.
@@ -137,7 +137,7 @@ pub struct Interval {
 
 /// The first recording that is changed.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Since {
+pub struct Onset {
     /// Its day, most probably.
     pub day: String,
     /// Days between which it lies with 95 %.
@@ -152,9 +152,9 @@ pub struct Since {
     pub at_us: i64,
 }
 
-/// What an effect does to what was measured.
+/// Size of an effect on the measured quantity.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Size {
+pub struct EffectSize {
     /// Root mean square.
     pub rms: f64,
     /// Largest.
@@ -171,13 +171,13 @@ pub struct Reaches {
     /// The day; none beyond the calendar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub day: Option<String>,
-    /// Days that the interval of the growth gives.
+    /// Earliest and latest day, from the interval of the growth.
     pub day_ci95: [Option<String>; 2],
 }
 
 /// A series with its change.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Searched {
+pub struct SearchedSeries {
     /// The series.
     pub series: Series,
     /// Its unit of size.
@@ -190,7 +190,7 @@ pub struct Searched {
     pub is_reported: bool,
 }
 
-impl Searched {
+impl SearchedSeries {
     /// Whether the number moves away from zero.
     #[must_use]
     pub fn is_worse(&self) -> bool {
@@ -198,22 +198,22 @@ impl Searched {
     }
 }
 
-/// The answer that the results give.
+/// Evaluates the results.
 #[must_use]
-pub fn answer(results: &Results, settings: &Settings) -> Answer {
+pub fn evaluate(results: &Results, settings: &Settings) -> Answer {
     let all = series::all(results, settings);
     let changes: Vec<(Series, Change)> = all
         .into_iter()
-        .filter_map(|series| change(&series, settings).map(|change| (series, change)))
+        .filter_map(|series| most_probable_change(&series, settings).map(|change| (series, change)))
         .collect();
     let prior = (settings.expected_changes / changes.len().max(1) as f64).min(0.5);
     let odds = (prior / (1.0 - prior)).ln();
-    let searched: Vec<Searched> = changes
+    let searched: Vec<SearchedSeries> = changes
         .into_iter()
         .map(|(series, change)| {
             let probability = 1.0 / (1.0 + (-change.log_bayes - odds).exp());
             let unit = unit(results, &series);
-            Searched {
+            SearchedSeries {
                 is_reported: probability >= settings.reported_probability,
                 series,
                 unit,
@@ -222,7 +222,8 @@ pub fn answer(results: &Results, settings: &Settings) -> Answer {
             }
         })
         .collect();
-    let mut reported: Vec<&Searched> = searched.iter().filter(|one| one.is_reported).collect();
+    let mut reported: Vec<&SearchedSeries> =
+        searched.iter().filter(|one| one.is_reported).collect();
     reported.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
     let alerts = alerts_of(reported.iter().copied().filter(|one| one.is_worse()), settings);
     let decreases = alerts_of(reported.iter().copied().filter(|one| !one.is_worse()), settings);
@@ -252,9 +253,9 @@ fn unit(results: &Results, series: &Series) -> String {
 }
 
 fn summary(
-    count: &Count,
+    count: &RobotCounts,
     results: &Results,
-    searched: &[Searched],
+    searched: &[SearchedSeries],
     alerts: &[Alert],
 ) -> RobotSummary {
     let own = results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
@@ -273,8 +274,11 @@ fn summary(
 }
 
 /// One for each effect: that of its most probable number. Another name that diagnoses give the same effect in other recordings is listed with it.
-fn alerts_of<'a>(reported: impl Iterator<Item = &'a Searched>, settings: &Settings) -> Vec<Alert> {
-    let mut alerts: Vec<(&Searched, Alert)> = Vec::new();
+fn alerts_of<'a>(
+    reported: impl Iterator<Item = &'a SearchedSeries>,
+    settings: &Settings,
+) -> Vec<Alert> {
+    let mut alerts: Vec<(&SearchedSeries, Alert)> = Vec::new();
     for one in reported {
         let same = alerts.iter_mut().find(|(lead, _)| is_same(&lead.series, &one.series, settings));
         match same {
@@ -285,7 +289,7 @@ fn alerts_of<'a>(reported: impl Iterator<Item = &'a Searched>, settings: &Settin
     alerts.into_iter().map(|(_, alert)| alert).collect()
 }
 
-/// Whether two series tell of one thing: numbers of one effect, or two names at one joint that are hardly ever given together.
+/// Whether two series belong to the same effect: parameters of one effect, or two names at one joint that rarely occur together.
 fn is_same(lead: &Series, other: &Series, settings: &Settings) -> bool {
     let (a, b) = (&lead.number, &other.number);
     if (&a.robot, &a.domain, a.joint) != (&b.robot, &b.domain, b.joint) {
@@ -298,12 +302,12 @@ fn is_same(lead: &Series, other: &Series, settings: &Settings) -> bool {
         || (a.effect != b.effect && is_rival)
 }
 
-fn alert(one: &Searched, settings: &Settings) -> Alert {
-    let Searched { series, change, unit, .. } = one;
+fn alert(one: &SearchedSeries, settings: &Settings) -> Alert {
+    let SearchedSeries { series, change, unit, .. } = one;
     let number = &series.number;
     let size_now = series.per_unit.map(|[rms, max]| {
         let now = change.now.value.abs();
-        Size { rms: rms * now, max: max * now, unit: unit.clone() }
+        EffectSize { rms: rms * now, max: max * now, unit: unit.clone() }
     });
     Alert {
         robot: number.robot.clone(),
@@ -315,17 +319,17 @@ fn alert(one: &Searched, settings: &Settings) -> Alert {
         index: number.index,
         change: number.change.clone(),
         kind: match change.kind {
-            Kind::Step => "step",
-            Kind::Growth => "growth",
+            ChangeKind::Step => "step",
+            ChangeKind::Growth => "growth",
         },
         probability: one.probability,
         kind_probability: change.kind_probability,
         since: since(series, change),
         before: interval(&change.before),
         now: interval(&change.now),
-        per_month: (change.kind == Kind::Growth).then(|| interval(&change.change)),
-        step: (change.kind == Kind::Step).then(|| interval(&change.change)),
-        reaches_tolerance: reaches(one, settings),
+        per_month: (change.kind == ChangeKind::Growth).then(|| interval(&change.change)),
+        step: (change.kind == ChangeKind::Step).then(|| interval(&change.change)),
+        reaches_tolerance: tolerance_forecast(one, settings),
         size_now,
         found: series.found(),
         below: series.observations.len() - series.found(),
@@ -340,9 +344,9 @@ fn interval(estimate: &Estimate) -> Interval {
     Interval { value: estimate.value, ci95: [estimate.low, estimate.high] }
 }
 
-fn since(series: &Series, change: &Change) -> Since {
+fn since(series: &Series, change: &Change) -> Onset {
     let [first, low, high] = change.first.map(|index| series.observations[index]);
-    Since {
+    Onset {
         day: day(first.at_us),
         day_ci95: [day(low.at_us), day(high.at_us)],
         recording: first.place + 1,
@@ -352,9 +356,9 @@ fn since(series: &Series, change: &Change) -> Since {
 }
 
 /// When the largest tool error of a growing effect reaches the tolerance.
-fn reaches(one: &Searched, settings: &Settings) -> Option<Reaches> {
+fn tolerance_forecast(one: &SearchedSeries, settings: &Settings) -> Option<Reaches> {
     let (tolerance, [_, max]) = (settings.tolerance_mm?, one.series.per_unit?);
-    let is_growing = one.change.kind == Kind::Growth && one.is_worse() && one.unit == "mm";
+    let is_growing = one.change.kind == ChangeKind::Growth && one.is_worse() && one.unit == "mm";
     let last = one.series.observations.last()?.at_us;
     if !is_growing || max <= 0.0 {
         return None;

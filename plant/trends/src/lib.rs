@@ -1,4 +1,4 @@
-//! All results of a fleet to one answer: which effect grows on which robot, how fast, since when, and when it reaches the tolerance.
+//! Evaluates all results of a fleet: which effect grows on which robot, how fast, since when, and when it reaches the tolerance.
 //!
 //! Read in this order: [`results`] (Parquet files as one table, and the queries on it), [`series`] (one effect of one robot over its recordings, with what was not
 //! found), [`likelihood`] (a mean over time fitted to values and bounds), [`change`] (constant, step or growth), [`fleet`] (the answer over all series), then
@@ -17,6 +17,6 @@ pub mod text;
 pub mod time;
 
 pub use error::TrendsError;
-pub use fleet::{Alert, Answer, answer};
+pub use fleet::{Alert, Answer, evaluate};
 pub use results::{Results, read};
 pub use settings::Settings;

@@ -1,4 +1,4 @@
-//! A mean over recordings fitted to values with an uncertainty, and to bounds where a value was not found.
+//! Fits a mean over recordings to values with an uncertainty, and to bounds where a value was not found.
 //!
 //! Method: linear regression with censored observations (Tobin, "Estimation of Relationships for Limited Dependent Variables", Econometrica 26, 1958), by Newton
 //! steps of the log-likelihood. A value `y` with standard uncertainty `σ` has variance `σ² + τ²`; the scatter `τ` between recordings is estimated with it (maximum
@@ -11,12 +11,12 @@ use std::f64::consts::{PI, SQRT_2};
 
 /// Columns of the mean: level, change, temperature.
 pub const TERMS: usize = 3;
-/// Rounds of mean and scatter, at most.
+/// Largest number of iterations of mean and scatter.
 const ROUNDS: usize = 40;
-/// Change of the log-likelihood below which the fit stands.
-const STANDS: f64 = 1e-7;
+/// Change of the log-likelihood below which the fit has converged.
+const LOG_LIKELIHOOD_TOLERANCE: f64 = 1e-7;
 
-/// What a recording says of a number.
+/// Observation of a parameter by one recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {
     /// It was found.
@@ -38,7 +38,7 @@ pub enum Reading {
 /// A row of a fit.
 #[derive(Debug, Clone, Copy)]
 pub struct Row {
-    /// What the recording says.
+    /// The observation.
     pub reading: Reading,
     /// Its columns: the mean is their sum, each times a coefficient.
     pub columns: [f64; TERMS],
@@ -65,7 +65,7 @@ impl Fit {
     }
 }
 
-/// Fits the columns that `active` tells; others have the coefficient 0. Starts at `start`, where there is one.
+/// Fits the columns selected by `active`; others have the coefficient 0. Starts at `start`, where there is one.
 ///
 /// `missed` is the share of recordings in which the effect is missed although it is there.
 #[must_use]
@@ -76,21 +76,21 @@ pub fn fit(rows: &[Row], active: [bool; TERMS], missed: f64, start: Option<&Fit>
     for (coefficient, is_active) in coefficients.iter_mut().zip(active) {
         *coefficient = if is_active { *coefficient } else { 0.0 };
     }
-    // A first step that bounds do not enter: far from the values they pull with all their might.
+    // The first step ignores bounds: far from the values their slope dominates.
     if start.is_none() {
         let values: Vec<Row> = rows.iter().copied().filter(Row::is_value).collect();
-        coefficients = step(&values, &coefficients, active, scatter, missed).0;
+        coefficients = newton_step(&values, &coefficients, active, scatter, missed).0;
     }
     let mut last = f64::NEG_INFINITY;
     let mut covariance = [[0.0; TERMS]; TERMS];
     for _ in 0..ROUNDS {
         let before = sum(rows, &coefficients, scatter, missed);
-        let (wanted, found) = step(rows, &coefficients, active, scatter, missed);
+        let (wanted, found) = newton_step(rows, &coefficients, active, scatter, missed);
         covariance = found;
         coefficients = improved(rows, &coefficients, &wanted, scatter, missed, before);
-        scatter = between(rows, &coefficients, spread);
+        scatter = scatter_estimate(rows, &coefficients, spread);
         let now = sum(rows, &coefficients, scatter, missed);
-        if (now - last).abs() < STANDS {
+        if (now - last).abs() < LOG_LIKELIHOOD_TOLERANCE {
             break;
         }
         last = now;
@@ -132,7 +132,7 @@ fn sum(rows: &[Row], coefficients: &[f64; TERMS], scatter: f64, missed: f64) -> 
                     - 0.5 * ((value - mean).powi(2) / variance + (2.0 * PI * variance).ln())
             }
             Reading::Below { limit, sigma } => {
-                let inside = Inside::of(limit, mean, variance(sigma, scatter).sqrt());
+                let inside = CensoredProbability::of(limit, mean, variance(sigma, scatter).sqrt());
                 ((1.0 - missed) * inside.probability + missed).ln()
             }
         }
@@ -144,20 +144,23 @@ fn variance(sigma: f64, scatter: f64) -> f64 {
     (sigma * sigma + scatter * scatter).max(f64::MIN_POSITIVE)
 }
 
-/// That a normal value lies within `±limit`, with slope and curvature of its logarithm by the mean.
-struct Inside {
+/// Probability that a normal value lies within `±limit`, with slope and curvature of its logarithm by the mean.
+struct CensoredProbability {
     probability: f64,
     slope: f64,
     curvature: f64,
 }
 
-impl Inside {
+impl CensoredProbability {
     fn of(limit: f64, mean: f64, sigma: f64) -> Self {
         let (low, high) = ((-limit - mean) / sigma, (limit - mean) / sigma);
         let density = |z: f64| (-0.5 * z * z).exp() / (2.0 * PI).sqrt();
-        // On the side on which both are small, so that none is lost in a difference of ones.
-        let probability =
-            if low > 0.0 { upper(low) - upper(high) } else { upper(-high) - upper(-low) };
+        // On the side on which both are small, so that the difference does not cancel.
+        let probability = if low > 0.0 {
+            upper_tail(low) - upper_tail(high)
+        } else {
+            upper_tail(-high) - upper_tail(-low)
+        };
         if probability < 1e-290 {
             return Self { probability: 0.0, slope: 0.0, curvature: 0.0 };
         }
@@ -168,12 +171,12 @@ impl Inside {
 }
 
 /// Probability that a standard normal value exceeds `z`.
-fn upper(z: f64) -> f64 {
+fn upper_tail(z: f64) -> f64 {
     0.5 * libm::erfc(z / SQRT_2)
 }
 
 /// Newton step of the coefficients, and the inverse of the curvature.
-fn step(
+fn newton_step(
     rows: &[Row],
     at: &[f64; TERMS],
     active: [bool; TERMS],
@@ -189,7 +192,7 @@ fn step(
                 ((value - mean) / variance, 1.0 / variance)
             }
             Reading::Below { limit, sigma } => {
-                let inside = Inside::of(limit, mean, variance(sigma, scatter).sqrt());
+                let inside = CensoredProbability::of(limit, mean, variance(sigma, scatter).sqrt());
                 let hit = (1.0 - missed) * inside.probability;
                 let share = hit / (hit + missed);
                 (share * inside.slope, share * inside.curvature)
@@ -221,7 +224,7 @@ fn step(
     (wanted, covariance)
 }
 
-/// The step, halved until it improves.
+/// Line search: the step is halved until the likelihood improves.
 fn improved(
     rows: &[Row],
     from: &[f64; TERMS],
@@ -244,8 +247,8 @@ fn improved(
     *from
 }
 
-/// Scatter between recordings of maximum likelihood: where the slope of the likelihood by the variance is zero, or none.
-fn between(rows: &[Row], coefficients: &[f64; TERMS], largest: f64) -> f64 {
+/// Maximum-likelihood estimate of the scatter between recordings: where the slope of the likelihood by the variance is zero, or none.
+fn scatter_estimate(rows: &[Row], coefficients: &[f64; TERMS], largest: f64) -> f64 {
     let squares: Vec<(f64, f64)> = rows
         .iter()
         .filter_map(|row| {
@@ -280,7 +283,7 @@ fn dot(a: &[f64; TERMS], b: &[f64; TERMS]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Of a symmetric matrix with a positive diagonal, scaled, with a ridge far below what is determined.
+/// Inverse of a symmetric matrix with a positive diagonal, scaled, with a ridge far below the determined values.
 fn inverse(matrix: &[[f64; TERMS]; TERMS]) -> [[f64; TERMS]; TERMS] {
     let scale: [f64; TERMS] = std::array::from_fn(|i| 1.0 / matrix[i][i].sqrt());
     let mut left: [[f64; TERMS]; TERMS] =
@@ -326,8 +329,8 @@ mod tests {
     #[test]
     fn the_slope_of_the_likelihood_is_its_derivative() {
         for mean in [-2.0, -0.3, 0.0, 0.4, 3.0] {
-            let log = |mean: f64| Inside::of(0.7, mean, 0.4).probability.ln();
-            let inside = Inside::of(0.7, mean, 0.4);
+            let log = |mean: f64| CensoredProbability::of(0.7, mean, 0.4).probability.ln();
+            let inside = CensoredProbability::of(0.7, mean, 0.4);
             let numeric = (log(mean + 1e-5) - log(mean - 1e-5)) / 2e-5;
             assert!((inside.slope - numeric).abs() < 1e-5 * (1.0 + numeric.abs()), "{mean}");
             let bent = (log(mean + 1e-4) + log(mean - 1e-4) - 2.0 * log(mean)) / 1e-8;

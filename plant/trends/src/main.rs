@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Parser;
 use report::Provenance;
-use trends::{Settings, TrendsError, answer, page, read, text, time};
+use trends::{Settings, TrendsError, evaluate, page, read, text, time};
 
 /// Find effects that change over the recordings of a fleet: which effect, on which robot, since when
 ///
@@ -79,7 +79,7 @@ fn run(options: &Options) -> Result<usize, Failure> {
         tolerance_mm: options.tolerance_mm,
         ..Settings::default()
     };
-    let answer = answer(&read(&options.folders, &settings)?, &settings);
+    let answer = evaluate(&read(&options.folders, &settings)?, &settings);
     let mut out = std::io::stdout().lock();
     if options.json {
         serde_json::to_writer_pretty(&mut out, &answer).map_err(std::io::Error::from)?;

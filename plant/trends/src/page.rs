@@ -1,9 +1,9 @@
-//! The answer as a page: what grows, and a small multiple of every series that changes; the others behind a summary.
+//! The report as a page: what grows, and a small multiple of every series that changes; the others behind a summary.
 
 use report::{Axis, Cell, Multiples, Number, Page, Plot, Provenance, Role, Series, Table, Tone};
 
-use crate::change::Kind;
-use crate::fleet::{Alert, Answer, Searched};
+use crate::change::ChangeKind;
+use crate::fleet::{Alert, Answer, SearchedSeries};
 use crate::likelihood::Reading;
 use crate::text::{headline, number_and_unit, place, sentence};
 use crate::time::months;
@@ -25,10 +25,11 @@ pub fn page(answer: &Answer, provenance: Provenance) -> String {
     page = answer.alerts.iter().fold(page, |page, alert| {
         page.note(Tone::Bad, &format!("{}: {}", alert.robot, place(alert)), &sentence(alert))
     });
-    let mut reported: Vec<&Searched> =
+    let mut reported: Vec<&SearchedSeries> =
         answer.searched.iter().filter(|one| one.is_reported).collect();
     reported.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
-    let mut still: Vec<&Searched> = answer.searched.iter().filter(|one| !one.is_reported).collect();
+    let mut still: Vec<&SearchedSeries> =
+        answer.searched.iter().filter(|one| !one.is_reported).collect();
     still.sort_by(|a, b| b.change.log_bayes.total_cmp(&a.change.log_bayes));
     if !reported.is_empty() {
         page = page
@@ -75,12 +76,12 @@ fn numbers(answer: &Answer) -> Vec<Number> {
     ]
 }
 
-fn drawn(title: &str, series: &[&Searched]) -> report::Svg {
+fn drawn(title: &str, series: &[&SearchedSeries]) -> report::Svg {
     let multiples = Multiples::new(title, COLUMNS).own_y();
     series.iter().fold(multiples, |multiples, one| multiples.plot(plot(one))).render()
 }
 
-fn plot(one: &Searched) -> Plot {
+fn plot(one: &SearchedSeries) -> Plot {
     let number = &one.series.number;
     let observations = &one.series.observations;
     let (name, unit) = number_and_unit(&number.parameter);
@@ -114,15 +115,17 @@ fn plot(one: &Searched) -> Plot {
 }
 
 /// The corners of the mean, in months.
-fn mean(one: &Searched) -> Vec<(f64, f64)> {
+fn mean(one: &SearchedSeries) -> Vec<(f64, f64)> {
     let (change, observations) = (&one.change, &one.series.observations);
     let start = observations.first().map_or(0, |one| one.at_us);
     let at = |index: usize| observations.get(index).map_or(0.0, |one| months(start, one.at_us));
     let end = at(observations.len().saturating_sub(1));
     let before = change.before.value;
     let corner = match change.kind {
-        Kind::Step => vec![(at(change.first[0]), before), (at(change.first[0]), change.now.value)],
-        Kind::Growth => vec![(at(change.first[0].saturating_sub(1)), before)],
+        ChangeKind::Step => {
+            vec![(at(change.first[0]), before), (at(change.first[0]), change.now.value)]
+        }
+        ChangeKind::Growth => vec![(at(change.first[0].saturating_sub(1)), before)],
     };
     let (first, last) = ((0.0, before), (end, change.now.value));
     std::iter::once(first).chain(corner).chain(std::iter::once(last)).collect()

@@ -13,7 +13,7 @@ use crate::error::TrendsError;
 use crate::settings::Settings;
 use crate::time::day;
 
-/// Parameters that say of which form an effect is, not how strong: it does not vanish where they are zero, and they are no series.
+/// Parameters of the form of an effect, not of its size: it does not vanish where they are zero, and they are no series.
 const FORMS: &str = "'phase_rad', 'cycles_per_rev', 'cycles_per_m', 'reversal_mrad', 'reversal_mm', 'torque_Nm', 'torque_N', 'from_joint', 'time_constant_s', \
      'time_constant_ms', 'lag_s', 'free_length_mm', 'a_mm', 'L_mm', 'angle_deg', 'com_mm', 'frequency_Hz', 'damping_ratio', 'stribeck_speed', 'per_K', \
      'rest_position', 'range_deg', 'pivot_mm', 'reference_C', 'direction', 'axis'";
@@ -47,7 +47,7 @@ const RECORDINGS: &str = "SELECT key, robot, CAST(recorded_at AS BIGINT) AS at_u
      FROM results WHERE subject = 'recording' AND recorded_at IS NOT NULL \
      GROUP BY key, robot, recorded_at, files, domain, unit ORDER BY robot, domain, at_us, key";
 
-/// How many recordings each robot has, refused and without a time.
+/// Number of recordings of each robot, of refused ones and of those without a time.
 const COUNTS: &str = "SELECT robot, COUNT(DISTINCT key) AS recordings, COUNT(DISTINCT CASE WHEN subject = 'refused' THEN key END) AS refused, \
      COUNT(DISTINCT CASE WHEN recorded_at IS NULL THEN key END) AS without_time FROM results GROUP BY robot ORDER BY robot";
 
@@ -58,7 +58,7 @@ const NAMES: &str = "SELECT DISTINCT key, domain, effect, joint FROM results WHE
 /// Parameters by which several effects of one kind at one joint are distinguished, rounded to whole numbers.
 const KINDS: &str = "'cycles_per_rev', 'cycles_per_m', 'from_joint'";
 
-/// Numbers of effects that are claimed often enough, with what the effect does to what was measured per unit of the number. Candidates are taken with them: their
+/// Numbers of effects that are claimed often enough, with the size of the effect on the measured quantity per unit of the number. Candidates are taken with them: their
 /// numbers are estimates like the others', and leaving them out would select by size. Rows of one finding share its words.
 fn numbers(least_found: usize) -> String {
     format!(
@@ -80,7 +80,7 @@ fn numbers(least_found: usize) -> String {
 
 /// An effect that a recording claims.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Name {
+pub struct EffectName {
     /// Effect.
     pub effect: String,
     /// Joint, from 1; none for effects of the whole robot.
@@ -99,7 +99,7 @@ pub struct Recording {
     /// Mean ambient temperature, °C.
     pub ambient_c: Option<f64>,
     /// Effects that it claims, with their joints.
-    pub named: Vec<Name>,
+    pub named: Vec<EffectName>,
 }
 
 /// A robot in a domain.
@@ -113,9 +113,9 @@ pub struct Robot {
     pub unit: String,
 }
 
-/// Which number of which effect.
+/// Identifies a parameter of an effect of a robot.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Number {
+pub struct ParameterKey {
     /// Robot.
     pub robot: String,
     /// Domain.
@@ -134,7 +134,7 @@ pub struct Number {
     pub index: Option<i64>,
 }
 
-impl Number {
+impl ParameterKey {
     /// Effect, parameter and place: `axis_shift.shift_mm[2]`.
     #[must_use]
     pub fn path(&self) -> String {
@@ -148,20 +148,20 @@ impl Number {
 
 /// A number as one recording found it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Found {
+pub struct Finding {
     /// The number.
     pub value: f64,
     /// Its standard uncertainty; none where no interval was computed.
     pub sigma: Option<f64>,
-    /// What the effect does to what was measured per unit of the number, root mean square.
+    /// Size of the effect on the measured quantity per unit of the number, root mean square.
     pub rms_per_unit: Option<f64>,
     /// The same, largest.
     pub max_per_unit: Option<f64>,
 }
 
-/// How many recordings of a robot there are.
+/// Number of recordings of a robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Count {
+pub struct RobotCounts {
     /// Robot.
     pub robot: String,
     /// All.
@@ -172,15 +172,15 @@ pub struct Count {
     pub without_time: usize,
 }
 
-/// All that is read of the results.
+/// Everything read from the results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Results {
     /// By robot.
-    pub counts: Vec<Count>,
+    pub counts: Vec<RobotCounts>,
     /// Recordings of each robot and domain in the order of time.
     pub recordings: BTreeMap<Robot, Vec<Recording>>,
     /// Numbers by series, each by the key of its recording.
-    pub numbers: BTreeMap<Number, BTreeMap<String, Found>>,
+    pub numbers: BTreeMap<ParameterKey, BTreeMap<String, Finding>>,
 }
 
 /// Reads all results in the folders.
@@ -262,13 +262,13 @@ impl Table {
         Ok(frame.collect().await.map_err(fault)?.into_iter().map(Columns).collect())
     }
 
-    async fn counts(&self) -> Result<Vec<Count>, TrendsError> {
+    async fn counts(&self) -> Result<Vec<RobotCounts>, TrendsError> {
         let mut counts = Vec::new();
         for batch in self.rows("counts", COUNTS).await? {
             let whole = |name, row| {
                 batch.whole(name, row).and_then(|count| usize::try_from(count).ok()).unwrap_or(0)
             };
-            counts.extend((0..batch.len()).map(|row| Count {
+            counts.extend((0..batch.len()).map(|row| RobotCounts {
                 robot: batch.text("robot", row),
                 recordings: whole("recordings", row),
                 refused: whole("refused", row),
@@ -279,12 +279,14 @@ impl Table {
     }
 
     async fn recordings(&self) -> Result<BTreeMap<Robot, Vec<Recording>>, TrendsError> {
-        let mut named: BTreeMap<(String, String), Vec<Name>> = BTreeMap::new();
+        let mut named: BTreeMap<(String, String), Vec<EffectName>> = BTreeMap::new();
         for batch in self.rows("names", NAMES).await? {
             for row in 0..batch.len() {
                 let recording = (batch.text("key", row), batch.text("domain", row));
-                let name =
-                    Name { effect: batch.text("effect", row), joint: batch.whole("joint", row) };
+                let name = EffectName {
+                    effect: batch.text("effect", row),
+                    joint: batch.whole("joint", row),
+                };
                 named.entry(recording).or_default().push(name);
             }
         }
@@ -308,7 +310,7 @@ impl Table {
             }
         }
         for (robot, recordings) in &robots {
-            once(&robot.name, recordings)?;
+            check_unique(&robot.name, recordings)?;
         }
         Ok(robots)
     }
@@ -316,8 +318,8 @@ impl Table {
     async fn numbers(
         &self,
         least_found: usize,
-    ) -> Result<BTreeMap<Number, BTreeMap<String, Found>>, TrendsError> {
-        let mut series: BTreeMap<Number, BTreeMap<String, Found>> = BTreeMap::new();
+    ) -> Result<BTreeMap<ParameterKey, BTreeMap<String, Finding>>, TrendsError> {
+        let mut series: BTreeMap<ParameterKey, BTreeMap<String, Finding>> = BTreeMap::new();
         for batch in self.rows("numbers", &numbers(least_found)).await? {
             for row in 0..batch.len() {
                 let [robot, domain, effect, change, parameter] =
@@ -326,14 +328,14 @@ impl Table {
                 let [joint, form, index] =
                     ["joint", "form", "place"].map(|name| batch.whole(name, row));
                 let number =
-                    Number { robot, domain, effect, joint, form, change, parameter, index };
+                    ParameterKey { robot, domain, effect, joint, form, change, parameter, index };
                 let [sigma, rms_per_unit, max_per_unit] = ["sigma", "rms_per_unit", "max_per_unit"]
                     .map(|name| batch.number(name, row).filter(|value| value.is_finite()));
                 let Some(value) = batch.number("value", row).filter(|value| value.is_finite())
                 else {
                     continue;
                 };
-                let found = Found { value, sigma, rms_per_unit, max_per_unit };
+                let found = Finding { value, sigma, rms_per_unit, max_per_unit };
                 series.entry(number).or_default().insert(batch.text("key", row), found);
             }
         }
@@ -341,12 +343,12 @@ impl Table {
     }
 }
 
-/// That no recording has two results.
-fn once(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError> {
+/// Checks that no recording has two results.
+fn check_unique(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError> {
     let mut seen: BTreeMap<(i64, &str), &str> = BTreeMap::new();
     for recording in recordings {
         if let Some(first) = seen.insert((recording.at_us, &recording.files), &recording.key) {
-            return Err(TrendsError::Twice {
+            return Err(TrendsError::DiagnosedTwice {
                 robot: robot.to_owned(),
                 files: recording.files.clone(),
                 recorded_at: day(recording.at_us),
@@ -358,9 +360,9 @@ fn once(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError> {
     Ok(())
 }
 
-/// That a file is a result.
+/// Checks that a file is a result.
 async fn check(context: &SessionContext, file: &str) -> Result<(), TrendsError> {
-    let torn = |why: datafusion::error::DataFusionError| TrendsError::Torn {
+    let torn = |why: datafusion::error::DataFusionError| TrendsError::NotParquet {
         file: file.to_owned(),
         why: why.strip_backtrace().lines().next().unwrap_or_default().to_owned(),
     };
@@ -389,7 +391,7 @@ fn shown(file: &str) -> String {
         .map_or_else(|| file.to_owned(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Rows of an answer of the library, with its columns by name.
+/// Rows of a query result, with its columns by name.
 struct Columns(RecordBatch);
 
 impl Columns {

@@ -1,4 +1,4 @@
-//! One number of one effect of one robot over its recordings, and what a recording says that did not find it.
+//! One parameter of one effect of one robot over its recordings, and the bound given by a recording that did not find it.
 //!
 //! Selection: a diagnosis names only what stands out of the noise, so that the values alone are too large on average and begin too late. A recording that did not
 //! find the effect is therefore kept as a bound: its size is below the least that this series would show. It is no bound, and says nothing, where the recording
@@ -7,34 +7,34 @@
 use std::collections::BTreeMap;
 
 use crate::likelihood::Reading;
-use crate::results::{Found, Name, Number, Recording, Results};
+use crate::results::{EffectName, Finding, ParameterKey, Recording, Results};
 use crate::settings::Settings;
 
-/// A recording that says something of the number.
+/// A recording with information on the parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
     /// When, µs since 1970 in UTC.
     pub at_us: i64,
     /// Which recording of the robot, from 0.
     pub place: usize,
-    /// What it says.
+    /// The observation.
     pub reading: Reading,
     /// Ambient temperature, °C.
     pub ambient_c: Option<f64>,
 }
 
-/// A number over time.
+/// A parameter over time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
     /// Which.
-    pub number: Number,
+    pub number: ParameterKey,
     /// In the order of time.
     pub observations: Vec<Observation>,
     /// Recordings of the robot in this domain.
     pub recordings: usize,
-    /// Recordings that say nothing of it, as they name something else in its place.
+    /// Recordings without information on it, because they name another effect in its place.
     pub unknown: usize,
-    /// What the effect does to what was measured per unit of the number, root mean square and largest; medians over the recordings.
+    /// Size of the effect on the measured quantity per unit of the parameter, root mean square and largest; medians over the recordings.
     pub per_unit: Option<[f64; 2]>,
 }
 
@@ -55,7 +55,7 @@ impl Series {
 /// All series of the results.
 #[must_use]
 pub fn all(results: &Results, settings: &Settings) -> Vec<Series> {
-    let recordings = |number: &Number| {
+    let recordings = |number: &ParameterKey| {
         let of = results
             .recordings
             .iter()
@@ -70,19 +70,19 @@ pub fn all(results: &Results, settings: &Settings) -> Vec<Series> {
         .collect()
 }
 
-/// That a reading is more than a number nothing determines.
+/// Whether a value is determined by the data.
 fn is_reported(reading: &Reading) -> bool {
     matches!(reading, Reading::Value { value, .. } if *value != 0.0)
 }
 
 fn of(
-    number: &Number,
-    found: &BTreeMap<String, Found>,
+    number: &ParameterKey,
+    found: &BTreeMap<String, Finding>,
     recordings: &[Recording],
     settings: &Settings,
 ) -> Series {
     let own = Own::of(found, settings);
-    let instead = instead(number, found, recordings, settings);
+    let instead = substitutes(number, found, recordings, settings);
     let observation = |(place, recording): (usize, &Recording)| {
         let reading = match found.get(&recording.key) {
             Some(found) => {
@@ -104,7 +104,7 @@ fn of(
     }
 }
 
-/// What the values of a series have in common.
+/// Statistics of the values of a series.
 struct Own {
     /// Median standard uncertainty.
     sigma: f64,
@@ -114,7 +114,7 @@ struct Own {
 }
 
 impl Own {
-    fn of(found: &BTreeMap<String, Found>, settings: &Settings) -> Self {
+    fn of(found: &BTreeMap<String, Finding>, settings: &Settings) -> Self {
         let sigma = median(found.values().filter_map(|found| found.sigma)).unwrap_or(0.0);
         let smallest = found.values().map(|found| found.value.abs()).fold(f64::INFINITY, f64::min);
         let rms = median(found.values().filter_map(|found| found.rms_per_unit));
@@ -127,19 +127,19 @@ impl Own {
     }
 }
 
-/// The names that stand in place of this effect: in recordings without it, and rarely beside it.
-fn instead<'a>(
-    number: &Number,
-    found: &BTreeMap<String, Found>,
+/// Names that substitute for this effect: in recordings without it, and rarely beside it.
+fn substitutes<'a>(
+    number: &ParameterKey,
+    found: &BTreeMap<String, Finding>,
     recordings: &'a [Recording],
     settings: &Settings,
-) -> Vec<&'a Name> {
+) -> Vec<&'a EffectName> {
     let has = |recording: &Recording| found.contains_key(&recording.key);
     let is_near = |joint: Option<i64>| match (number.joint, joint) {
         (Some(own), Some(other)) => (own - other).abs() <= 1,
         _ => true,
     };
-    let mut names: Vec<&Name> = recordings
+    let mut names: Vec<&EffectName> = recordings
         .iter()
         .filter(|recording| !has(recording))
         .flat_map(|recording| &recording.named)
@@ -150,7 +150,7 @@ fn instead<'a>(
     names.sort_unstable();
     names.dedup();
     let with = recordings.iter().filter(|recording| has(recording)).count().max(1) as f64;
-    let beside = |name: &Name| {
+    let beside = |name: &EffectName| {
         recordings
             .iter()
             .filter(|recording| has(recording) && recording.named.contains(name))
@@ -160,7 +160,7 @@ fn instead<'a>(
     names
 }
 
-/// The value in the middle of several.
+/// Median.
 #[must_use]
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();

@@ -1,4 +1,4 @@
-//! What decides when a change is reported, with unit, range, default and origin.
+//! Settings that decide when a change is reported, with unit, range, default and origin.
 
 /// Settings of the search for changes.
 #[derive(Debug, Clone, Copy, PartialEq)]

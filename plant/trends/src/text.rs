@@ -1,4 +1,4 @@
-//! The answer in words, at most 80 columns wide.
+//! The report as text, at most 80 columns wide.
 
 use std::fmt::Write as _;
 

@@ -4,8 +4,8 @@ use std::net::{Ipv4Addr, SocketAddr};
 
 use super::{EGM_SCHEMA, EgmConfig, Guidance, SOCKET, address, common};
 use crate::faults::Faults;
-use crate::series::Frame;
-use crate::walk::{Document, Table};
+use crate::series::CoordinateFrame;
+use crate::toml_reader::{Document, Table};
 
 /// Default port of EGM controllers.
 const PORT: u16 = 6510;
@@ -82,9 +82,10 @@ fn path_period_ms(table: &Table<'_, '_>) -> f64 {
     period.unwrap_or(2.0 * PATH_STEP_MS)
 }
 
-fn force(table: &Table<'_, '_>) -> Option<Frame> {
+fn force(table: &Table<'_, '_>) -> Option<CoordinateFrame> {
     let is_enabled = table.flag("enabled").unwrap_or(true);
-    let frame = table.choice("frame", &[("tool", Frame::Tool), ("base", Frame::Base)]);
+    let frame =
+        table.choice("frame", &[("tool", CoordinateFrame::Tool), ("base", CoordinateFrame::Base)]);
     table.close();
-    is_enabled.then(|| frame.unwrap_or(Frame::Tool))
+    is_enabled.then(|| frame.unwrap_or(CoordinateFrame::Tool))
 }

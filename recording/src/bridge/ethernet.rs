@@ -8,10 +8,10 @@ use std::ops::Range;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use crate::faults::{Fault, Faults, Place};
+use crate::faults::{Fault, Faults, Location};
 use crate::xml;
 
-/// More elements, texts and comments than the 64 channels need.
+/// Limit on XML nodes: more than 64 channels need.
 const NODES_MAX: u32 = 20_000;
 /// Channels of RSI in each direction.
 const CHANNELS_MAX: usize = 64;
@@ -24,19 +24,19 @@ const WORD_MAX: usize = 64;
 pub struct Element {
     /// Its tag without `DEF_`: `ASPos`, `AKorr.A1`.
     pub tag: String,
-    /// An internal value of the controller; its attributes are given, it takes no channel.
+    /// An internal value of the controller: its attributes are predefined and it uses no channel.
     pub is_internal: bool,
     /// The output keeps the last value if an answer is late; otherwise it falls to zero.
     pub holds: bool,
     /// `BOOL` or `LONG`: written without decimals.
     pub is_whole: bool,
     /// Its position in the file.
-    pub place: Place,
+    pub place: Location,
 }
 
 /// What the controller sends and receives.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ethernet {
+pub struct EthernetConfig {
     /// Name of the file.
     pub name: String,
     /// Port to which it sends.
@@ -49,7 +49,7 @@ pub struct Ethernet {
     pub receive: Vec<Element>,
 }
 
-impl Ethernet {
+impl EthernetConfig {
     /// Reads a configuration from a text.
     ///
     /// # Errors
@@ -61,25 +61,25 @@ impl Ethernet {
             let at = error.pos();
             let row = usize::try_from(at.row).unwrap_or(1).max(1);
             let line = text.lines().nth(row - 1).unwrap_or_default();
-            let mut faults = Faults::of(name);
+            let mut faults = Faults::new(name);
             let fault = Fault::new("", format!("is not valid XML: {error}"));
-            faults.push(fault.at(Place::in_line(row, line, &(0..line.len()))));
+            faults.push(fault.at(Location::from_line(row, line, &(0..line.len()))));
             faults
         })?;
-        let mut source = Source { text, faults: Faults::of(name) };
+        let mut source = Source { text, faults: Faults::new(name) };
         let read = source.read(name, document.root_element());
-        source.faults.or(read)
+        source.faults.into_result(read)
     }
 
     /// The element that the controller sends under this tag.
     #[must_use]
-    pub fn sent(&self, tag: &str) -> Option<&Element> {
+    pub fn find_sent(&self, tag: &str) -> Option<&Element> {
         self.send.iter().find(|element| element.tag == tag)
     }
 
     /// The element that the controller receives under this tag.
     #[must_use]
-    pub fn received(&self, tag: &str) -> Option<&Element> {
+    pub fn find_received(&self, tag: &str) -> Option<&Element> {
         self.receive.iter().find(|element| element.tag == tag)
     }
 }
@@ -92,10 +92,10 @@ struct Source<'t> {
 impl Source<'_> {
     fn fault(&mut self, span: &Range<usize>, key: &str, message: String, expected: &str) {
         let fault = Fault::new(key, message).expected(expected);
-        self.faults.push(fault.at(Place::of_span(self.text, span)));
+        self.faults.push(fault.at(Location::from_span(self.text, span)));
     }
 
-    fn read(&mut self, name: &str, root: Node<'_, '_>) -> Option<Ethernet> {
+    fn read(&mut self, name: &str, root: Node<'_, '_>) -> Option<EthernetConfig> {
         let config = child(root, "CONFIG");
         let port = self.word(root, config, "PORT").and_then(|(word, span)| {
             let port = word.parse().ok().filter(|port| *port != 0);
@@ -128,7 +128,13 @@ impl Source<'_> {
         }
         let send = self.elements(root, "SEND");
         let receive = self.elements(root, "RECEIVE");
-        Some(Ethernet { name: name.to_owned(), port: port?, sentype: sentype?, send, receive })
+        Some(EthernetConfig {
+            name: name.to_owned(),
+            port: port?,
+            sentype: sentype?,
+            send,
+            receive,
+        })
     }
 
     fn word(
@@ -178,7 +184,7 @@ impl Source<'_> {
                 is_internal: node.attribute("INDX") == Some("INTERNAL"),
                 holds: node.attribute("HOLDON") != Some("0"),
                 is_whole: matches!(node.attribute("TYPE"), Some("BOOL" | "LONG")),
-                place: Place::of_span(self.text, &node.range()),
+                place: Location::from_span(self.text, &node.range()),
                 tag,
             });
         }

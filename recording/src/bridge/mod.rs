@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 
 use crate::faults::Faults;
 use crate::files::{FileError, read_text};
-use crate::series::Frame;
-use crate::walk::Table;
+use crate::series::CoordinateFrame;
+use crate::toml_reader::Table;
 use crate::xml;
 
-pub use ethernet::{Element, Ethernet};
+pub use ethernet::{Element, EthernetConfig};
 pub use rsi::Group;
 
 /// Names of the formats.
@@ -33,22 +33,22 @@ pub const RSI_SCHEMA: &str = "trued.bridge-rsi/1";
 pub enum Guidance {
     /// Joint targets that an application streams.
     Joints,
-    /// A RAPID path, across it.
+    /// A RAPID path, corrected across its direction.
     Path,
 }
 
 /// What both bridges need.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Common {
+pub struct CommonConfig {
     /// The cell's configuration.
     pub cell: PathBuf,
     /// The controller compensates its robot itself.
     pub absolute_accuracy: bool,
     /// The controller's address; datagrams of others are foreign.
     pub robot: IpAddr,
-    /// How long an answer of the daemon is awaited, s.
+    /// Time limit for an answer of the daemon, s.
     pub answer_within_s: f64,
-    /// Silence of the controller that ends its run, s.
+    /// Time without datagrams after which the controller's run has ended, s.
     pub run_ends_after_s: f64,
 }
 
@@ -56,12 +56,12 @@ pub struct Common {
 #[derive(Debug, Clone, PartialEq)]
 pub struct EgmConfig {
     /// What both bridges need.
-    pub common: Common,
+    pub common: CommonConfig,
     /// What is corrected.
     pub guidance: Guidance,
     /// Where the controller sends.
     pub listen: SocketAddr,
-    /// The port of the mechanical unit that is served; none: whichever speaks first.
+    /// The port of the mechanical unit that is served; `None`: the first one that sends.
     pub robot_port: Option<u16>,
     /// The existing application, and the bridge's own address towards it.
     pub application: Option<(SocketAddr, SocketAddr)>,
@@ -70,12 +70,12 @@ pub struct EgmConfig {
     /// Least time between two path corrections, s.
     pub path_period_s: f64,
     /// Measured force is sent to the vibration monitor, in these axes.
-    pub force: Option<Frame>,
+    pub force: Option<CoordinateFrame>,
 }
 
 /// How RSI accumulates corrections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sums {
+pub enum Accumulation {
     /// What is sent is the whole correction.
     Absolute,
     /// Corrections are added to the previous ones.
@@ -88,26 +88,26 @@ pub enum RsiCorrection {
     /// Axes, degrees.
     Axes(Group),
     /// The tool's pose, mm and degrees (Z-Y-X), about the TCP, in these axes.
-    Pose(Group, Frame),
+    Pose(Group, CoordinateFrame),
 }
 
 /// `trued.bridge-rsi/1`, with the controller's own configuration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RsiConfig {
     /// What both bridges need.
-    pub common: Common,
+    pub common: CommonConfig,
     /// Where the controller sends.
     pub listen: SocketAddr,
     /// Elements sent and received, from the controller's own file.
-    pub ethernet: Ethernet,
-    /// Where the program wants the axes, degrees.
+    pub ethernet: EthernetConfig,
+    /// The program's axis setpoints, degrees.
     pub setpoint: Group,
     /// The setpoint as sent contains the correction already.
     pub setpoint_holds_correction: bool,
     /// What is corrected.
     pub correction: RsiCorrection,
-    /// How that adds up.
-    pub sums: Sums,
+    /// How corrections accumulate.
+    pub sums: Accumulation,
     /// Where the controller takes the feed override, percent of the programmed feed.
     pub feed: Option<Element>,
     /// Every other element that the controller receives, and its value.
@@ -143,7 +143,7 @@ impl RsiConfig {
         let (name, text) = (path.display().to_string(), read_text(path)?);
         let ethernet = beside(path, &rsi::ethernet_path(&name, &text)?);
         let ethernet =
-            Ethernet::parse(&ethernet.display().to_string(), &xml::read(&ethernet)?.text)?;
+            EthernetConfig::parse(&ethernet.display().to_string(), &xml::read(&ethernet)?.text)?;
         let mut config = Self::parse(&name, &text, ethernet)?;
         config.common.cell = beside(path, &config.common.cell);
         Ok(config)
@@ -153,7 +153,7 @@ impl RsiConfig {
     ///
     /// # Errors
     /// All faults of the text.
-    pub fn parse(name: &str, text: &str, ethernet: Ethernet) -> Result<Self, Faults> {
+    pub fn parse(name: &str, text: &str, ethernet: EthernetConfig) -> Result<Self, Faults> {
         rsi::parse(name, text, ethernet)
     }
 }
@@ -163,7 +163,7 @@ fn beside(path: &Path, named: &Path) -> PathBuf {
 }
 
 /// What both bridges need, from the root, its `[robot]` and its `[timing]`.
-fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<Common> {
+fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<CommonConfig> {
     root.require("schema", schema);
     root.require("cell", "the path of the cell's configuration");
     root.require(
@@ -182,7 +182,7 @@ fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<C
     if let Some(table) = timing {
         table.close();
     }
-    Some(Common {
+    Some(CommonConfig {
         cell: cell?,
         absolute_accuracy: accuracy?,
         robot: address?,

@@ -5,14 +5,15 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 use super::{
-    Element, Ethernet, RSI_SCHEMA, RsiConfig, RsiCorrection, SOCKET, Sums, address, common,
+    Accumulation, Element, EthernetConfig, RSI_SCHEMA, RsiConfig, RsiCorrection, SOCKET, address,
+    common,
 };
 use crate::faults::Faults;
-use crate::series::Frame;
-use crate::walk::{Document, Table, number_of};
+use crate::series::CoordinateFrame;
+use crate::toml_reader::{Document, Table, number_of};
 
 const AXES: [&str; 6] = ["A1", "A2", "A3", "A4", "A5", "A6"];
-/// No constant is as large; with more, an answer would not fit into a datagram.
+/// Limit on constants; with longer numbers an answer would not fit into a datagram.
 const CONSTANT_MAX: f64 = 1e9;
 const POSE: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
 
@@ -36,13 +37,13 @@ pub(super) fn ethernet_path(name: &str, text: &str) -> Result<PathBuf, Faults> {
     document.finish(path)
 }
 
-pub(super) fn parse(name: &str, text: &str, ethernet: Ethernet) -> Result<RsiConfig, Faults> {
+pub(super) fn parse(name: &str, text: &str, ethernet: EthernetConfig) -> Result<RsiConfig, Faults> {
     let document = Document::parse(name, text)?;
     let config = read(&document.root(), ethernet);
     document.finish(config)
 }
 
-fn read(root: &Table<'_, '_>, ethernet: Ethernet) -> Option<RsiConfig> {
+fn read(root: &Table<'_, '_>, ethernet: EthernetConfig) -> Option<RsiConfig> {
     root.require("ethernet", "the path of the controller's RSI_EthernetConfig.xml");
     root.text("ethernet");
     for (key, expected) in [
@@ -86,7 +87,7 @@ fn group_of(correction: &RsiCorrection) -> &Group {
     }
 }
 
-/// A tag with its attributes; the attributes are given, or those of KUKA's standard groups.
+/// A tag with its attributes: as configured, otherwise those of KUKA's standard group.
 fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
     let tag = table.text("tag").unwrap_or(tag).to_owned();
     let given = if table.has("names") { table.texts("names") } else { None };
@@ -101,15 +102,15 @@ fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
     Group { tag, names: names.into_iter().map(str::to_owned).collect() }
 }
 
-fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Option<bool>) {
+fn setpoint(table: &Table<'_, '_>, ethernet: &EthernetConfig) -> (Option<Group>, Option<bool>) {
     table.require(
         "holds_correction",
         "true if the controller's setpoint already includes the correction, otherwise false",
     );
     let group = group(table, "ASPos", AXES);
-    let whole = ethernet.sent(&group.tag).is_some_and(|element| element.is_internal);
+    let whole = ethernet.find_sent(&group.tag).is_some_and(|element| element.is_internal);
     let missing = group.names.iter().map(|name| format!("{}.{name}", group.tag));
-    let missing = missing.into_iter().find(|tag| ethernet.sent(tag).is_none());
+    let missing = missing.into_iter().find(|tag| ethernet.find_sent(tag).is_none());
     if let (false, Some(missing)) = (whole, missing) {
         table.fault_here(
             format!("the controller does not send {} (nor {missing}): {}", group.tag, ethernet.name),
@@ -121,12 +122,18 @@ fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Optio
     (Some(group), holds)
 }
 
-fn correction(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<RsiCorrection>, Option<Sums>) {
+fn correction(
+    table: &Table<'_, '_>,
+    ethernet: &EthernetConfig,
+) -> (Option<RsiCorrection>, Option<Accumulation>) {
     table.require("kind", "\"axes\" (AXISCORR) or \"pose\" (POSCORR)");
     table.require("sums", "\"absolute\" or \"relative\", as in RSI_ON of the robot program");
     let is_pose = table.choice("kind", &[("axes", false), ("pose", true)]);
-    let sums = table.choice("sums", &[("absolute", Sums::Absolute), ("relative", Sums::Relative)]);
-    let frames = [("base", Frame::Base), ("tool", Frame::Tool)];
+    let sums = table.choice(
+        "sums",
+        &[("absolute", Accumulation::Absolute), ("relative", Accumulation::Relative)],
+    );
+    let frames = [("base", CoordinateFrame::Base), ("tool", CoordinateFrame::Tool)];
     let correction = match is_pose {
         Some(true) => {
             table.require("frame", "\"base\" (ROBROOT) or \"tool\", as in RefCorrSys of POSCORR");
@@ -145,17 +152,22 @@ fn correction(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<RsiCorrecti
         None => None,
     };
     if let (Some(correction), Some(sums)) = (&correction, sums) {
-        takes(table, ethernet, group_of(correction), sums);
+        check_correction_elements(table, ethernet, group_of(correction), sums);
     }
     table.close();
     (correction, sums)
 }
 
-/// Whether the controller accepts this correction, and its behaviour for late answers.
-fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) {
+/// Checks that the controller receives this correction, and what it does if an answer is late.
+fn check_correction_elements(
+    table: &Table<'_, '_>,
+    ethernet: &EthernetConfig,
+    group: &Group,
+    sums: Accumulation,
+) {
     for name in &group.names {
         let tag = format!("{}.{name}", group.tag);
-        let Some(element) = ethernet.received(&tag) else {
+        let Some(element) = ethernet.find_received(&tag) else {
             table.fault_here(
                 format!("the controller does not receive {tag}: {}", ethernet.name),
                 format!("add <ELEMENT TAG=\"{tag}\" TYPE=\"DOUBLE\" INDX=\"…\" HOLDON=\"1\" /> to RECEIVE in that file, and connect it"),
@@ -164,14 +176,14 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
         };
         let line = element.place.line;
         match (sums, element.holds) {
-            (Sums::Absolute, false) => table.fault_here(
+            (Accumulation::Absolute, false) => table.fault_here(
                 format!(
                     "{tag} becomes zero if a reply is late, and the robot jumps: {} line {line}",
                     ethernet.name
                 ),
                 "set HOLDON=\"1\" in that line",
             ),
-            (Sums::Relative, true) => table.fault_here(
+            (Accumulation::Relative, true) => table.fault_here(
                 format!(
                     "{tag} is added again if a reply is late, and the robot drifts: {} line {line}",
                     ethernet.name
@@ -181,7 +193,7 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
             _ => {}
         }
     }
-    if ethernet.sent("Delay").is_none() {
+    if ethernet.find_sent("Delay").is_none() {
         table.fault_here(
             format!("requires the controller's count of late replies: {}", ethernet.name),
             "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND in that file; it distinguishes a network failure from a new run",
@@ -190,12 +202,12 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
 }
 
 /// Where the controller takes the feed override.
-fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
+fn feed(table: &Table<'_, '_>, ethernet: &EthernetConfig) -> Option<Element> {
     table.require("tag", "the element of RECEIVE that is connected to MAP2OV_PRO");
     let tag = table.text("tag");
     table.close();
     let tag = tag?;
-    let Some(element) = ethernet.received(tag) else {
+    let Some(element) = ethernet.find_received(tag) else {
         table.fault(
             "tag",
             format!("is {tag}, which the controller does not receive: {}", ethernet.name),
@@ -220,7 +232,7 @@ fn feed(table: &Table<'_, '_>, ethernet: &Ethernet) -> Option<Element> {
 /// Everything else that the controller receives must have a value.
 fn others(
     root: &Table<'_, '_>,
-    ethernet: &Ethernet,
+    ethernet: &EthernetConfig,
     own: Option<&Group>,
     feed: Option<&Element>,
 ) -> Vec<(Element, f64)> {

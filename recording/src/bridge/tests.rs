@@ -7,8 +7,8 @@ const EGM: &str = include_str!("../../../deploy/bridge-egm.toml");
 const RSI: &str = include_str!("../../../deploy/bridge-rsi.toml");
 const XML: &str = include_str!("../../../deploy/rsi-ethernet.xml");
 
-fn ethernet(xml: &str) -> Ethernet {
-    Ethernet::parse("ethernet.xml", xml).unwrap()
+fn ethernet(xml: &str) -> EthernetConfig {
+    EthernetConfig::parse("ethernet.xml", xml).unwrap()
 }
 
 fn rsi(text: &str, xml: &str) -> Result<RsiConfig, Faults> {
@@ -26,7 +26,7 @@ fn the_examples_that_are_shipped_load() {
     assert_eq!((egm.listen.port(), egm.guidance), (6510, Guidance::Joints));
     assert_eq!((egm.path_period_s, egm.common.answer_within_s), (0.048, 0.001));
     assert_eq!(egm.common.run_ends_after_s, 1.0);
-    assert_eq!((egm.force, egm.common.absolute_accuracy), (Some(Frame::Tool), false));
+    assert_eq!((egm.force, egm.common.absolute_accuracy), (Some(CoordinateFrame::Tool), false));
     let rsi = rsi(RSI, XML).unwrap();
     assert_eq!((rsi.listen.port(), rsi.ethernet.sentype.as_str()), (49152, "Trued"));
     assert_eq!((rsi.others.len(), rsi.others[0].1, rsi.others[0].0.is_whole), (1, 0.0, true));
@@ -132,7 +132,7 @@ fn unreadable_answers_are_refused_by_configuration() {
         let said = words(rsi(&RSI.replace("DiO = 0", &format!("DiO = {constant}")), XML));
         assert!(said.contains("`others.DiO`: is not a number that can be sent"), "{said}");
     }
-    let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
+    let said = |xml: &str| words(EthernetConfig::parse("ethernet.xml", xml));
     assert!(said(&XML.replace("DiO", &"D".repeat(65))).contains("no valid TAG"));
     assert!(said(&XML.replace("Trued", &"T".repeat(65))).contains("up to 64 letters"));
     let channel = |k: usize| format!("<ELEMENT TAG=\"D{k}\" TYPE=\"DOUBLE\" INDX=\"{k}\" />\n");
@@ -143,7 +143,7 @@ fn unreadable_answers_are_refused_by_configuration() {
 
 #[test]
 fn a_configuration_of_the_controller_that_cannot_be_used_is_reported_with_its_line() {
-    let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
+    let said = |xml: &str| words(EthernetConfig::parse("ethernet.xml", xml));
     assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller does not accept replies"));
     assert!(said(&XML.replace("49152", "x")).contains("ethernet.xml:5"));
     assert!(
@@ -165,8 +165,8 @@ proptest! {
         let _ = EgmConfig::parse("x", &spoil(EGM));
         let _ = rsi(&spoil(RSI), XML);
         let _ = rsi(&text, XML);
-        let _ = Ethernet::parse("x", &spoil(XML));
-        let _ = Ethernet::parse("x", &text);
+        let _ = EthernetConfig::parse("x", &spoil(XML));
+        let _ = EthernetConfig::parse("x", &text);
     }
 }
 

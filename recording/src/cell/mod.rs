@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
 use crate::model::presets;
-use crate::series::Frame;
+use crate::series::CoordinateFrame;
 use glam::DVec3;
 use physics::JointKind;
 
@@ -41,31 +41,31 @@ pub struct CellConfig {
     pub model: PathBuf,
     /// Mode after a start.
     pub mode: Mode,
-    /// How much may go out on request; at least `mode`.
+    /// Highest mode that can be requested; at least `mode`.
     pub mode_max: Mode,
     /// The cycle.
     pub cycle: Cycle,
     /// Bounds of the correction.
     pub envelope: Envelope,
-    /// What the tool's task needs.
+    /// Requirements of the tool's task.
     pub task: Task,
     /// Source and use of the wrench.
     pub wrench: Wrench,
-    /// How temperatures age.
+    /// Age limit of temperatures.
     pub temperature: Temperature,
-    /// The instrument that measures the tool, where there is one.
+    /// The instrument that measures the tool, if configured.
     pub measured: Option<Measured>,
     /// Compensation of delay, lags and modes of the joints, if configured.
     pub dynamic: Option<Dynamic>,
-    /// How the feed is adapted to the force, where it is.
+    /// Adaptation of the feed to the force, if configured.
     pub feed: Option<Feed>,
-    /// The force stream, where there is one.
+    /// The force stream, if configured.
     pub force: Option<Force>,
-    /// The vibration monitor, where it is on.
+    /// The vibration monitor, if enabled.
     pub vibration: Option<Vibration>,
     /// Scheduling of the cycle thread.
     pub realtime: Realtime,
-    /// The black box, where it is on.
+    /// The recorder, if enabled.
     pub recorder: Option<Recorder>,
 }
 
@@ -76,13 +76,13 @@ pub struct Cycle {
     pub period_s: f64,
     /// Age from which a command counts as stale, s.
     pub stale_s: f64,
-    /// How the cycle waits.
-    pub wait: Wait,
+    /// How the cycle thread waits.
+    pub wait: WaitMode,
 }
 
 /// How the cycle thread waits for the next command.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Wait {
+pub enum WaitMode {
     /// Sleeps to absolute times.
     #[default]
     Sleep,
@@ -95,28 +95,28 @@ pub enum Wait {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Envelope {
     /// Of revolute joints, rad, rad/s, rad/s³.
-    pub revolute: Bounds,
+    pub revolute: CorrectionLimits,
     /// Of prismatic joints, m, m/s, m/s³.
-    pub prismatic: Bounds,
+    pub prismatic: CorrectionLimits,
 }
 
-/// Largest correction, its rate and its jerk.
+/// Limits of the correction: position, rate, jerk.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bounds {
-    /// Size.
-    pub size: Vec<f64>,
-    /// Rate.
+pub struct CorrectionLimits {
+    /// Largest correction, rad or m.
+    pub position: Vec<f64>,
+    /// Largest rate of the correction, rad/s or m/s.
     pub rate: Vec<f64>,
-    /// Jerk.
+    /// Largest jerk of the correction, rad/s³ or m/s³.
     pub jerk: Vec<f64>,
 }
 
 /// `[task]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Task {
-    /// The tool may turn about its own z: the solution need not hold that angle.
+    /// The task leaves the rotation about the tool's z axis free: the solution need not keep it.
     pub free_tool_axis: bool,
-    /// How far from the TCP an angle counts as a displacement, m.
+    /// Lever arm that converts an angular error into a displacement, m.
     pub length_m: f64,
 }
 
@@ -125,7 +125,7 @@ pub struct Task {
 pub enum WrenchSource {
     /// The force stream.
     Force,
-    /// The command itself carries it.
+    /// The command message contains it.
     Command,
     /// No wrench.
     #[default]
@@ -139,10 +139,10 @@ pub struct Wrench {
     pub source: WrenchSource,
     /// Corner of the low-pass, Hz.
     pub low_pass_hz: f64,
-    /// Age from which a wrench ramps out, s.
+    /// Age from which a wrench is ramped to zero, s.
     pub stale_s: f64,
     /// Axes in which it is measured.
-    pub frame: Frame,
+    pub frame: CoordinateFrame,
     /// Stiffness of the process (cutting, contact), N/m, if known.
     pub process_stiffness_n_per_m: Option<f64>,
     /// Largest loop gain (process stiffness times robot compliance), below 1.
@@ -158,32 +158,32 @@ pub struct Temperature {
     pub stale_s: f64,
 }
 
-/// What measurements of the tool are for.
+/// Use of the measurements of the tool.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum MeasuredMode {
-    /// Nothing: they are not read.
+    /// They are not read.
     Off,
     /// The model's error is estimated and reported.
     #[default]
     Observe,
-    /// The tool is trimmed by it.
+    /// The tool is trimmed by the estimated error.
     Trim,
 }
 
 /// `[measured]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// What measurements are for.
+    /// Use of the measurements.
     pub mode: MeasuredMode,
     /// From the instrument's coordinates to the robot's base.
     pub base_from_instrument: physics::Frame,
     /// The measured point in tool coordinates, m.
     pub point_in_tool_m: DVec3,
-    /// Between two measurements, s.
+    /// Time between two measurements, s.
     pub interval_s: f64,
-    /// From a measurement to its arrival, s.
+    /// Delay from a measurement to its arrival, s.
     pub latency_s: f64,
-    /// From a command to the tool's being there, s.
+    /// Delay from a command until the tool reaches it, s.
     pub reaction_s: f64,
     /// Time constant of the trim, s; none: chosen for the delay.
     pub time_constant_s: Option<f64>,
@@ -200,7 +200,7 @@ pub struct Measured {
     pub model_sigma_m: Option<f64>,
 }
 
-/// What the feed override is for.
+/// Use of the feed override.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum FeedMode {
     /// Nothing.
@@ -224,17 +224,17 @@ pub enum FeedLimit {
 /// `[feed]`. Overrides are shares of the programmed feed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feed {
-    /// What the override is for.
+    /// Use of the override.
     pub mode: FeedMode,
     /// The limit.
     pub limit: FeedLimit,
-    /// The least override.
+    /// The smallest override.
     pub floor: f64,
     /// The override if no force is known.
     pub lost: f64,
-    /// The largest override in the air.
+    /// The largest override while the tool is not cutting.
     pub air: f64,
-    /// Forces below this are none, N.
+    /// Forces below this count as zero, N.
     pub air_n: f64,
     /// How fast the override may fall, per s.
     pub down_per_s: f64,
@@ -267,9 +267,11 @@ pub enum DynamicMode {
 pub struct Dynamic {
     /// Whether they are compensated.
     pub mode: DynamicMode,
-    /// Where the weight of the correction's third derivative equals that of the path's error, Hz.
+    /// Frequency at which the correction's third derivative and the path error have equal weight,
+    /// Hz.
     pub bandwidth_hz: f64,
-    /// Share by which parameters of the model may deviate without making the RMS error larger.
+    /// Relative deviation of model parameters up to which compensation does not increase the RMS
+    /// error.
     pub robust_to: f64,
 }
 
@@ -295,11 +297,11 @@ pub struct Force {
 pub struct Vibration {
     /// Lowest and highest frequency that is watched, Hz.
     pub band_hz: (f64, f64),
-    /// Lines below this amplitude are no finding, N.
+    /// Spectral lines below this amplitude are ignored, N.
     pub least_amplitude_n: f64,
     /// The same for moments, Nm.
     pub least_amplitude_nm: f64,
-    /// Scales the power over the noise floor that counts as a line.
+    /// Factor on the detection threshold (power over the noise floor) of a spectral line.
     pub threshold: f64,
     /// Spindle speed, revolutions per minute, if constant and known.
     pub spindle_rpm: Option<f64>,
@@ -323,7 +325,7 @@ pub struct Realtime {
 /// `[recorder]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recorder {
-    /// Folder of the black boxes.
+    /// Folder of the recordings.
     pub dir: PathBuf,
     /// Size from which a new file is begun, bytes.
     pub max_file_bytes: u64,
@@ -347,7 +349,7 @@ impl CellConfig {
         let mut config = Self::parse(&path.display().to_string(), &read_text(path)?)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let beside = folder.join(&config.model);
-        if beside.exists() || presets::at(&config.model).is_none() {
+        if beside.exists() || presets::by_path(&config.model).is_none() {
             config.model = beside;
         }
         if let Some(recorder) = &mut config.recorder {
@@ -367,7 +369,7 @@ impl CellConfig {
     /// The feed override without a daemon and with unknown mode: that for a lost force in a cell
     /// that adapts its feed and corrects after a start, otherwise 1.
     #[must_use]
-    pub fn lost_feed(&self) -> f64 {
+    pub fn fallback_feed_override(&self) -> f64 {
         let feed = self.feed.filter(|feed| feed.mode == FeedMode::Adapt);
         feed.filter(|_| self.mode != Mode::Shadow).map_or(1.0, |feed| feed.lost)
     }
@@ -377,8 +379,8 @@ impl CellConfig {
     /// # Errors
     /// Every list of another length.
     pub fn check_against(&self, name: &str, joints: &[JointKind]) -> Result<(), Faults> {
-        let mut faults = Faults::of(name);
-        for (key, list) in self.envelope.lists() {
+        let mut faults = Faults::new(name);
+        for (key, list) in self.envelope.limit_lists() {
             if list.len() != 1 && list.len() != joints.len() {
                 let fault =
                     Fault::new(format!("envelope.{key}"), format!("has {} values", list.len()));
@@ -387,18 +389,18 @@ impl CellConfig {
                 );
             }
         }
-        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+        if faults.is_empty() { Ok(()) } else { faults.into_result(None) }
     }
 }
 
 impl Envelope {
-    fn lists(&self) -> [(&'static str, &[f64]); 6] {
+    fn limit_lists(&self) -> [(&'static str, &[f64]); 6] {
         let (r, p) = (&self.revolute, &self.prismatic);
         [
-            ("angle_mrad", &r.size),
+            ("angle_mrad", &r.position),
             ("rate_mrad_s", &r.rate),
             ("jerk_mrad_s3", &r.jerk),
-            ("travel_mm", &p.size),
+            ("travel_mm", &p.position),
             ("rate_mm_s", &p.rate),
             ("jerk_mm_s3", &p.jerk),
         ]
@@ -407,13 +409,13 @@ impl Envelope {
     /// Position, rate and jerk limit of a joint (from 0), SI. A joint beyond the end of a list has
     /// its last value.
     #[must_use]
-    pub fn of_joint(&self, joint: usize, kind: JointKind) -> (f64, f64, f64) {
+    pub fn limits_of_joint(&self, joint: usize, kind: JointKind) -> (f64, f64, f64) {
         let bounds = match kind {
             JointKind::Revolute => &self.revolute,
             JointKind::Prismatic => &self.prismatic,
         };
         // A list that was read is not empty; for one made in code zero (no correction) is safe.
         let pick = |list: &[f64]| list.get(joint).or(list.last()).copied().unwrap_or(0.0);
-        (pick(&bounds.size), pick(&bounds.rate), pick(&bounds.jerk))
+        (pick(&bounds.position), pick(&bounds.rate), pick(&bounds.jerk))
     }
 }

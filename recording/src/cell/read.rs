@@ -5,14 +5,14 @@ use std::ops::Bound;
 use std::path::PathBuf;
 
 use super::{
-    Bounds, CellConfig, Cycle, Dynamic, DynamicMode, Envelope, Feed, FeedLimit, FeedMode, Force,
-    Measured, MeasuredMode, Mode, Realtime, Recorder, SCHEMA, Task, Temperature, Vibration, Wait,
-    Wrench, WrenchSource,
+    CellConfig, CorrectionLimits, Cycle, Dynamic, DynamicMode, Envelope, Feed, FeedLimit, FeedMode,
+    Force, Measured, MeasuredMode, Mode, Realtime, Recorder, SCHEMA, Task, Temperature, Vibration,
+    WaitMode, Wrench, WrenchSource,
 };
 use crate::faults::Faults;
 use crate::model::read::rotation;
-use crate::series::Frame;
-use crate::walk::{Document, POSITIVE, Table};
+use crate::series::CoordinateFrame;
+use crate::toml_reader::{Document, POSITIVE, Table};
 
 pub(super) fn parse(name: &str, text: &str) -> Result<CellConfig, Faults> {
     let document = Document::parse(name, text)?;
@@ -98,7 +98,7 @@ fn check_together(
     }
     let leads = dynamic.is_some_and(|dynamic| dynamic.mode != DynamicMode::Off);
     if leads && is_trimmed {
-        // The trim compares what is measured with where the tool was sent `reaction_ms` before; that time would change with bypass, mode and envelope.
+        // The trim compares a measurement with the target sent `reaction_ms` before; that delay would change with bypass, mode and envelope.
         let message =
             "compensates delay and lag, which the trim of [measured] would interpret as an error";
         root.fault("dynamic", message, "mode = \"off\" in [dynamic] or in [measured]");
@@ -143,7 +143,7 @@ fn close(table: Option<&Table<'_, '_>>) {
 }
 
 fn cycle(table: Option<&Table<'_, '_>>) -> Cycle {
-    let waits = [("sleep", Wait::Sleep), ("spin", Wait::Spin)];
+    let waits = [("sleep", WaitMode::Sleep), ("spin", WaitMode::Spin)];
     let period_ms = number(table, "period_ms", 0.1..=100.0, 1.0);
     let stale_ms = number(table, "stale_ms", 0.1..=10_000.0, 10.0);
     let wait = table.and_then(|table| table.choice("wait", &waits)).unwrap_or_default();
@@ -176,13 +176,13 @@ fn bound(table: Option<&Table<'_, '_>>, key: &str, most: f64, default: f64) -> V
 
 fn envelope(table: Option<&Table<'_, '_>>) -> Envelope {
     let envelope = Envelope {
-        revolute: Bounds {
-            size: bound(table, "angle_mrad", 200.0, 20.0),
+        revolute: CorrectionLimits {
+            position: bound(table, "angle_mrad", 200.0, 20.0),
             rate: bound(table, "rate_mrad_s", 5000.0, 50.0),
             jerk: bound(table, "jerk_mrad_s3", 1e7, 5000.0),
         },
-        prismatic: Bounds {
-            size: bound(table, "travel_mm", 200.0, 20.0),
+        prismatic: CorrectionLimits {
+            position: bound(table, "travel_mm", 200.0, 20.0),
             rate: bound(table, "rate_mm_s", 5000.0, 50.0),
             jerk: bound(table, "jerk_mm_s3", 1e7, 5000.0),
         },
@@ -204,13 +204,15 @@ fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
         ("command", WrenchSource::Command),
         ("none", WrenchSource::None),
     ];
-    let frames = [("tool", Frame::Tool), ("base", Frame::Base)];
+    let frames = [("tool", CoordinateFrame::Tool), ("base", CoordinateFrame::Base)];
     let stiffness = table.and_then(|table| table.number("process_stiffness_N_per_um", POSITIVE));
     let wrench = Wrench {
         source: table.and_then(|table| table.choice("source", &sources)).unwrap_or_default(),
         low_pass_hz: number(table, "low_pass_Hz", 0.01..=100.0, 3.0),
         stale_s: number(table, "stale_ms", 1.0..=60_000.0, 100.0) * 1e-3,
-        frame: table.and_then(|table| table.choice("frame", &frames)).unwrap_or(Frame::Tool),
+        frame: table
+            .and_then(|table| table.choice("frame", &frames))
+            .unwrap_or(CoordinateFrame::Tool),
         process_stiffness_n_per_m: stiffness.map(|per_um| per_um * 1e6),
         loop_gain_max: number(table, "loop_gain_max", 0.01..=0.5, 0.5),
         use_faulty_channels: table
@@ -221,9 +223,11 @@ fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
     wrench
 }
 
-/// Structures warm with time constants of minutes to hours: a temperature a minute old is still a good one.
+/// Structures warm with time constants of minutes to hours: a temperature that is a minute old is
+/// still valid.
 const TEMPERATURE_STALE_S: f64 = 60.0;
-/// A block is stamped with its first sample, so that an honest stamp is past; a clock that is synchronised from elsewhere strays by less.
+/// A block has the time stamp of its first sample, so that a correct stamp lies in the past; a
+/// clock that is synchronised externally deviates by less.
 const AHEAD_MS: f64 = 5.0;
 /// Without use of the wrench: longer than any buffer of a driver or of the transport holds at
 /// normal load.
@@ -245,7 +249,8 @@ const HOLD_MS: f64 = 500.0;
 /// The residual error of a calibrated robot is some tenths of a millimetre; a larger one requires a
 /// new calibration.
 const LIMIT_MM: f64 = 1.0;
-/// Stated delays in the shortest time constant: below it the gain margin at twice the stated delay is less than 2 (`corrector/src/trim.rs`).
+/// Shortest time constant in multiples of the stated delay: below it the gain margin at twice that
+/// delay is less than 2 (`corrector/src/trim.rs`).
 const DELAYS_LEAST: f64 = 2.0;
 /// Longest cycle with a trim or a feed override, s: past values are interpolated between cycles,
 /// and after 50 ms a pause is assumed.
@@ -312,7 +317,7 @@ fn time_constant(table: &Table<'_, '_>, measured: &Measured) -> Option<f64> {
 
 /// Several times the first modes of industrial arms (5 to 20 Hz), and a sixth of the rate of a controller with 4 ms.
 const BANDWIDTH_HZ: f64 = 40.0;
-/// What a delay or a natural frequency changes over an arm's workspace.
+/// Variation of a delay or a natural frequency over an arm's workspace.
 const ROBUST_TO: f64 = 0.3;
 /// Commands per period of the bandwidth that the filter needs (`joint-dynamics/src/taps.rs`).
 const COMMANDS_PER_PERIOD: f64 = 4.0;
@@ -360,7 +365,8 @@ const RELIEF: f64 = 1.25;
 /// Longer than one or two lost blocks, and a shorter distance than a cutter needs to reach another
 /// depth.
 const FEED_HOLD_MS: f64 = 200.0;
-/// The latency in the shortest time constant: below it the gain margin at twice that latency is less than 2 (`corrector/src/feed.rs`).
+/// Shortest time constant in multiples of the latency: below it the gain margin at twice that
+/// latency is less than 2 (`corrector/src/feed.rs`).
 const FEED_DELAYS_LEAST: f64 = 2.0;
 
 fn feed(table: &Table<'_, '_>) -> Option<Feed> {

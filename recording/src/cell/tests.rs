@@ -14,7 +14,7 @@ fn three_lines_are_a_cell_and_it_only_watches() {
     let config = parse("schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n").unwrap();
     assert_eq!(config.mode, Mode::Shadow);
     assert_eq!((config.cycle.period_s, config.cycle.stale_s), (0.001, 0.01));
-    assert_eq!(config.envelope.of_joint(3, JointKind::Revolute), (0.02, 0.05, 5.0));
+    assert_eq!(config.envelope.limits_of_joint(3, JointKind::Revolute), (0.02, 0.05, 5.0));
     assert_eq!(config.wrench.source, WrenchSource::None);
     assert!(config.recorder.is_none() && config.vibration.is_none() && config.force.is_none());
 }
@@ -173,7 +173,7 @@ fn ages_and_clocks_of_sensors_have_defaults_and_zero_is_never() {
 fn a_list_per_joint_must_fit_the_robot() {
     let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[envelope]\nangle_mrad = [1, 2, 3]";
     let config = parse(text).unwrap();
-    assert_eq!(config.envelope.of_joint(1, JointKind::Revolute).0, 0.002);
+    assert_eq!(config.envelope.limits_of_joint(1, JointKind::Revolute).0, 0.002);
     assert!(config.check_against("cell.toml", &[JointKind::Revolute; 3]).is_ok());
     assert!(config.check_against("cell.toml", &[JointKind::Revolute; 6]).is_err());
 }

@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use crate::series::{Channel, Recording};
 
-/// So many rows are shown.
+/// Number of rows shown.
 const ROWS: usize = 3;
-/// Significant digits of a value that is shown.
+/// Significant digits of the values shown.
 const DIGITS: usize = 9;
 
 /// A column as trued understands it.

@@ -4,10 +4,10 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::{Findings, count};
+use super::{Findings, pluralise};
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
-use crate::urdf::{self, Ends};
+use crate::urdf::{self, ChainEnds};
 use crate::waves::{self, Grid, Options, Waves};
 
 /// The format of a file is recognised from this many bytes at its start.
@@ -33,8 +33,8 @@ pub(super) fn file(path: &Path) -> Result<Option<Findings>, FileError> {
     let start = start.trim_start_matches('\u{feff}').trim_start();
     if start.starts_with('<') && !start.to_ascii_lowercase().starts_with("<!doctype html") {
         findings.kind = "URDF";
-        findings.take(urdf::read(path, &Ends::default()), |findings, import| {
-            let joints = count(import.model.file.joints.len(), "joint");
+        findings.take(urdf::read(path, &ChainEnds::default()), |findings, import| {
+            let joints = pluralise(import.model.file.joints.len(), "joint");
             findings.summary = format!(
                 "`{}`, {joints}, {} to {}",
                 import.model.file.name, import.base, import.tip
@@ -49,7 +49,7 @@ pub(super) fn file(path: &Path) -> Result<Option<Findings>, FileError> {
     if start.starts_with(['{', '<']) {
         let what = if start.starts_with('{') { "JSON" } else { "HTML" };
         findings.kind = "file";
-        let mut faults = Faults::of(path.display().to_string());
+        let mut faults = Faults::new(path.display().to_string());
         let fault = Fault::new("", format!("is {what}, which is not an input of trued"));
         faults.push(fault.expected(
             "a TOML, a recording (CSV, Parquet), a URDF, or waveforms (WAV, UFF 58, .lvm)",
@@ -73,11 +73,11 @@ impl Findings {
                 Grid::Time { rate_hz, .. } => format!("at {rate_hz} Hz"),
                 Grid::Length { step_mm, .. } => format!("every {step_mm} mm"),
             };
-            let samples = count(record.len(), "sample");
+            let samples = pluralise(record.len(), "sample");
             parts.push(format!("{samples} {grid} of {}", channels.join(", ")));
         }
         if !waves.responses.is_empty() {
-            parts.push(count(waves.responses.len(), "response function"));
+            parts.push(pluralise(waves.responses.len(), "response function"));
         }
         self.summary = parts.join("; ");
         self.notes = waves.notes;
@@ -92,7 +92,7 @@ impl Findings {
 
 #[cfg(test)]
 mod tests {
-    use crate::check::{Findings, file};
+    use crate::check::{Findings, validate_file};
     use crate::faults::Faults;
 
     fn findings(name: &str, content: &[u8]) -> Findings {
@@ -101,7 +101,7 @@ mod tests {
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join(name);
         std::fs::write(&path, content).unwrap();
-        let findings = file(&path, None, None).unwrap();
+        let findings = validate_file(&path, None, None).unwrap();
         std::fs::remove_dir_all(folder).unwrap();
         findings
     }

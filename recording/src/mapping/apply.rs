@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Columns, MappedColumn, Mapping, Orientation, Source};
 use crate::faults::{Fault, Faults};
-use crate::series::{About, Builder, Clock, Column, Need, RawTable, Recording};
+use crate::series::{
+    Builder, Column, RawTable, Recording, RecordingMetadata, RequiredData, TimeFormat,
+};
 use crate::unit::Unit;
 
 impl Mapping {
@@ -14,8 +16,8 @@ impl Mapping {
         &self,
         mut table: RawTable<'_>,
         mut faults: Faults,
-        about: Option<About>,
-        need: Need,
+        about: Option<RecordingMetadata>,
+        need: RequiredData,
     ) -> Result<Recording, Faults> {
         self.keep_rows(&mut table, &mut faults);
         if self.drop_repeated {
@@ -62,7 +64,7 @@ impl Mapping {
             // One that is not there is reported when it is read.
             theirs
                 .iter()
-                .filter_map(|name| table.column(name, &mut Faults::of("")))
+                .filter_map(|name| table.column(name, &mut Faults::new("")))
                 .collect::<Vec<usize>>()
         };
         let (time, segment) = (places("t_s"), places("segment"));
@@ -74,7 +76,7 @@ impl Mapping {
             _ => None,
         };
         // A text that is no time is reported when the column is read.
-        let times = table.times(&time, clock, &mut Faults::of(""));
+        let times = table.times(&time, clock, &mut Faults::new(""));
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();
         table.keep(|row, table| {
@@ -95,13 +97,13 @@ impl Mapping {
 }
 
 impl Columns {
-    /// The columns of theirs that any of ours needs.
+    /// All source columns in use.
     fn theirs(&self) -> impl Iterator<Item = &String> {
         let turned = self.orientation.iter().flat_map(Orientation::theirs);
         self.named.iter().flat_map(MappedColumn::theirs).chain(turned)
     }
 
-    /// Those that are read as numbers.
+    /// The source columns that are read as numbers.
     pub(super) fn numbers(&self) -> impl Iterator<Item = &String> {
         let turned = self.orientation.iter().flat_map(Orientation::theirs);
         let numeric = self.named.iter().filter(|column| column.is_of_numbers());
@@ -119,7 +121,7 @@ impl Columns {
 }
 
 impl MappedColumn {
-    /// The columns of theirs that it needs.
+    /// The source columns that it needs.
     fn theirs(&self) -> &[String] {
         match &self.from {
             Source::Column(name) | Source::Numbers(name, _) => std::slice::from_ref(name),
@@ -132,7 +134,7 @@ impl MappedColumn {
     fn is_of_numbers(&self) -> bool {
         match &self.from {
             Source::Column(_) | Source::Sum(_) => true,
-            Source::Times(_, clock) => matches!(clock, None | Some(Clock::Days)),
+            Source::Times(_, clock) => matches!(clock, None | Some(TimeFormat::Days)),
             Source::Labels(_) | Source::Numbers(..) | Source::Constant(_) | Source::Row(_) => false,
         }
     }
@@ -155,7 +157,9 @@ impl MappedColumn {
                 sum
             }
             (Source::Times(_, clock), _) => builder.times(&places, clock.as_ref()),
-            (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
+            (Source::Numbers(_, numbers), Some(at)) => {
+                numbers_of_labels(table, at, numbers, builder)
+            }
             (Source::Column(_), Some(at)) => builder.numbers(at),
             (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),
             (Source::Constant(value), _) => vec![*value; rows],
@@ -165,11 +169,11 @@ impl MappedColumn {
         builder.take(&self.name, first, values);
     }
 
-    /// The unit of our name.
+    /// The unit in the recording's column name.
     fn unit_of_name(&self) -> Option<Unit> {
         match Column::named(&self.name) {
             Ok(Column::Channel(_, unit)) => unit,
-            Ok(Column::Time) => Unit::named("s"),
+            Ok(Column::Time) => Unit::from_name("s"),
             _ => None,
         }
     }
@@ -180,7 +184,7 @@ impl MappedColumn {
         self.unit.or(self.unit_of_name().filter(|_| unscaled))
     }
 
-    /// A value of theirs in the unit of our name.
+    /// A source value in the unit of the recording's column.
     fn ours(&self, theirs: f64) -> f64 {
         let value = match (self.unit, self.unit_of_name()) {
             (Some(theirs_unit), Some(ours)) if theirs_unit != ours => {
@@ -209,7 +213,7 @@ fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
 }
 
 /// The numbers assigned to texts; the first text without a number is a fault.
-fn stands_for(
+fn numbers_of_labels(
     table: &RawTable<'_>,
     at: usize,
     numbers: &[(String, f64)],

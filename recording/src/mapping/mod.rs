@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use crate::faults::Faults;
 use crate::files::{FileError, read_text};
-use crate::series::{About, Clock, Dialect};
+use crate::series::{Dialect, RecordingMetadata, TimeFormat};
 use crate::unit::Unit;
 
 /// Name of the format.
@@ -25,14 +25,14 @@ pub(crate) const SCHEMA: &str = "trued.mapping/1";
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mapping {
     pub(crate) dialect: Dialect,
-    pub(crate) about: Option<About>,
-    /// None: the names in the header are ours.
+    pub(crate) about: Option<RecordingMetadata>,
+    /// `None`: the header has the column names of a recording.
     columns: Option<Columns>,
     keep: Vec<(String, Vec<String>)>,
     drop_repeated: bool,
 }
 
-/// What becomes columns of ours.
+/// The mapped columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct Columns {
     named: Vec<MappedColumn>,
@@ -42,12 +42,12 @@ struct Columns {
 /// One column of the recording and its source.
 #[derive(Debug, Clone, PartialEq)]
 struct MappedColumn {
-    /// Our name, with our unit.
+    /// Name in the recording, with its unit.
     name: String,
     from: Source,
-    /// Their unit, where it differs from that of our name.
+    /// Unit of the source, where it differs from that of the name.
     unit: Option<Unit>,
-    /// Ours = `scale` · theirs + `offset`, in the unit of our name; the sign is in the scale.
+    /// Value = `scale` · source + `offset`, in the unit of the name; the scale includes the sign.
     scale: f64,
     offset: f64,
 }
@@ -58,13 +58,13 @@ enum Source {
     /// A source column, by name, or by its number without a header.
     Column(String),
     /// Source columns that together hold a time: numbers or ISO 8601 unless stated.
-    Times(Vec<String>, Option<Clock>),
+    Times(Vec<String>, Option<TimeFormat>),
     /// Source columns whose different texts, or combinations of them, are numbered in order of
     /// appearance.
     Labels(Vec<String>),
     /// A source column whose texts are replaced by these numbers.
     Numbers(String, Vec<(String, f64)>),
-    /// Columns of theirs that are added.
+    /// Source columns that are added.
     Sum(Vec<String>),
     /// The same value in each row.
     Constant(f64),

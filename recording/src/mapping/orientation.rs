@@ -10,27 +10,27 @@ use physics::frame::{rotation_about, rotation_from_vector};
 use super::read::{names_of, unit_of};
 use crate::faults::Fault;
 use crate::series::{Builder, RawTable};
+use crate::toml_reader::Table;
 use crate::unit::{Quantity, Unit};
-use crate::walk::Table;
 
 /// Source columns of an orientation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Orientation {
-    form: Form,
-    /// Of angles.
+    form: Convention,
+    /// Unit of angles and of rotation vectors.
     unit: Option<Unit>,
     theirs: Vec<String>,
 }
 
 /// Meaning of an orientation's numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Form {
+enum Convention {
     /// Angles about three axes, one after the other.
     Angles {
         axes: [DVec3; 3],
         moving: bool,
     },
-    /// The axis, as long as the angle.
+    /// Rotation vector: the axis scaled by the angle.
     Vector,
     Matrix {
         by_rows: bool,
@@ -46,7 +46,7 @@ const MATRIX_TOLERANCE: f64 = 1e-3;
 const EXPECTED: &str = "`ZYX` (KUKA A B C, ABB EZ EY EX), `xyz` (Fanuc W P R, Yaskawa, roll pitch yaw), `XYZ` (Staubli), \
     `ZYZ` (Kawasaki O A T) or another sequence of three axes, `rotation_vector` (Universal Robots), `matrix_rows`, `matrix_columns`, `wxyz` or `xyzw`";
 
-impl Form {
+impl Convention {
     fn named(name: &str) -> Option<Self> {
         Some(match name {
             "rotation_vector" => Self::Vector,
@@ -65,7 +65,8 @@ impl Form {
                 };
                 let axes: Option<Vec<DVec3>> = sequence.chars().map(axis).collect();
                 let axes: [DVec3; 3] = axes?.try_into().ok()?;
-                // Two turns about one axis are a single one: no orientation has such angles.
+                // Two consecutive rotations about one axis are a single one: they cannot describe
+                // every orientation.
                 let turns = axes[0] != axes[1] && axes[1] != axes[2];
                 return (turns && (moving || fixed)).then_some(Self::Angles { axes, moving });
             }
@@ -119,7 +120,7 @@ impl Orientation {
         let theirs = names_of(entry);
         let unit = unit_of(entry);
         let name = entry.text("convention")?;
-        let Some(form) = Form::named(name) else {
+        let Some(form) = Convention::named(name) else {
             entry.fault("convention", format!("is \"{name}\""), EXPECTED);
             return None;
         };
@@ -143,7 +144,7 @@ impl Orientation {
         Some(Self { form, unit, theirs })
     }
 
-    /// The columns of theirs that it needs.
+    /// The source columns that it needs.
     pub(super) fn theirs(&self) -> &[String] {
         &self.theirs
     }

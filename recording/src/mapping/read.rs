@@ -5,9 +5,9 @@ use toml::de::DeValue;
 use super::orientation::Orientation;
 use super::{Columns, MappedColumn, Mapping, SCHEMA, Source};
 use crate::faults::Faults;
-use crate::series::{About, Clock, Column, Dialect, JOINTS_MAX, Reads};
+use crate::series::{Column, Dialect, JOINTS_MAX, NumericColumns, RecordingMetadata, TimeFormat};
+use crate::toml_reader::{Document, Table};
 use crate::unit::Unit;
-use crate::walk::{Document, Table};
 
 pub(super) fn parse(name: &str, text: &str) -> Result<Mapping, Faults> {
     let document = Document::parse(name, text)?;
@@ -24,10 +24,10 @@ fn read(root: &Table<'_, '_>) -> Option<Mapping> {
     let keep = root.table("keep").map(|table| keep(&table)).unwrap_or_default();
     let drop_repeated =
         root.choice("repeated_time", &[("fault", false), ("drop", true)]).unwrap_or_default();
-    let about = root.table("recording").map(|table| About::from_table(&table));
+    let about = root.table("recording").map(|table| RecordingMetadata::from_table(&table));
     let columns = root.table("columns").map(|table| columns(&table, joints));
     if let Some(columns) = &columns {
-        dialect.reads = Reads::These(columns.numbers().cloned().collect());
+        dialect.reads = NumericColumns::Listed(columns.numbers().cloned().collect());
     }
     root.close();
     Some(Mapping { dialect, about, columns, keep, drop_repeated })
@@ -55,7 +55,7 @@ fn dialect(root: &Table<'_, '_>) -> Dialect {
         skip_lines: usize::try_from(skip).unwrap_or(0),
         no_header: root.flag("header").is_some_and(|header| !header),
         width: None,
-        reads: Reads::Ours,
+        reads: NumericColumns::Known,
     }
 }
 
@@ -98,7 +98,7 @@ fn column(
     let names =
         if pattern == "t_s" { names.and_then(|names| times(entry, names, unit)) } else { names };
     let starred = pattern.contains('*');
-    let listed = names.as_ref().filter(|_| starred).and_then(Names::count);
+    let listed = names.as_ref().filter(|_| starred).and_then(SourceTemplate::count);
     let count = listed.or(order.as_ref().map(Vec::len)).or(joints).filter(|_| starred);
     if starred && count.is_none() {
         table.fault(
@@ -140,7 +140,7 @@ fn column(
 
 pub(super) fn unit_of(entry: &Table<'_, '_>) -> Option<Unit> {
     let name = entry.text("unit")?;
-    let unit = Unit::named(name);
+    let unit = Unit::from_name(name);
     if unit.is_none() {
         let known: Vec<&str> = crate::unit::UNITS.iter().map(|unit| unit.name).collect();
         entry.fault("unit", format!("is \"{name}\""), format!("one of {}", known.join(" ")));
@@ -148,7 +148,7 @@ pub(super) fn unit_of(entry: &Table<'_, '_>) -> Option<Unit> {
     unit
 }
 
-/// Whether our name is a column, and their unit measures the same.
+/// Whether the name is a column of a recording, and the source's unit is of the same quantity.
 fn fits(
     table: &Table<'_, '_>,
     pattern: &str,
@@ -158,7 +158,7 @@ fn fits(
 ) -> bool {
     let ours = match Column::named(name) {
         Ok(Column::Channel(_, unit)) => unit,
-        Ok(Column::Time) => Unit::named("s"),
+        Ok(Column::Time) => Unit::from_name("s"),
         Ok(Column::Segment) => None,
         Ok(Column::Unknown) => {
             table.fault(
@@ -203,18 +203,18 @@ fn factors(entry: &Table<'_, '_>, key: &str, count: usize, default: f64) -> Opti
 }
 
 /// Sources of an entry, before joints are expanded.
-enum Names {
+enum SourceTemplate {
     Pattern(String),
     List(Vec<String>),
     Labels(Vec<String>),
     Sum(Vec<String>),
-    Times(Vec<String>, Option<Clock>),
+    Times(Vec<String>, Option<TimeFormat>),
     Numbers(String, Vec<(String, f64)>),
     Constant(f64),
     Row(f64),
 }
 
-impl Names {
+impl SourceTemplate {
     fn count(&self) -> Option<usize> {
         match self {
             Self::List(names) => Some(names.len()),
@@ -222,7 +222,7 @@ impl Names {
         }
     }
 
-    /// The source of joint `at` (from 0), whose number in the source is `theirs`.
+    /// The source of joint `at` (from 0), which has the number `theirs` in the source table.
     fn source(&self, at: usize, theirs: i64) -> Option<Source> {
         Some(match self {
             Self::Pattern(name) => Source::Column(name.replacen('*', &theirs.to_string(), 1)),
@@ -237,7 +237,7 @@ impl Names {
     }
 }
 
-fn sources(entry: &Table<'_, '_>) -> Option<Names> {
+fn sources(entry: &Table<'_, '_>) -> Option<SourceTemplate> {
     let labels = entry.flag("labels").unwrap_or_default();
     let sum = entry.flag("sum").unwrap_or_default();
     let numbers = entry.table("numbers").map(|table| numbers(&table));
@@ -248,18 +248,18 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         Some(DeValue::Array(_)) => {
             let names = names_of(entry);
             let of = if labels {
-                Names::Labels
+                SourceTemplate::Labels
             } else if sum {
-                Names::Sum
+                SourceTemplate::Sum
             } else {
-                Names::List
+                SourceTemplate::List
             };
             names.map(of)
         }
         Some(value) => name_of(value).map(|name| match numbers {
-            Some(numbers) => Names::Numbers(name, numbers),
-            None if labels => Names::Labels(vec![name]),
-            None => Names::Pattern(name),
+            Some(numbers) => SourceTemplate::Numbers(name, numbers),
+            None if labels => SourceTemplate::Labels(vec![name]),
+            None => SourceTemplate::Pattern(name),
         }),
     };
     if entry.has("from") && from.is_none() {
@@ -270,8 +270,11 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         );
         return None;
     }
-    let given: Vec<Names> =
-        [from, constant.map(Names::Constant), step.map(Names::Row)].into_iter().flatten().collect();
+    let given: Vec<SourceTemplate> =
+        [from, constant.map(SourceTemplate::Constant), step.map(SourceTemplate::Row)]
+            .into_iter()
+            .flatten()
+            .collect();
     if given.len() != 1 {
         let message = format!("has {} sources", given.len());
         entry.fault_here(message, "give exactly one of `from`, `constant`, `per_row`");
@@ -280,8 +283,12 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
 }
 
 /// A source of times, which may be numbers in a unit, dates or times of the day.
-fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Names> {
-    let clock = match entry.text("format").map(|text| (text, Clock::parse(text))) {
+fn times(
+    entry: &Table<'_, '_>,
+    names: SourceTemplate,
+    unit: Option<Unit>,
+) -> Option<SourceTemplate> {
+    let clock = match entry.text("format").map(|text| (text, TimeFormat::parse(text))) {
         Some((text, Err(expected))) => {
             entry.fault("format", format!("is \"{text}\""), expected);
             return None;
@@ -295,8 +302,8 @@ fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Name
     }
     Some(match names {
         // A unit implies numbers.
-        Names::Pattern(name) if unit.is_none() => Names::Times(vec![name], clock),
-        Names::List(names) if clock.is_some() => Names::Times(names, clock),
+        SourceTemplate::Pattern(name) if unit.is_none() => SourceTemplate::Times(vec![name], clock),
+        SourceTemplate::List(names) if clock.is_some() => SourceTemplate::Times(names, clock),
         names => names,
     })
 }

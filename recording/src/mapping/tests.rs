@@ -2,12 +2,12 @@
 
 use super::*;
 use crate::faults::Faults;
-use crate::series::{Channel, Kind, Need, Recording, read_text};
+use crate::series::{Channel, Recording, RecordingKind, RequiredData, read_text};
 use proptest::prelude::*;
 
 fn apply(mapping: &str, text: &str) -> Result<Recording, Faults> {
     let mapping = Mapping::parse("m.toml", mapping)?;
-    read_text("x.csv", text, Some(&mapping), None, Need::Path)
+    read_text("x.csv", text, Some(&mapping), None, RequiredData::Path)
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn a_time_that_runs_back_is_reported_with_the_place_in_their_column() {
     assert!(told.contains("decreases: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
 }
 
-fn real(mapping: &str, data: &str, need: Need) -> Option<Recording> {
+fn real(mapping: &str, data: &str, need: RequiredData) -> Option<Recording> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let folder = std::env::var_os("TRUED_DATA")
         .map_or_else(|| root.join("../shared/data"), std::path::PathBuf::from);
@@ -224,7 +224,7 @@ fn real(mapping: &str, data: &str, need: Need) -> Option<Recording> {
 fn the_ur10e_runs_are_read_through_their_mapping() {
     for run in ["20_01_17-ptp_10_points", "20_02_19_14harm50secLoad", "20_01_22-joint_1"] {
         let file = format!("ur10e/ur-{run}.csv");
-        let Some(recording) = real("ur10e", &file, Need::Measurement) else { return };
+        let Some(recording) = real("ur10e", &file, RequiredData::Measurement) else { return };
         assert_eq!(recording.joint_count(), 6);
         assert!(recording.len() > 4000);
         assert!(recording.input(5).unwrap().iter().all(|q| q.abs() < 6.3));
@@ -235,7 +235,9 @@ fn the_ur10e_runs_are_read_through_their_mapping() {
 #[test]
 fn the_kuka_link_encoders_are_read_through_their_mapping() {
     let file = "kuka-link-encoder/traj_A.csv";
-    let Some(recording) = real("kuka-link-encoder", file, Need::Measurement) else { return };
+    let Some(recording) = real("kuka-link-encoder", file, RequiredData::Measurement) else {
+        return;
+    };
     assert_eq!((recording.len(), recording.joint_count()), (2501, 6));
     let motor = recording.column(Channel::Motor(1)).unwrap();
     let link = recording.column(Channel::Link(1)).unwrap();
@@ -251,11 +253,14 @@ fn tracker_poses_keep_the_distances_of_their_reflectors() {
         ("irb120-tracker", "irb120-tracker/poses_1000.csv", 1000, 3, 150.345),
         ("kuka-3smr", "kuka-3smr/poses_36.csv", 36, 0, 244.055),
     ] {
-        let Some(recording) = real(mapping, file, Need::Measurement) else { return };
+        let Some(recording) = real(mapping, file, RequiredData::Measurement) else { return };
         assert_eq!((recording.len(), recording.joint_count()), (rows, 6));
-        assert_eq!((recording.target_count(), recording.about.kind), (3 + nests, Kind::Poses));
         assert_eq!(
-            recording.about.targets_on_link.values().filter(|link| **link == 0).count(),
+            (recording.target_count(), recording.metadata.kind),
+            (3 + nests, RecordingKind::Poses)
+        );
+        assert_eq!(
+            recording.metadata.targets_on_link.values().filter(|link| **link == 0).count(),
             nests
         );
         let place = |target, row: usize| {
@@ -274,7 +279,7 @@ fn both_motoman_arms_are_read_through_their_mappings() {
     let file = "motoman-leica/leica_poses_all.csv";
     for (arm, rows, segments) in [("right", 420, 11), ("left", 208, 1)] {
         let mapping = format!("motoman-leica-{arm}");
-        let Some(recording) = real(&mapping, file, Need::Measurement) else { return };
+        let Some(recording) = real(&mapping, file, RequiredData::Measurement) else { return };
         assert_eq!((recording.len(), recording.joint_count()), (rows, 7));
         assert_eq!(recording.segment.iter().max(), Some(&(segments - 1)));
         assert_eq!(recording.sigma(Channel::Target(0, 2)), Some(6e-6));

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use physics::effects::{CUTTING, DRIVES, OVER_PATHS, SPECS, spec_for};
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
-use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
+use physics::{AnyEffect, Arm, Body, Joint, JointKind, Model, ParameterValues, Tool};
 
 use super::kinds;
 use super::{BodyEntry, EffectEntry, JointEntry, ModelFile, Numbers, Parameter, RobotModel};
@@ -188,7 +188,8 @@ fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, Stri
         Some(0) => return Err("joint numbers start at 1, this one is 0".to_owned()),
         joint => joint.map(|joint| joint - 1),
     };
-    AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
+    AnyEffect::build(spec.kind, arm, joint, ParameterValues(&given))
+        .map_err(|error| error.to_string())
 }
 
 /// The values of an entry in SI, by the stems of their keys.
@@ -252,9 +253,6 @@ impl EffectEntry {
     }
 
     /// The entry of an effect with these parameters: stems of its spec with values and, if known,
-    /// standard uncertainties, all SI. `None` if `physics` has no such effect or parameter, or the
-    /// joint (from 0) does not exist.
-    /// parameter, or the joint (from 0) does not exist.
     #[must_use]
     pub fn from_si(
         arm: &Arm,

@@ -1,12 +1,12 @@
 //! Reads one effect, according to its specification in `physics` (or, for kinds without one, in `kinds`).
 
 use physics::JointKind;
-use physics::spec::{Count, Parameter as Spec, Place, Range};
+use physics::spec::{Count, EffectScope, Parameter as Spec, Range};
 
 use super::kinds::{self, Kind};
 use super::{EffectEntry, Numbers, Parameter};
 use crate::faults::nearest;
-use crate::walk::{Table, number_of};
+use crate::toml_reader::{Table, number_of};
 
 /// Reads an effect of a robot whose joints are of these kinds.
 pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<EffectEntry> {
@@ -58,7 +58,7 @@ fn kind(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<Kind> {
 
 fn joint(table: &Table<'_, '_>, kind: &Kind, count: usize) -> Option<usize> {
     match kind.place {
-        Place::Robot => {
+        EffectScope::Robot => {
             if table.has("joint") {
                 table.fault(
                     "joint",
@@ -68,8 +68,8 @@ fn joint(table: &Table<'_, '_>, kind: &Kind, count: usize) -> Option<usize> {
             }
             None
         }
-        Place::Joint | Place::RevoluteJoint | Place::JointOrBase => {
-            if !(kind.place == Place::JointOrBase && table.has("axis")) {
+        EffectScope::Joint | EffectScope::RevoluteJoint | EffectScope::JointOrBase => {
+            if !(kind.place == EffectScope::JointOrBase && table.has("axis")) {
                 table.require("joint", "the number of a joint, from 1");
             }
             let joint = table.whole("joint", 1..count as i64 + 1)?;

@@ -10,7 +10,7 @@ use physics::JointKind;
 
 use super::{JointEntry, ModelFile};
 use crate::files::content_hash;
-use crate::walk::Table;
+use crate::toml_reader::Table;
 
 /// Longest name in `[robot]`, bytes: the space in the daemon's status.
 pub const ROBOT_NAME_BYTES_MAX: usize = 64;
@@ -76,7 +76,7 @@ impl fmt::Display for RobotEntry {
 /// The robot of a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
-    /// What its maker calls it.
+    /// The manufacturer's data.
     pub robot: RobotEntry,
     axes: Vec<Axis>,
 }

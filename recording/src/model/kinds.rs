@@ -7,7 +7,7 @@
 
 use physics::JointKind;
 use physics::effects::{CUTTING, DRIVES, SPECS};
-use physics::spec::{Count, Parameter, Place, Range, Spec, Unit};
+use physics::spec::{Count, EffectScope, Parameter, Range, Spec, Unit};
 
 use super::EffectEntry;
 
@@ -15,7 +15,7 @@ use super::EffectEntry;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kind {
     pub(crate) name: &'static str,
-    pub(crate) place: Place,
+    pub(crate) place: EffectScope,
     pub(crate) parameters: &'static [Parameter],
     pub(crate) has_channel: bool,
     /// Its specification in `physics`, if it is modelled there.
@@ -57,7 +57,7 @@ pub(super) fn find(name: &str, joint: JointKind, has: impl Fn(&str) -> bool) -> 
 fn modelled(spec: &'static Spec) -> Kind {
     Kind {
         name: spec.kind,
-        place: spec.place,
+        place: spec.scope,
         parameters: spec.parameters,
         has_channel: spec.kind == "time_delay" || spec.kind == "torque_delay",
         spec: Some(spec),
@@ -71,12 +71,12 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
     at_a_sample().map(|spec| spec.kind).chain(others)
 }
 
-/// What the physics predicts sample by sample.
+/// Specifications of the effects that `physics` predicts sample by sample.
 fn at_a_sample() -> impl Iterator<Item = &'static Spec> {
     SPECS.iter().chain(DRIVES).chain(CUTTING)
 }
 
-const fn kind(name: &'static str, place: Place, parameters: &'static [Parameter]) -> Kind {
+const fn kind(name: &'static str, place: EffectScope, parameters: &'static [Parameter]) -> Kind {
     Kind { name, place, parameters, has_channel: false, spec: None, alternatives: &[] }
 }
 
@@ -96,8 +96,8 @@ const fn not_negative(stem: &'static str, unit: Unit) -> Parameter {
     Parameter::linear(stem, unit, Range::NotNegative)
 }
 
-const ROBOT: Place = Place::Robot;
-const JOINT: Place = Place::Joint;
+const ROBOT: EffectScope = EffectScope::Robot;
+const JOINT: EffectScope = EffectScope::Joint;
 const THREE: Count = Count::Exactly(3);
 const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Range::Any);
 const LAG: Parameter = positive("lag", Unit::Second).optional();
@@ -105,7 +105,7 @@ const TIME: Parameter = positive("time_constant", Unit::Second).optional();
 
 /// Further kinds of docs/reference/effects.md; those of `physics` are found first.
 const OTHERS: &[Kind] = &[
-    // What moves the tool.
+    // Effects on the tool's pose and on the measured wrench.
     kind("joint_coupling", JOINT, &[any("ratio", Unit::One), positive("from_joint", Unit::One)]),
     kind(
         "lost_motion",
@@ -133,7 +133,7 @@ const OTHERS: &[Kind] = &[
     ),
     kind(
         "counterbalance",
-        Place::RevoluteJoint,
+        EffectScope::RevoluteJoint,
         &[
             positive("stiffness", Unit::NewtonPerMetre),
             positive("free_length", Unit::Millimetre),
@@ -188,7 +188,7 @@ const OTHERS: &[Kind] = &[
     kind("servo_lag", JOINT, &[positive("time_constant", Unit::Millisecond)]),
     kind(
         "flexible_mode",
-        Place::JointOrBase,
+        EffectScope::JointOrBase,
         &[
             positive("frequency", Unit::Hertz),
             not_negative("damping_ratio", Unit::One),
@@ -221,6 +221,6 @@ const OTHERS: &[Kind] = &[
             REFERENCE,
         ],
     ),
-    // What the motors feel.
+    // Effects on the drive torques.
     Kind { has_channel: true, ..kind("torque_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
 ];

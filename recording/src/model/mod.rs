@@ -43,11 +43,11 @@ pub struct ModelFile {
     pub name: String,
     /// `[robot]`: the manufacturer's data of the robot.
     pub robot: RobotEntry,
-    /// `[meta]`: anything, for people.
+    /// `[meta]`: free information for people.
     pub meta: toml::Table,
     /// Gravity, m/s², base frame.
     pub gravity_m_s2: [f64; 3],
-    /// Base to flange.
+    /// Joints, base to flange.
     pub joints: Vec<JointEntry>,
     /// The tool.
     pub tool: ToolEntry,
@@ -118,7 +118,7 @@ pub struct EffectEntry {
     pub kind: String,
     /// Joint, from 1; none for effects of the whole robot.
     pub joint: Option<usize>,
-    /// Keys as in the file, with values in the unit of the key.
+    /// Channel that a delay applies to.
     pub channel: Option<String>,
     /// Keys as in the file, with their numbers in the unit of the key.
     pub parameters: Vec<Parameter>,
@@ -142,7 +142,7 @@ pub struct Parameter {
     pub key: String,
     /// One number, or a list.
     pub value: Numbers,
-    /// Standard uncertainty, of the same shape; none where unsaid.
+    /// Standard uncertainty, of the same shape, if stated.
     pub sigma: Option<Numbers>,
 }
 
@@ -182,7 +182,7 @@ pub struct RobotModel {
     pub file: ModelFile,
     /// The model in SI, with the effects that are compensated.
     pub physics: physics::Model,
-    /// For each effect of `physics`: its place in `file.effects`.
+    /// For each effect of `physics`: its index in `file.effects`.
     pub entry_of: Vec<usize>,
     /// For each effect of `physics`: the standard uncertainty of each of its values, SI; 0 where
     /// none is stated.
@@ -190,11 +190,12 @@ pub struct RobotModel {
     /// Indices in `file.effects` of the effects that are loaded and not compensated: delays, lags,
     /// modes, torque, force, and those that this version does not model.
     pub not_compensated: Vec<usize>,
-    /// Those of them on drive torques: not in `physics`, because they do not move the tool.
+    /// The effects on drive torques among these: not in `physics`, because they do not move the
+    /// tool.
     pub drives: Vec<physics::AnyEffect>,
     /// For each of `drives`: as `sigma`.
     pub drives_sigma: Vec<Vec<f64>>,
-    /// Those of them on the force of a cut, or on its reading.
+    /// The effects on the cutting force, or on its measurement, among these.
     pub cutting: Vec<physics::AnyEffect>,
     /// For each of `cutting`: as `sigma`.
     pub cutting_sigma: Vec<Vec<f64>>,
@@ -210,7 +211,7 @@ impl RobotModel {
     /// The file cannot be read, or all its faults.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let missing = |error: &FileError| matches!(error, FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound);
-        let text = match (read_text(path), presets::at(path)) {
+        let text = match (read_text(path), presets::by_path(path)) {
             (Err(error), Some(preset)) if missing(&error) => preset.text.to_owned(),
             (text, _) => text?,
         };
@@ -224,10 +225,10 @@ impl RobotModel {
     pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
         let read::Parsed { file, effect_places } = read::parse(name, text)?;
         build::build(file).map_err(|found| {
-            let mut faults = Faults::of(name);
+            let mut faults = Faults::new(name);
             for (at, fault) in found {
                 let place = at.and_then(|at| effect_places.get(at).cloned());
-                faults.push(Fault { place, ..fault });
+                faults.push(Fault { location: place, ..fault });
             }
             faults
         })
@@ -239,7 +240,7 @@ impl RobotModel {
     /// Why a document made in code is not usable; one that was read is usable.
     pub fn of_file(name: &str, file: ModelFile) -> Result<Self, Faults> {
         build::build(file).map_err(|found| {
-            let mut faults = Faults::of(name);
+            let mut faults = Faults::new(name);
             found.into_iter().for_each(|(_, fault)| faults.push(fault));
             faults
         })

@@ -8,10 +8,10 @@ const SAME: f64 = 0.05;
 /// frequencies.
 const ALONG: f64 = 0.5;
 
-/// What a measured mode did to the list.
+/// How a measured mode changed the list.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ModeChange {
-    /// It took the place of this one.
+    /// It replaced this mode.
     Replaced(ModeEntry),
     /// It is new.
     Added,

@@ -44,22 +44,22 @@ pub fn preset(name: &str) -> Option<Preset> {
 
 /// The preset that a path names, where a model may be a file or a preset.
 #[must_use]
-pub fn at(path: &Path) -> Option<Preset> {
+pub fn by_path(path: &Path) -> Option<Preset> {
     path.to_str().and_then(preset)
 }
 
 /// The model that a file names: relative to the file's folder, or a preset.
 #[must_use]
-pub fn beside(file: &Path, name: &Path) -> PathBuf {
+pub fn resolve_model_path(file: &Path, name: &Path) -> PathBuf {
     let beside = file.parent().unwrap_or(Path::new("")).join(name);
-    if at(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
+    if by_path(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
 }
 
 impl Preset {
     /// The model.
     ///
     /// # Errors
-    /// None in a build whose tests pass.
+    /// Does not occur: tests load every preset.
     pub fn model(&self) -> Result<super::RobotModel, crate::faults::Faults> {
         super::RobotModel::parse(self.name, self.text)
     }

@@ -6,15 +6,15 @@ use toml::{Table as FreeTable, Value};
 
 use super::effects::read_effect;
 use super::{BodyEntry, JointEntry, ModeEntry, ModelFile, RobotEntry, SCHEMA, ToolEntry};
-use crate::faults::{Faults, Place};
-use crate::walk::{Document, POSITIVE, Table};
+use crate::faults::{Faults, Location};
+use crate::toml_reader::{Document, POSITIVE, Table};
 
 const GRAVITY_M_S2: [f64; 3] = [0.0, 0.0, -9.80665];
 
 /// A document, and the positions of its effects.
 pub(super) struct Parsed {
     pub(super) file: ModelFile,
-    pub(super) effect_places: Vec<Place>,
+    pub(super) effect_places: Vec<Location>,
 }
 
 pub(super) fn parse(name: &str, text: &str) -> Result<Parsed, Faults> {

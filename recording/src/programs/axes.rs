@@ -12,7 +12,7 @@ use physics::JointKind;
 use crate::faults::{Fault, Faults};
 use crate::model::JointEntry;
 
-/// How many axes a controller has of either sort.
+/// Largest number of robot axes, and of external axes, of a controller.
 pub(super) const AXES: usize = 6;
 
 /// An axis of a controller, from 1; written `A1` … `A6`, `E1` … `E6`.
@@ -33,18 +33,18 @@ impl fmt::Display for Axis {
     }
 }
 
-/// No axis has this name.
+/// The text is not the name of an axis.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown controller axis `{0}`, expected A1 to A6 (robot) or E1 to E6 (external)")]
-pub struct NoAxis(String);
+pub struct UnknownAxis(String);
 
 impl FromStr for Axis {
-    type Err = NoAxis;
+    type Err = UnknownAxis;
 
-    fn from_str(word: &str) -> Result<Self, NoAxis> {
+    fn from_str(word: &str) -> Result<Self, UnknownAxis> {
         let all = (1..=AXES).flat_map(|number| [Self::Robot(number), Self::External(number)]);
         let mut named = all.filter(|axis| axis.to_string().eq_ignore_ascii_case(word.trim()));
-        named.next().ok_or_else(|| NoAxis(word.to_owned()))
+        named.next().ok_or_else(|| UnknownAxis(word.to_owned()))
     }
 }
 

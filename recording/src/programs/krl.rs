@@ -9,7 +9,7 @@
 use super::{Axis, Program, figure};
 use crate::faults::{Fault, Faults};
 
-/// Further inputs of KRL besides the tour.
+/// Settings of a KRL program besides poses and motions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Krl {
     /// Speed and acceleration of the axes, percent of their largest.
@@ -97,7 +97,7 @@ impl Program {
 
 impl Krl {
     fn check(&self, program: &str) -> Result<(), Faults> {
-        let mut faults = Faults::of(program);
+        let mut faults = Faults::new(program);
         if !(self.percent >= 1.0 && self.percent <= 100.0) {
             faults.push(Fault::new("percent", format!("is {}", self.percent)).expected("1 to 100"));
         }
@@ -107,6 +107,6 @@ impl Krl {
         if let Some(output) = self.output.filter(|output| !(1..=8192).contains(output)) {
             faults.push(Fault::new("output", format!("is {output}")).expected("1 to 8192"));
         }
-        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+        if faults.is_empty() { Ok(()) } else { faults.into_result(None) }
     }
 }

@@ -1,6 +1,6 @@
 //! Lists of poses as programs for the robot's own controller, with a pause at each for the measurement.
 //!
-//! A [`Tour`] is the request; a [`Program`] has been checked against the model (limits, joints,
+//! A [`ProgramRequest`] is the request; a [`Program`] has been checked against the model (limits, joints,
 //! axes of the controller) and is written as ABB RAPID, as KUKA KRL, and as the recording for the
 //! measurements. All three contain the same values, rounded once. A program never exceeds the joint
 //! limits. Collisions are not checked: run a program slowly first.
@@ -19,63 +19,67 @@ use physics::JointKind;
 
 use crate::faults::{Fault, Faults};
 use crate::model::{JointEntry, ModelFile};
-use crate::series::{About, Approach as DirectionFrom, Channel, FileUnits, Kind, Recording};
+use crate::series::{
+    Channel, DirectionSource as DirectionFrom, FileUnits, Recording, RecordingKind,
+    RecordingMetadata,
+};
 use crate::unit::Unit;
 
 /// Decimals of degrees and millimetres: controllers use single precision.
 const DECIMALS: usize = 5;
-/// The longest name that KRL takes; RAPID takes 32.
+/// The longest name that KRL accepts; RAPID accepts 32.
 const NAME_MAX: usize = 24;
-/// The least distance that an approach begins from, degrees or mm: far above the last digit.
+/// The smallest distance of an approach, degrees or mm: far above the resolution of the file.
 const AWAY_MIN: f64 = 1e-3;
-/// The longest rest at a pose, s.
+/// The longest pause at a pose, s.
 const PAUSE_S_MAX: f64 = 3600.0;
 
 /// Poses and motions of a program.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tour {
+pub struct ProgramRequest {
     /// Name of the program: a letter, then letters, digits, `_`; at most 24.
     pub name: String,
-    /// Where the program begins and ends, rad or m.
+    /// Position at which the program begins and ends, rad or m.
     pub home: Vec<f64>,
     /// The poses to measure, in their order, rad or m.
     pub poses: Vec<Vec<f64>>,
     /// How the robot approaches each pose.
     pub approach: Approach,
-    /// How long it rests at each, s.
+    /// Pause at each pose, s.
     pub pause_s: f64,
-    /// Which axis of the controller each joint is. Empty: joint `i` is the robot's axis `i`, where all turn and are at most six.
+    /// The controller's axis of each joint. Empty: joint `i` is the robot's axis `i`, if there are
+    /// at most six joints, all revolute.
     pub axes: Vec<Axis>,
 }
 
 /// Approach to a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Approach {
-    /// Straight from the pose before.
+    /// Directly from the previous pose.
     Direct,
-    /// Twice: all joints from below, then all from above, so that lost motion shows.
+    /// Twice: all joints from below, then all from above, so that lost motion becomes visible.
     BothWays {
-        /// How far away a joint that turns begins, rad, above 0.
+        /// Approach distance of revolute joints, rad, above 0.
         turn_rad: f64,
-        /// How far away a joint that slides begins, m, above 0.
+        /// Approach distance of prismatic joints, m, above 0.
         slide_m: f64,
     },
 }
 
-/// A stop at which something is measured. Positions in degrees, mm for joints that slide.
+/// A stop for a measurement. Positions in degrees, or mm for prismatic joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stop {
     /// The pose, from 1.
     pub pose: usize,
     /// Position before the pose, so that it is approached from the requested side.
     pub via: Option<Vec<f64>>,
-    /// Where it rests.
+    /// Position of the stop.
     pub at: Vec<f64>,
     /// Sign of each joint's last motion: −1, 0 (unknown), 1.
     pub direction: Vec<i8>,
 }
 
-/// A tour that the model allows.
+/// A program whose positions are within the model's limits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Program {
     name: String,
@@ -92,8 +96,8 @@ impl Program {
     ///
     /// # Errors
     /// All reasons against it: each pose and joint beyond a limit, counts, names, axes.
-    pub fn new(tour: &Tour, model: &ModelFile) -> Result<Self, Faults> {
-        let mut faults = Faults::of(&tour.name);
+    pub fn new(tour: &ProgramRequest, model: &ModelFile) -> Result<Self, Faults> {
+        let mut faults = Faults::new(&tour.name);
         check_name(&mut faults, "name", &tour.name, NAME_MAX);
         if !(0.0..=PAUSE_S_MAX).contains(&tour.pause_s) {
             let fault = Fault::new("pause", format!("is {} s", tour.pause_s));
@@ -123,9 +127,9 @@ impl Program {
         let (name, robot) = (tour.name.clone(), model.name.clone());
         let mut program = Self { name, robot, kinds, axes, home, stops, pause_s: tour.pause_s };
         if !faults.is_empty() {
-            return faults.or(None);
+            return faults.into_result(None);
         }
-        program.tell_directions();
+        program.set_directions();
         Ok(program)
     }
 
@@ -142,8 +146,11 @@ impl Program {
         let rows = self.stops.len();
         let mut recording = Recording::new((0..rows).map(|row| row as f64).collect());
         recording.units = FileUnits::WORKSHOP;
-        recording.about =
-            About { kind: Kind::Poses, approach: DirectionFrom::Columns, ..About::default() };
+        recording.metadata = RecordingMetadata {
+            kind: RecordingKind::Poses,
+            approach: DirectionFrom::Columns,
+            ..RecordingMetadata::default()
+        };
         for (joint, kind) in self.kinds.iter().enumerate() {
             recording.set_joint_kind(joint, *kind);
             let position =
@@ -160,7 +167,7 @@ impl Program {
 
     /// Each joint's last motion at each stop; a joint that did not move keeps its previous
     /// direction.
-    fn tell_directions(&mut self) {
+    fn set_directions(&mut self) {
         let mut before = self.home.clone();
         let mut direction = vec![0_i8; before.len()];
         for stop in &mut self.stops {
@@ -178,7 +185,7 @@ impl Program {
         }
     }
 
-    /// What a program is, for its first comment.
+    /// The text of a program's first comment.
     fn heading(&self) -> String {
         let robot = plain(&self.robot);
         format!(
@@ -198,7 +205,7 @@ impl Program {
     }
 }
 
-/// How far each joint begins from a pose, in file units; empty for [`Approach::Direct`].
+/// Approach distance of each joint, in file units; empty for [`Approach::Direct`].
 fn away(faults: &mut Faults, approach: Approach, joints: &[JointEntry]) -> Vec<f64> {
     let Approach::BothWays { turn_rad, slide_m } = approach else { return Vec::new() };
     let size = |joint: &JointEntry| match joint.kind {
@@ -250,7 +257,7 @@ fn position(
     if position.len() == joints.len() { position } else { Vec::new() }
 }
 
-/// To the digits of a program, and never over a limit.
+/// Rounds to the decimals of a program, within the limits.
 fn rounded(value: f64, low: f64, high: f64) -> f64 {
     let digits = 10.0_f64.powi(DECIMALS as i32);
     let near = (value * digits).round();
@@ -261,7 +268,7 @@ fn rounded(value: f64, low: f64, high: f64) -> f64 {
 }
 
 fn unit(kind: JointKind) -> Option<Unit> {
-    Unit::named(match kind {
+    Unit::from_name(match kind {
         JointKind::Revolute => "deg",
         JointKind::Prismatic => "mm",
     })
@@ -271,14 +278,14 @@ fn in_file(si: f64, kind: JointKind) -> f64 {
     unit(kind).map_or(f64::NAN, |unit| unit.from_si(si))
 }
 
-/// A figure of a program: no exponent, no needless zeros.
+/// A number as text, without exponent and trailing zeros.
 fn figure(value: f64) -> String {
     let text = format!("{value:.DECIMALS$}");
     let short = text.trim_end_matches('0');
     if short.ends_with('.') { format!("{short}0") } else { short.to_owned() }
 }
 
-/// A name that a controller takes.
+/// Checks that a name is valid for a controller.
 fn check_name(faults: &mut Faults, key: &str, name: &str, length_max: usize) {
     let plain = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let begins = name.starts_with(|c: char| c.is_ascii_alphabetic());

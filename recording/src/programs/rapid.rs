@@ -1,8 +1,8 @@
 //! A program in ABB's RAPID.
 //!
 //! After ABB's reference manual: `MoveAbsJ` moves to axis positions, with `\NoEOffs` unaffected by
-//! offsets of external
-//! axes; a `jointtarget` has six robot axes in degrees and six external ones in degrees or mm, 9E9 if unused;
+//! offsets of external axes; a `jointtarget` has six robot axes in degrees and six external ones in
+//! degrees or mm, 9E9 if unused;
 //! `speeddata` is TCP mm/s, orientation deg/s, external mm/s and deg/s; `fine` is a stop; `WaitTime \InPos` counts from
 //! standstill. A file contains one module.
 
@@ -10,15 +10,15 @@ use super::axes::AXES;
 use super::{Axis, Program, check_name, figure};
 use crate::faults::{Fault, Faults};
 
-/// The longest name that RAPID takes.
+/// The longest name that RAPID accepts.
 const NAME_MAX: usize = 32;
 
-/// Further inputs of RAPID besides the tour.
+/// Settings of a RAPID program besides poses and motions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rapid {
     /// Speed of the TCP and of linear external axes, mm/s.
     pub speed_mm_s: f64,
-    /// Speed of the tool's turn and of rotating external axes, degrees/s.
+    /// Rotational speed of the tool and of rotary external axes, degrees/s.
     pub turn_deg_s: f64,
     /// The controller's tool data: only its load matters, since motions are in joint space.
     pub tool: String,
@@ -98,7 +98,7 @@ impl Program {
 
 impl Rapid {
     fn check(&self, program: &str) -> Result<(), Faults> {
-        let mut faults = Faults::of(program);
+        let mut faults = Faults::new(program);
         for (key, speed) in [("speed", self.speed_mm_s), ("turn", self.turn_deg_s)] {
             if !(speed > 0.0 && speed <= 10_000.0) {
                 faults.push(
@@ -110,6 +110,6 @@ impl Rapid {
         if let Some(output) = &self.output {
             check_name(&mut faults, "output", output, NAME_MAX);
         }
-        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+        if faults.is_empty() { Ok(()) } else { faults.into_result(None) }
     }
 }

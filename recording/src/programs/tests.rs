@@ -3,10 +3,10 @@
 use physics::JointKind;
 use proptest::prelude::*;
 
-use super::{Approach, Axis, Krl, Program, Rapid, Tour};
+use super::{Approach, Axis, Krl, Program, ProgramRequest, Rapid};
 use crate::model::ModelFile;
 use crate::model::presets::preset;
-use crate::series::{Channel, Need, read_text};
+use crate::series::{Channel, RequiredData, read_text};
 
 fn robot(name: &str) -> ModelFile {
     preset(name).unwrap().model().unwrap().file
@@ -25,8 +25,8 @@ fn axes(words: &str) -> Vec<Axis> {
     words.split(',').map(|word| word.parse().unwrap()).collect()
 }
 
-fn tour(joints: usize) -> Tour {
-    Tour {
+fn tour(joints: usize) -> ProgramRequest {
+    ProgramRequest {
         name: "poses".to_owned(),
         home: vec![0.0; joints],
         poses: vec![vec![0.1; joints], (0..joints).map(|joint| 0.2 - 0.1 * joint as f64).collect()],
@@ -40,7 +40,7 @@ const BOTH: Approach = Approach::BothWays { turn_rad: 0.05, slide_m: 0.02 };
 
 #[test]
 fn rapid_contains_the_requested_tour() {
-    let tour = Tour { approach: BOTH, ..tour(6) };
+    let tour = ProgramRequest { approach: BOTH, ..tour(6) };
     let program = Program::new(&tour, &robot("irb1600-6-145")).unwrap();
     let options = Rapid { output: Some("doMeasure".to_owned()), ..Rapid::default() };
     insta::assert_snapshot!(program.rapid(&options).unwrap(), @r#"
@@ -90,8 +90,8 @@ fn rapid_contains_the_requested_tour() {
 
 #[test]
 fn krl_contains_the_requested_tour_in_two_files() {
-    let tour = Tour { axes: axes("E1,A1,A2,A3,A4,A5,A6"), ..tour(7) };
-    let tour = Tour { poses: tour.poses[..1].to_vec(), ..tour };
+    let tour = ProgramRequest { axes: axes("E1,A1,A2,A3,A4,A5,A6"), ..tour(7) };
+    let tour = ProgramRequest { poses: tour.poses[..1].to_vec(), ..tour };
     let files = Program::new(&tour, &on_a_track())
         .unwrap()
         .krl(&Krl { output: Some(17), ..Krl::default() });
@@ -131,16 +131,22 @@ fn all_reasons_against_a_tour_are_reported_at_once() {
     poses[0][4] = 2.1;
     poses[1][1] = 2.09;
     poses.push(vec![0.0; 5]);
-    let wrong =
-        Tour { name: "1st".to_owned(), poses, approach: BOTH, pause_s: f64::NAN, ..tour(6) };
+    let wrong = ProgramRequest {
+        name: "1st".to_owned(),
+        poses,
+        approach: BOTH,
+        pause_s: f64::NAN,
+        ..tour(6)
+    };
     let limits = Program::new(&wrong, &robot("irb1600-6-145")).unwrap_err().plain();
     let slides = Program::new(&tour(7), &on_a_track()).unwrap_err().plain();
     let mut seven = on_a_track();
     seven.joints[0] = seven.joints[1].clone();
     let seven = Program::new(&tour(7), &seven).unwrap_err().plain();
-    let few = Tour { axes: axes("A1,A2,A2"), ..tour(6) };
+    let few = ProgramRequest { axes: axes("A1,A2,A2"), ..tour(6) };
     let few = Program::new(&few, &robot("ur10e")).unwrap_err().plain();
-    let near = Tour { approach: Approach::BothWays { turn_rad: 1e-9, slide_m: 1.0 }, ..tour(6) };
+    let near =
+        ProgramRequest { approach: Approach::BothWays { turn_rad: 1e-9, slide_m: 1.0 }, ..tour(6) };
     let near = Program::new(&near, &robot("ur10e")).unwrap_err().plain();
     insta::assert_snapshot!([limits, slides, seven, few, near].join("\n---\n"), @r#"
         error: `name`: is "1st", which no controller takes
@@ -251,7 +257,7 @@ fn by_krl(src: &str, dat: &str, axes: &[Axis]) -> Vec<Vec<f64>> {
 }
 
 /// The requested motion, computed from the tour alone: degrees and mm.
-fn wanted(tour: &Tour, kinds: &[JointKind]) -> Vec<Vec<f64>> {
+fn wanted(tour: &ProgramRequest, kinds: &[JointKind]) -> Vec<Vec<f64>> {
     let unit = |q: &[f64], away: f64| -> Vec<f64> {
         let value = |(q, kind): (&f64, &JointKind)| match kind {
             JointKind::Revolute => (q + 0.05 * away).to_degrees(),
@@ -293,7 +299,7 @@ proptest! {
             };
             model.joints.iter().zip(share).map(value).collect()
         };
-        let tour = Tour {
+        let tour = ProgramRequest {
             poses: shares.iter().map(place).collect(),
             approach: if both { BOTH } else { Approach::Direct },
             axes: axes("E1,A1,A2,A3,A4,A5,A6"),
@@ -310,7 +316,7 @@ proptest! {
 
         // The list for the measurements has the same values, and the direction of the last step.
         let csv = program.recording(&[Channel::Position(0)]).to_csv();
-        let list = read_text("poses.csv", &String::from_utf8(csv).unwrap(), None, None, Need::Path).unwrap();
+        let list = read_text("poses.csv", &String::from_utf8(csv).unwrap(), None, None, RequiredData::Path).unwrap();
         let mut stops = rapid.iter().enumerate().filter(|(at, _)| if both { at % 4 != 1 && at % 4 != 3 } else { true });
         stops.next();
         for (row, (at, stop)) in stops.take(list.len()).enumerate() {
@@ -353,7 +359,8 @@ fn a_joint_that_rests_keeps_the_direction_of_its_last_motion() {
 
 #[test]
 fn the_list_is_a_recording_of_poses_that_waits_for_its_measurements() {
-    let program = Program::new(&Tour { approach: BOTH, ..tour(6) }, &robot("ur10e")).unwrap();
+    let program =
+        Program::new(&ProgramRequest { approach: BOTH, ..tour(6) }, &robot("ur10e")).unwrap();
     let list =
         program.recording(&[Channel::Position(0), Channel::Position(1), Channel::Position(2)]);
     insta::assert_snapshot!(String::from_utf8(list.to_csv()).unwrap(), @r#"

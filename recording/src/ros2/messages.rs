@@ -1,16 +1,16 @@
 //! The standard ROS 2 messages that a recording is converted to, with their definitions.
 //!
-//! Fields and their order: `common_interfaces` and `rcl_interfaces` of ROS 2 (Jazzy). Encoding: CDR as in [`crate::blackbox`].
+//! Fields and their order: `common_interfaces` and `rcl_interfaces` of ROS 2 (Jazzy). Encoding: CDR as in [`crate::mcap_recording`].
 
-use crate::blackbox::cdr::{Field, Out};
+use crate::mcap_recording::cdr::{CdrWriter, Field};
 
 /// A message of ROS 2.
-pub(super) trait Standard {
+pub(super) trait RosMessage {
     /// Its type.
     const NAME: &'static str;
     /// Its definition and those of the messages in it, as a container's `ros2msg` schema has them.
     const DEFINITION: &'static str;
-    fn put(&self, out: &mut Out);
+    fn put(&self, out: &mut CdrWriter);
 }
 
 /// A time, ns since 1970.
@@ -18,13 +18,13 @@ pub(super) trait Standard {
 pub(super) struct Time(pub(super) u64);
 
 impl Time {
-    fn put(self, out: &mut Out) {
+    fn put(self, out: &mut CdrWriter) {
         i32::try_from(self.0 / 1_000_000_000).unwrap_or(i32::MAX).put(out);
         ((self.0 % 1_000_000_000) as u32).put(out);
     }
 }
 
-/// When, and in which frame.
+/// Time stamp and frame.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Header<'a> {
     pub(super) stamp: Time,
@@ -32,21 +32,21 @@ pub(super) struct Header<'a> {
 }
 
 impl Header<'_> {
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.stamp.put(out);
         put_text(self.frame, out);
     }
 }
 
-fn put_text(text: &str, out: &mut Out) {
+fn put_text(text: &str, out: &mut CdrWriter) {
     text.to_owned().put(out);
 }
 
-fn put_count(count: usize, out: &mut Out) {
+fn put_count(count: usize, out: &mut CdrWriter) {
     u32::try_from(count).unwrap_or(u32::MAX).put(out);
 }
 
-fn put_numbers(numbers: &[f64], out: &mut Out) {
+fn put_numbers(numbers: &[f64], out: &mut CdrWriter) {
     numbers.iter().for_each(|number| number.put(out));
 }
 
@@ -72,12 +72,12 @@ pub(super) struct JointState<'a> {
     pub(super) effort: &'a [f64],
 }
 
-impl Standard for JointState<'_> {
+impl RosMessage for JointState<'_> {
     const NAME: &'static str = "sensor_msgs/msg/JointState";
     const DEFINITION: &'static str =
         with_header!("string[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n");
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_count(self.names.len(), out);
         self.names.iter().for_each(|name| put_text(name, out));
@@ -94,7 +94,7 @@ pub(super) struct WrenchStamped<'a> {
     pub(super) wrench: [f64; 6],
 }
 
-impl Standard for WrenchStamped<'_> {
+impl RosMessage for WrenchStamped<'_> {
     const NAME: &'static str = "geometry_msgs/msg/WrenchStamped";
     const DEFINITION: &'static str = with_header!(
         "geometry_msgs/Wrench wrench\n",
@@ -102,7 +102,7 @@ impl Standard for WrenchStamped<'_> {
         "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n"
     );
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_numbers(&self.wrench, out);
     }
@@ -115,14 +115,14 @@ pub(super) struct PointStamped<'a> {
     pub(super) point: [f64; 3],
 }
 
-impl Standard for PointStamped<'_> {
+impl RosMessage for PointStamped<'_> {
     const NAME: &'static str = "geometry_msgs/msg/PointStamped";
     const DEFINITION: &'static str = with_header!(
         "geometry_msgs/Point point\n",
         "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n"
     );
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_numbers(&self.point, out);
     }
@@ -136,7 +136,7 @@ pub(super) struct PoseStamped<'a> {
     pub(super) orientation_xyzw: [f64; 4],
 }
 
-impl Standard for PoseStamped<'_> {
+impl RosMessage for PoseStamped<'_> {
     const NAME: &'static str = "geometry_msgs/msg/PoseStamped";
     const DEFINITION: &'static str = with_header!(
         "geometry_msgs/Pose pose\n",
@@ -145,7 +145,7 @@ impl Standard for PoseStamped<'_> {
         "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
     );
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_numbers(&self.position, out);
         put_numbers(&self.orientation_xyzw, out);
@@ -159,17 +159,17 @@ pub(super) struct Temperature<'a> {
     pub(super) celsius: f64,
 }
 
-impl Standard for Temperature<'_> {
+impl RosMessage for Temperature<'_> {
     const NAME: &'static str = "sensor_msgs/msg/Temperature";
     const DEFINITION: &'static str = with_header!("float64 temperature\nfloat64 variance\n");
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_numbers(&[self.celsius, 0.0], out);
     }
 }
 
-/// How a part of a machine is.
+/// State of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Level {
     Ok = 0,
@@ -177,7 +177,7 @@ pub(super) enum Level {
     Error = 2,
 }
 
-/// The state of one part, with figures as text.
+/// The state of one component, with values as text.
 #[derive(Debug)]
 pub(super) struct DiagnosticArray<'a> {
     pub(super) header: Header<'a>,
@@ -188,7 +188,7 @@ pub(super) struct DiagnosticArray<'a> {
     pub(super) values: &'a [(&'static str, String)],
 }
 
-impl Standard for DiagnosticArray<'_> {
+impl RosMessage for DiagnosticArray<'_> {
     const NAME: &'static str = "diagnostic_msgs/msg/DiagnosticArray";
     const DEFINITION: &'static str = with_header!(
         "diagnostic_msgs/DiagnosticStatus[] status\n",
@@ -196,7 +196,7 @@ impl Standard for DiagnosticArray<'_> {
         "MSG: diagnostic_msgs/KeyValue\nstring key\nstring value\n"
     );
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.header.put(out);
         put_count(1, out);
         (self.level as u8).put(out);
@@ -221,14 +221,14 @@ pub(super) struct Log<'a> {
     pub(super) message: &'a str,
 }
 
-impl Standard for Log<'_> {
+impl RosMessage for Log<'_> {
     const NAME: &'static str = "rcl_interfaces/msg/Log";
     const DEFINITION: &'static str = concat!(
         "builtin_interfaces/Time stamp\nuint8 level\nstring name\nstring msg\nstring file\nstring function\nuint32 line\n",
         "================\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
     );
 
-    fn put(&self, out: &mut Out) {
+    fn put(&self, out: &mut CdrWriter) {
         self.stamp.put(out);
         self.level.put(out);
         for text in [self.name, self.message, "", ""] {

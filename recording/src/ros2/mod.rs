@@ -15,15 +15,15 @@ use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions, Writer};
 
 use self::messages::{
-    DiagnosticArray, Header, JointState, Level, Log, PointStamped, PoseStamped, Standard,
+    DiagnosticArray, Header, JointState, Level, Log, PointStamped, PoseStamped, RosMessage,
     Temperature, Time, WrenchStamped,
 };
-use crate::blackbox::cdr::Out;
-use crate::blackbox::{
+use crate::mcap_recording::cdr::CdrWriter;
+use crate::mcap_recording::{
     Clocks, Contents, CycleRecord, ForceRecord, LogRecord, Record, StatusRecord, VerdictRecord,
 };
 use crate::program;
-use crate::series::{Channel, Frame, Recording};
+use crate::series::{Channel, CoordinateFrame, Recording};
 
 /// The frames of the messages: the model's base and its tool.
 const BASE: &str = "base";
@@ -47,8 +47,8 @@ pub struct Bag {
 ///
 /// # Errors
 /// An error of the container, which does not occur for a file in memory.
-pub fn of_daemon(contents: &Contents) -> Result<Bag, McapError> {
-    let mut bag = Writing::new()?;
+pub fn from_daemon_recording(contents: &Contents) -> Result<Bag, McapError> {
+    let mut bag = BagWriter::new()?;
     let mut clocks = contents.clocks.iter().copied().peekable();
     let mut clock = clocks.next().unwrap_or_default();
     let cell = &contents.header.cell;
@@ -72,17 +72,17 @@ pub fn of_daemon(contents: &Contents) -> Result<Bag, McapError> {
 /// A table as ROS 2 messages.
 ///
 /// # Errors
-/// See [`of_daemon`].
-pub fn of_table(recording: &Recording) -> Result<Bag, McapError> {
-    let mut bag = Writing::new()?;
+/// See [`from_daemon_recording`].
+pub fn from_table(recording: &Recording) -> Result<Bag, McapError> {
+    let mut bag = BagWriter::new()?;
     let joints = recording.joint_count();
     let names = joint_names(joints);
     let first_s = recording.t_s.iter().copied().fold(f64::INFINITY, f64::min);
-    let frame = match recording.about.wrench_frame {
-        Some(Frame::Base) => BASE,
+    let frame = match recording.metadata.wrench_frame {
+        Some(CoordinateFrame::Base) => BASE,
         _ => TOOL,
     };
-    let measuring = if recording.about.measured_in_base { BASE } else { "measuring" };
+    let measuring = if recording.metadata.measured_in_base { BASE } else { "measuring" };
     for (row, t_s) in recording.t_s.iter().enumerate() {
         let stamp = Time(((t_s - first_s) * 1e9).round() as u64);
         let value = |channel| recording.column(channel).map_or(f64::NAN, |column| column[row]);
@@ -109,7 +109,7 @@ pub fn of_table(recording: &Recording) -> Result<Bag, McapError> {
     bag.end(left_out(recording))
 }
 
-/// The columns that [`of_table`] has no message for.
+/// The columns that [`from_table`] has no message for.
 fn left_out(recording: &Recording) -> Vec<String> {
     let has_message = |channel: &Channel| {
         matches!(
@@ -147,22 +147,27 @@ fn joint_names(joints: usize) -> Vec<String> {
     (1..=joints).map(|joint| format!("joint_{joint}")).collect()
 }
 
-/// A file in memory that is being written.
-struct Writing {
+/// Writer of a file in memory.
+struct BagWriter {
     writer: Writer<Cursor<Vec<u8>>>,
     channels: BTreeMap<String, (u16, u32)>,
-    out: Out,
+    out: CdrWriter,
 }
 
-impl Writing {
+impl BagWriter {
     fn new() -> Result<Self, McapError> {
         let options =
             WriteOptions::new().compression(None).profile("ros2").library(program::version());
         let writer = options.create(Cursor::new(Vec::new()))?;
-        Ok(Self { writer, channels: BTreeMap::new(), out: Out::default() })
+        Ok(Self { writer, channels: BTreeMap::new(), out: CdrWriter::default() })
     }
 
-    fn put<M: Standard>(&mut self, topic: &str, stamp: Time, message: &M) -> Result<(), McapError> {
+    fn put<M: RosMessage>(
+        &mut self,
+        topic: &str,
+        stamp: Time,
+        message: &M,
+    ) -> Result<(), McapError> {
         if !self.channels.contains_key(topic) {
             let schema = self.writer.add_schema(M::NAME, "ros2msg", M::DEFINITION.as_bytes())?;
             let channel = self.writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
@@ -188,7 +193,8 @@ impl Writing {
         Ok(Bag { bytes: self.writer.into_inner().into_inner(), topics, left_out })
     }
 
-    /// Commands and answers have the time of the command, measurements that of their receipt.
+    /// All messages of a cycle have the time at which the command was received, except the measured
+    /// point, which has its own time.
     fn cycle(&mut self, cycle: &CycleRecord, clock: Clocks) -> Result<(), McapError> {
         let stamp = Time(clock.wall_ns(cycle.received_ns));
         let header = Header { stamp, frame: BASE };
@@ -264,7 +270,7 @@ impl Writing {
         Ok(())
     }
 
-    /// What an instrument measured of the tool in one row.
+    /// The instrument's measurement of the tool in one row.
     fn measured(
         &mut self,
         header: Header<'_>,

@@ -4,15 +4,15 @@
 use mcap::MessageStream;
 
 use super::*;
-use crate::blackbox::Few;
-use crate::series::Need;
+use crate::mcap_recording::InlineVec;
+use crate::series::RequiredData;
 use crate::series::read_text;
 
 fn table() -> Recording {
     let text = "t_s,q1_rad,q2_rad,qa1_rad,qa2_rad,tau1_Nm,tau2_Nm,fx_N,x_mm,y_mm,z_mm,temp_C,spindle_rpm,note\n\
                 -1.0,0.1,0.2,0.11,0.21,5,6,7,1000,2000,3000,21.5,6000,a\n\
                 0.5,0.3,0.4,0.31,0.41,5,6,7,,,,21.5,6000,b\n";
-    read_text("table.csv", text, None, None, Need::Samples).expect("a table")
+    read_text("table.csv", text, None, None, RequiredData::Samples).expect("a table")
 }
 
 /// Topic, log time and bytes of each message.
@@ -27,7 +27,7 @@ fn messages(bag: &Bag) -> Vec<(String, u64, Vec<u8>)> {
 
 #[test]
 fn a_table_becomes_messages_from_its_first_row_on_and_what_has_none_is_named() {
-    let bag = of_table(&table()).expect("a bag");
+    let bag = from_table(&table()).expect("a bag");
     let expected = [
         ("/joint_states", 2),
         ("/trued/joint_command", 2),
@@ -49,7 +49,7 @@ fn a_table_becomes_messages_from_its_first_row_on_and_what_has_none_is_named() {
 
 #[test]
 fn a_joint_state_has_stamp_names_position_and_effort_in_turn() {
-    let bag = of_table(&table()).expect("a bag");
+    let bag = from_table(&table()).expect("a bag");
     let all = messages(&bag);
     let (_, _, bytes) = all.iter().find(|(topic, ..)| topic == "/joint_states").expect("one");
     // Header of CDR, seconds, nanoseconds, "base" with its length and zero, then padding to the count of names.
@@ -65,9 +65,9 @@ fn a_joint_state_has_stamp_names_position_and_effort_in_turn() {
 fn a_cycle_has_wall_clock_times_by_the_clocks_of_the_file() {
     let cycle = CycleRecord {
         received_ns: 5_000_000_100,
-        q_command: Few::of(&[0.1, 0.2]),
-        q_corrected: Few::of(&[0.11, 0.21]),
-        wrench_used: Few::of(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
+        q_command: InlineVec::from_slice(&[0.1, 0.2]),
+        q_corrected: InlineVec::from_slice(&[0.11, 0.21]),
+        wrench_used: InlineVec::from_slice(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
         ..CycleRecord::default()
     };
     let contents = Contents {
@@ -75,7 +75,7 @@ fn a_cycle_has_wall_clock_times_by_the_clocks_of_the_file() {
         records: vec![Record::Cycle(Box::new(cycle))],
         ..Contents::default()
     };
-    let bag = of_daemon(&contents).expect("a bag");
+    let bag = from_daemon_recording(&contents).expect("a bag");
     let all = messages(&bag);
     let topics: Vec<&str> = all.iter().map(|(topic, ..)| topic.as_str()).collect();
     assert_eq!(topics, ["/trued/joint_command", "/trued/joint_corrected", "/trued/wrench"]);
@@ -84,6 +84,6 @@ fn a_cycle_has_wall_clock_times_by_the_clocks_of_the_file() {
 
 #[test]
 fn an_empty_recording_is_an_empty_file() {
-    let bag = of_daemon(&Contents::default()).expect("a bag");
+    let bag = from_daemon_recording(&Contents::default()).expect("a bag");
     assert!(bag.topics.is_empty() && messages(&bag).is_empty());
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use physics::JointKind;
-use physics::spec::{Count, Parameter, Place, Range};
+use physics::spec::{Count, EffectScope, Parameter, Range};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde_json::{Map, Value, json};
 
@@ -28,7 +28,7 @@ impl JsonSchema for Effect {
 fn forms(kind: &EffectKind) -> Vec<Value> {
     let revolute = form(kind, JointKind::Revolute);
     let mut prismatic = form(kind, JointKind::Prismatic);
-    let slides = matches!(kind.place, Place::Joint | Place::JointOrBase);
+    let slides = matches!(kind.place, EffectScope::Joint | EffectScope::JointOrBase);
     if !slides || prismatic == revolute {
         return vec![revolute];
     }
@@ -41,10 +41,10 @@ fn form(kind: &EffectKind, joint: JointKind) -> Value {
     let mut required = vec![json!("kind")];
     let mut sigmas = Map::new();
     properties.insert("kind".to_owned(), json!({ "const": kind.name }));
-    if kind.place != Place::Robot {
+    if kind.place != EffectScope::Robot {
         properties.insert("joint".to_owned(), joint_number());
     }
-    if matches!(kind.place, Place::Joint | Place::RevoluteJoint) {
+    if matches!(kind.place, EffectScope::Joint | EffectScope::RevoluteJoint) {
         required.push(json!("joint"));
     }
     if kind.has_channel {
@@ -89,7 +89,7 @@ fn joint_number() -> Value {
 
 /// Keys of which one set must be there.
 fn conditions(kind: &EffectKind, joint: JointKind) -> Option<Value> {
-    if kind.place == Place::JointOrBase {
+    if kind.place == EffectScope::JointOrBase {
         return Some(json!([{ "required": ["joint"] }, { "required": ["axis"] }]));
     }
     if kind.alternatives.is_empty() {

@@ -4,25 +4,25 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::about::{About, Approach, Heldout};
+use super::metadata::{DirectionSource, HeldOut, RecordingMetadata};
 use physics::JointKind;
 
 use super::channel::{Channel, Column, FileUnits, joint_kind_of};
-use super::clock::Clock;
-use super::need::lacking;
+use super::required_data::lacking;
 use super::table::RawTable;
-use super::{Need, Recording, suffix};
+use super::time_format::TimeFormat;
+use super::{Recording, RequiredData, suffix};
 use crate::faults::{Fault, Faults, nearest};
 use crate::unit::Unit;
 
 /// A column during conversion: meaning, origin, values in the unit of its name.
-struct Source {
+struct ColumnOrigin {
     name: String,
-    /// Index of the column in the foreign table, where it has one.
+    /// Index of the column in the source table, if it has one.
     from: Option<usize>,
 }
 
-/// Collects columns and faults, then judges them together.
+/// Collects columns and faults, then checks them together.
 pub(crate) struct Builder<'t, 's> {
     table: &'t RawTable<'s>,
     pub(super) faults: Faults,
@@ -31,7 +31,7 @@ pub(crate) struct Builder<'t, 's> {
     time_from: Option<usize>,
     segment: Option<Vec<i64>>,
     pub(super) columns: BTreeMap<Channel, Vec<f64>>,
-    sources: BTreeMap<Channel, Source>,
+    sources: BTreeMap<Channel, ColumnOrigin>,
     kinds: BTreeMap<usize, JointKind>,
     other: Vec<(String, Vec<String>)>,
     degrees: bool,
@@ -72,7 +72,7 @@ impl<'t, 's> Builder<'t, 's> {
     }
 
     /// Times from columns of the foreign table, s; see [`RawTable::times`].
-    pub(crate) fn times(&mut self, from: &[usize], clock: Option<&Clock>) -> Vec<f64> {
+    pub(crate) fn times(&mut self, from: &[usize], clock: Option<&TimeFormat>) -> Vec<f64> {
         self.table.times(from, clock, &mut self.faults)
     }
 
@@ -86,14 +86,14 @@ impl<'t, 's> Builder<'t, 's> {
         let mut known = BTreeSet::new();
         for (at, name) in self.table.header.iter().enumerate() {
             if !known.insert(name) {
-                self.fault(self.table.twice(at));
+                self.fault(self.table.duplicate_name_fault(at));
                 continue;
             }
             match Column::named(name) {
                 Ok(Column::Unknown) => self.keep(at),
                 Ok(Column::Time) => {
                     let times = self.times(&[at], None);
-                    self.check_unit(at, Unit::named("s"), false);
+                    self.check_unit(at, Unit::from_name("s"), false);
                     self.take(name, Some(at), times);
                 }
                 Ok(column) => {
@@ -111,7 +111,7 @@ impl<'t, 's> Builder<'t, 's> {
         }
     }
 
-    /// Takes a column of ours. `values` are in the unit of its name.
+    /// Adds a column of the format. `values` are in the unit of its name.
     pub(crate) fn take(&mut self, name: &str, from: Option<usize>, values: Vec<f64>) {
         match Column::named(name) {
             Ok(Column::Time) => {
@@ -121,13 +121,18 @@ impl<'t, 's> Builder<'t, 's> {
             }
             Ok(Column::Segment) => self.take_segment(from, &values),
             Ok(Column::Channel(channel, unit)) => {
-                self.take_channel(channel, unit, Source { name: name.to_owned(), from }, values);
+                self.take_channel(
+                    channel,
+                    unit,
+                    ColumnOrigin { name: name.to_owned(), from },
+                    values,
+                );
             }
             Ok(Column::Unknown) | Err(_) => {}
         }
     }
 
-    /// Takes a column that is not ours, as text.
+    /// Keeps an unknown column as text.
     pub(crate) fn keep(&mut self, from: usize) {
         let name = self.table.header.get(from).cloned().unwrap_or_default();
         let cell = |row| self.table.cell(row, from).unwrap_or_default().into_owned();
@@ -135,12 +140,12 @@ impl<'t, 's> Builder<'t, 's> {
         self.other.push((name, cells));
     }
 
-    /// The names of the columns that are not ours.
+    /// The names of the unknown columns.
     pub(super) fn kept(&self) -> impl Iterator<Item = &str> {
         self.other.iter().map(|(name, _)| name.as_str())
     }
 
-    /// A fault of the name of a column that is not ours.
+    /// Adds a fault of the name of an unknown column.
     pub(super) fn kept_fault(&mut self, name: &str, fault: Fault) {
         let from = self.table.header.iter().position(|known| known == name);
         self.header_fault(from, fault);
@@ -158,7 +163,7 @@ impl<'t, 's> Builder<'t, 's> {
         &mut self,
         channel: Channel,
         unit: Option<Unit>,
-        source: Source,
+        source: ColumnOrigin,
         values: Vec<f64>,
     ) {
         if let Some(before) = self.sources.get(&channel) {
@@ -201,7 +206,7 @@ impl<'t, 's> Builder<'t, 's> {
         }
     }
 
-    /// A fault of a cell of one of our columns.
+    /// Adds a fault of a cell of a known column.
     pub(super) fn channel_fault(&mut self, row: usize, channel: Channel, fault: Fault) {
         let from = self.sources.get(&channel).and_then(|source| source.from);
         self.cell_fault(row, from, fault);
@@ -223,7 +228,11 @@ impl<'t, 's> Builder<'t, 's> {
     }
 
     /// The recording, or every fault.
-    pub(crate) fn finish(mut self, about: About, need: Need) -> Result<Recording, Faults> {
+    pub(crate) fn finish(
+        mut self,
+        about: RecordingMetadata,
+        need: RequiredData,
+    ) -> Result<Recording, Faults> {
         let rows = self.table.len();
         if rows == 0 {
             self.faults.push(Fault::new("", "the table has no rows"));
@@ -236,14 +245,14 @@ impl<'t, 's> Builder<'t, 's> {
         let mut notes = self.table.notes.clone();
         notes.extend(suffix::note(self.kept()));
         notes.extend(unknown_columns(self.kept()));
-        let name = |source: &Source| self.table.header.get(source.from?).cloned();
+        let name = |source: &ColumnOrigin| self.table.header.get(source.from?).cloned();
         let names = self.sources.iter().filter_map(|(c, source)| Some((*c, name(source)?)));
         let names = names.collect();
         let mut recording = Recording {
             file: self.faults.file().into(),
             t_s: self.time.unwrap_or_default(),
             segment: self.segment.unwrap_or_else(|| vec![0; rows]),
-            about,
+            metadata: about,
             units: FileUnits { degrees: self.degrees, millimetres: self.millimetres },
             other: self.other,
             notes,
@@ -252,13 +261,13 @@ impl<'t, 's> Builder<'t, 's> {
             names,
         };
         for twins in recording.twins() {
-            if need == Need::Measurement {
+            if need == RequiredData::Measurement {
                 self.faults.push(twins.fault());
             } else {
                 recording.notes.push(twins.note());
             }
         }
-        self.faults.or(Some(recording))
+        self.faults.into_result(Some(recording))
     }
 
     fn judge_time(&mut self, rows: usize) {
@@ -333,7 +342,7 @@ impl<'t, 's> Builder<'t, 's> {
         (0..w.len()).map(|row| (row, norm(row))).find(|(_, norm)| (norm - 1.0).abs() > 1e-3)
     }
 
-    fn judge_groups(&mut self, about: &About, need: Need) {
+    fn judge_groups(&mut self, about: &RecordingMetadata, need: RequiredData) {
         let quaternion = (0..4).filter(|p| self.columns.contains_key(&Channel::Orientation(*p)));
         if !matches!(quaternion.count(), 0 | 4) {
             let fault = Fault::new("ow, ox, oy, oz", "incomplete quaternion");
@@ -344,13 +353,15 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(fault);
         }
         let has = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
-        if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
+        if about.approach == DirectionSource::Columns
+            && !has(|c| matches!(c, Channel::Direction(_)))
+        {
             let fault = Fault::new("approach", "is \"columns\", but there is no column `d1`");
             self.faults.push(fault.expected("columns `d1` …, or approach = \"sequence\""));
         }
     }
 
-    fn judge_about(&mut self, about: &About) {
+    fn judge_about(&mut self, about: &RecordingMetadata) {
         let highest = |c: &Channel| match c {
             Channel::Current(joint) => Some(joint + 1),
             _ => None,
@@ -364,7 +375,7 @@ impl<'t, 's> Builder<'t, 's> {
                     .help("state them in the recording's TOML"),
             );
         }
-        if let (Heldout::Segments(wanted), segments) = (&about.heldout, &self.segment) {
+        if let (HeldOut::Segments(wanted), segments) = (&about.heldout, &self.segment) {
             let there: BTreeSet<i64> = segments.iter().flatten().copied().collect();
             for segment in wanted.iter().filter(|s| !there.contains(s)) {
                 let fault = Fault::new("heldout", format!("segment {segment} does not exist"));
@@ -379,7 +390,7 @@ fn is_whole(value: f64) -> bool {
     value.fract() == 0.0 && value.abs() < 9e15
 }
 
-/// One warning for all columns that are not ours and do not look like it.
+/// One note on all unknown columns whose names do not resemble a known one.
 fn unknown_columns<'n>(other: impl Iterator<Item = &'n str>) -> Option<String> {
     let names: Vec<&str> = other.filter(|name| Channel::misnamed(name).is_none()).collect();
     (!names.is_empty()).then(|| format!("unused columns: {}", names.join(", ")))

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 pub(crate) enum Cells {
     /// NaN for an empty cell.
     Numbers(Vec<f64>),
-    /// None for a null.
+    /// `None` for a null.
     #[cfg(feature = "parquet")]
     Whole(Vec<Option<i64>>),
     /// Empty for an empty cell.
@@ -81,7 +81,7 @@ impl Cells {
         text.unwrap_or_default()
     }
 
-    /// Leaves out the rows that are not `wanted`.
+    /// Keeps only the rows that are `wanted`.
     pub(crate) fn keep(&mut self, wanted: &[bool]) {
         fn only<T>(all: &mut Vec<T>, wanted: &[bool]) {
             let mut wanted = wanted.iter();

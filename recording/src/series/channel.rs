@@ -23,7 +23,7 @@ pub enum Channel {
     Motor(usize),
     /// Joint position measured on the link side `ql`, rad or m.
     Link(usize),
-    /// Sign of the joint's last kind `d`: -1, 0, 1.
+    /// Sign of the joint's last motion `d`: -1, 0, 1.
     Direction(usize),
     /// Measured TCP position, m, measuring frame; 0, 1, 2 for x, y, z.
     Position(usize),
@@ -33,7 +33,7 @@ pub enum Channel {
     Orientation(usize),
     /// Wrench on the tool at the TCP; 0 to 2 forces in N, 3 to 5 moments in N m.
     Wrench(usize),
-    /// What the drive exerts, referred to the joint, N m or N.
+    /// Torque (force) of the drive, referred to the joint, N m or N.
     Torque(usize),
     /// Motor current, A.
     Current(usize),
@@ -174,10 +174,11 @@ impl Channel {
             (Self::BaseTilt(_), _) => "rad",
             _ => self.units().first()?,
         };
-        Unit::named(name)
+        Unit::from_name(name)
     }
 
-    /// The quantity in front of a suffix that is none of its units (`q1_grad`, `x_status`), with the suffix.
+    /// The quantity and the suffix of a name whose suffix is not a unit of the quantity (`q1_grad`,
+    /// `x_status`).
     pub(crate) fn misnamed(name: &str) -> Option<(Self, &str)> {
         if Column::named(name) != Ok(Column::Unknown) {
             return None;
@@ -261,7 +262,7 @@ fn index(number: &str, limit: usize) -> Option<usize> {
 
 impl Column {
     /// The meaning of a column name. `Err` with the expectation if the name is known and its unit
-    /// does not fit. A suffix that is no unit of ours: [`Channel::misnamed`].
+    /// does not fit. For an unknown suffix see [`Channel::misnamed`].
     pub(crate) fn named(name: &str) -> Result<Self, String> {
         match name {
             "t_s" => return Ok(Self::Time),

@@ -8,7 +8,7 @@ fn read(mapping: &str, text: &str) -> Result<Recording, Faults> {
     let mapping = (!mapping.is_empty())
         .then(|| Mapping::parse("m.toml", &format!("schema = \"trued.mapping/1\"\n{mapping}")))
         .transpose()?;
-    read_text("x.csv", text, mapping.as_ref(), None, Need::Path)
+    read_text("x.csv", text, mapping.as_ref(), None, RequiredData::Path)
 }
 
 /// Time in s and x in mm of each row.

@@ -11,19 +11,19 @@ use std::fmt::Write as _;
 use toml::de::DeValue;
 
 use super::channel::{GAUGES_MAX, TARGETS_MAX};
+use crate::toml_reader::{POSITIVE, Table};
 use crate::toml_text::{line, list, number, string};
-use crate::walk::{POSITIVE, Table};
 
 const MM: f64 = 1e-3;
 
 /// Reference and measured point of a distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Distance {
-    /// The fixed point, m, base frame; none where it is to be fitted.
+    /// The fixed point, m, base frame; `None` if it is to be fitted.
     pub anchor_m: Option<[f64; 3]>,
-    /// The target on the tool (from 0); none for the TCP.
+    /// The target on the tool (from 0); `None` for the TCP.
     pub target: Option<usize>,
-    /// What the reading is more than the distance, m; none where it is to be fitted.
+    /// Reading minus distance, m; `None` if it is to be fitted.
     pub offset_m: Option<f64>,
 }
 
@@ -33,45 +33,45 @@ impl Default for Distance {
     }
 }
 
-/// What touches.
+/// The touch probe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Probe {
     /// Radius of its ball, m.
     pub radius_m: f64,
-    /// The target at the ball's middle (from 0); none for the TCP.
+    /// The target at the ball's centre (from 0); `None` for the TCP.
     pub target: Option<usize>,
     /// Standard uncertainty of a touch, m.
     pub sigma_m: Option<f64>,
 }
 
-/// A plane that is touched.
+/// A touched plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TouchedPlane {
-    /// Towards the side that is touched, base frame; a rough one where the plane is to be fitted.
+    /// Normal towards the touched side, base frame; approximate if the plane is to be fitted.
     pub normal: [f64; 3],
-    /// Along the normal from the base frame's origin, m; none where the plane is to be fitted.
+    /// Along the normal from the base frame's origin, m; `None` if the plane is to be fitted.
     pub offset_m: Option<f64>,
 }
 
-/// A sphere that is touched.
+/// A touched sphere.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TouchedSphere {
-    /// Base frame, m; none where it is to be fitted.
+    /// Centre in the base frame, m; `None` if it is to be fitted.
     pub centre_m: Option<[f64; 3]>,
-    /// m; none where it is to be fitted.
+    /// Radius, m; `None` if it is to be fitted.
     pub radius_m: Option<f64>,
 }
 
-/// All of them, by number from 0.
+/// Distances, probe and touched surfaces, by number from 0.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Gauges {
-    /// What distances are measured from.
+    /// References of the distances.
     pub distances: BTreeMap<usize, Distance>,
-    /// What touches.
+    /// The touch probe.
     pub probe: Option<Probe>,
-    /// What is touched.
+    /// The touched planes.
     pub planes: BTreeMap<usize, TouchedPlane>,
-    /// What is touched.
+    /// The touched spheres.
     pub spheres: BTreeMap<usize, TouchedSphere>,
 }
 
@@ -89,7 +89,7 @@ impl Gauges {
         }
     }
 
-    /// One more than the highest target that anything here names.
+    /// One more than the highest target that a distance or the probe names.
     #[must_use]
     pub fn target_count(&self) -> usize {
         let of_distances = self.distances.values().map(|distance| distance.target);
@@ -97,7 +97,7 @@ impl Gauges {
         all.flatten().max().map_or(0, |highest| highest + 1)
     }
 
-    /// As the TOML has it.
+    /// The tables as TOML.
     pub(super) fn toml(&self) -> String {
         let mut out = String::new();
         for (at, distance) in &self.distances {

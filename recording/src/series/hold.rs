@@ -3,7 +3,7 @@
 use super::{Channel, Recording};
 
 impl Recording {
-    /// Replaces missing samples of loads, temperatures and process state by the last sample before them. A wrench beside a `[cut]` is measured, not an input,
+    /// Replaces missing samples of loads, temperatures and process state by the last sample before them. With a `[cut]`, the wrench is measured, not an input,
     /// and stays as it is.
     ///
     /// ```
@@ -15,7 +15,7 @@ impl Recording {
     /// assert_eq!(recording.column(Channel::Ambient), Some([293.0, 293.0].as_slice()));
     /// ```
     pub fn hold_inputs(&mut self) {
-        let is_measured = self.about.cut.is_some();
+        let is_measured = self.metadata.cut.is_some();
         let is_input = |channel: &Channel| match channel {
             Channel::Wrench(_) => !is_measured,
             Channel::Ambient | Channel::JointTemperature(_) | Channel::Spindle | Channel::Feed => {

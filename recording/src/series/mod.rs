@@ -4,24 +4,24 @@
 //! finite strictly increasing times within each segment, no infinite value, unit quaternions,
 //! joints that are either revolute or prismatic. NaN marks a missing sample.
 
-mod about;
-mod about_text;
 mod build;
 mod cells;
 mod channel;
-mod clock;
+mod check_gauges;
+mod duplicate_columns;
 #[cfg(test)]
 mod forms_tests;
 mod gauges;
 mod hold;
-mod judge_gauges;
-mod need;
+mod metadata;
+mod metadata_toml;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod places;
+mod required_data;
+mod row_by_row;
 mod rows;
-mod rowwise;
 mod separator;
 mod suffix;
 mod table;
@@ -29,32 +29,34 @@ mod table_end;
 #[cfg(test)]
 mod tests;
 mod text;
-mod twins;
+mod time_format;
 mod units_line;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub(crate) use about::read_cut;
-pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
 pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
-pub(crate) use clock::{Clock, instant_us};
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
+pub(crate) use metadata::read_cut;
+pub use metadata::{
+    CoordinateFrame, Cut, DirectionSource, HeldOut, InputKind, RecordingKind, RecordingMetadata,
+};
 pub(crate) use number::is_number;
-pub(crate) use table::{Dialect, RawTable, Reads};
+pub(crate) use table::{Dialect, NumericColumns, RawTable};
 pub(crate) use text::number_text;
 pub use text::{read, read_text, write};
+pub(crate) use time_format::{TimeFormat, instant_us};
 pub(crate) use units_line::is_unit;
 
 use physics::JointKind;
 
 use crate::faults::{Fault, Faults};
 
-/// What a reader of a recording needs to find in it.
+/// Data that a reader requires of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Need {
+pub enum RequiredData {
     /// Inputs and at least one measured group: for calibration and diagnosis.
     Measurement,
     /// Joint positions only: for replay and correction of paths.
@@ -73,12 +75,12 @@ pub struct Recording {
     /// Segment of each row.
     pub segment: Vec<i64>,
     /// Metadata from its TOML.
-    pub about: About,
+    pub metadata: RecordingMetadata,
     /// Units in which positions were read, and will be written.
     pub units: FileUnits,
-    /// Columns that are not ours, as text: kept, otherwise ignored.
+    /// Unknown columns, as text: kept, otherwise ignored.
     pub other: Vec<(String, Vec<String>)>,
-    /// What was noticed while reading and is no fault, one sentence each.
+    /// Remarks on the file that are not faults, one sentence each.
     pub notes: Vec<String>,
     columns: BTreeMap<Channel, Vec<f64>>,
     kinds: BTreeMap<usize, JointKind>,
@@ -94,7 +96,7 @@ impl Recording {
             file: PathBuf::new(),
             segment: vec![0; t_s.len()],
             t_s,
-            about: About::default(),
+            metadata: RecordingMetadata::default(),
             units: FileUnits::SI,
             other: Vec::new(),
             notes: Vec::new(),
@@ -108,10 +110,12 @@ impl Recording {
     ///
     /// # Errors
     /// Missing columns.
-    pub fn check_need(&self, need: Need) -> Result<(), Faults> {
-        let mut faults = Faults::of(self.file.display().to_string());
-        need::lacking(&self.columns, need).into_iter().for_each(|fault| faults.push(fault));
-        if need == Need::Measurement {
+    pub fn check_need(&self, need: RequiredData) -> Result<(), Faults> {
+        let mut faults = Faults::new(self.file.display().to_string());
+        required_data::lacking(&self.columns, need)
+            .into_iter()
+            .for_each(|fault| faults.push(fault));
+        if need == RequiredData::Measurement {
             self.twins().iter().for_each(|twins| faults.push(twins.fault()));
         }
         if faults.is_empty() { Ok(()) } else { Err(faults) }
@@ -135,7 +139,7 @@ impl Recording {
         self.columns.get(&channel).map(Vec::as_slice)
     }
 
-    /// The columns that are there, in order.
+    /// The existing columns, in order.
     pub fn channels(&self) -> impl Iterator<Item = Channel> + '_ {
         self.columns.keys().copied()
     }
@@ -146,13 +150,13 @@ impl Recording {
         self.names.get(&channel).map(String::as_str)
     }
 
-    /// Puts a column in or replaces it. A column of another length is cut or filled with NaN.
+    /// Adds or replaces a column. A column of another length is truncated or filled with NaN.
     pub fn set(&mut self, channel: Channel, mut samples: Vec<f64>) {
         samples.resize(self.len(), f64::NAN);
         self.columns.insert(channel, samples);
     }
 
-    /// Takes a column out.
+    /// Removes a column.
     pub fn remove(&mut self, channel: Channel) -> Option<Vec<f64>> {
         self.columns.remove(&channel)
     }
@@ -183,25 +187,25 @@ impl Recording {
             _ => None,
         };
         let of_columns = self.columns.keys().filter_map(target).max().unwrap_or(0);
-        of_columns.max(self.about.gauges.target_count())
+        of_columns.max(self.metadata.gauges.target_count())
     }
 
     /// The column with the input of a joint: `q` or `qa`, by the TOML or by default.
     #[must_use]
     pub fn input(&self, joint: usize) -> Option<&[f64]> {
         match self.input_kind() {
-            Input::Command => self.column(Channel::Command(joint)),
-            Input::Motor => self.column(Channel::Motor(joint)),
+            InputKind::Command => self.column(Channel::Command(joint)),
+            InputKind::Motor => self.column(Channel::Motor(joint)),
         }
     }
 
     /// Which group is the input: as the TOML states; otherwise `qa` if only the link side was
     /// measured along a path; otherwise `q` if present, otherwise `qa`.
     #[must_use]
-    pub fn input_kind(&self) -> Input {
+    pub fn input_kind(&self) -> InputKind {
         let any = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
         let commands = any(|channel| matches!(channel, Channel::Command(_)));
-        let beside_motors = self.about.kind == Kind::Path
+        let beside_motors = self.metadata.kind == RecordingKind::Path
             && any(|channel| matches!(channel, Channel::Link(_)))
             && !any(|channel| {
                 matches!(
@@ -210,14 +214,14 @@ impl Recording {
                 )
             })
             && (0..self.joint_count()).all(|joint| self.column(Channel::Motor(joint)).is_some());
-        let unsaid = if commands && !beside_motors { Input::Command } else { Input::Motor };
-        self.about.input.unwrap_or(unsaid)
+        let unsaid = if commands && !beside_motors { InputKind::Command } else { InputKind::Motor };
+        self.metadata.input.unwrap_or(unsaid)
     }
 
     /// Standard uncertainty of a column, SI, if the TOML states it.
     #[must_use]
     pub fn sigma(&self, channel: Channel) -> Option<f64> {
-        self.about.sigma.get(&channel).copied()
+        self.metadata.sigma.get(&channel).copied()
     }
 
     /// Checks that the input covers exactly the joints of a model, each of the right kind.
@@ -225,7 +229,7 @@ impl Recording {
     /// # Errors
     /// Every joint that is missing, too many, or of the other kind.
     pub fn check_joints(&self, kinds: &[JointKind]) -> Result<(), Faults> {
-        let mut faults = Faults::of(self.file.display().to_string());
+        let mut faults = Faults::new(self.file.display().to_string());
         for (joint, kind) in kinds.iter().enumerate() {
             if self.input(joint).is_none() {
                 let name = Channel::Command(joint).name(None);
@@ -251,7 +255,7 @@ impl Recording {
                 ),
             ));
         }
-        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+        if faults.is_empty() { Ok(()) } else { faults.into_result(None) }
     }
 }
 
@@ -263,6 +267,6 @@ pub(crate) fn is_recording_name(path: &Path) -> bool {
 
 /// Path of a recording's TOML: `NAME.toml` for `NAME.csv`.
 #[must_use]
-pub fn about_path(recording: &Path) -> PathBuf {
+pub fn metadata_path(recording: &Path) -> PathBuf {
     recording.with_extension("toml")
 }

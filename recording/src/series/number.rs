@@ -2,7 +2,7 @@
 //!
 //! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so an
 //! ambiguous number is refused:
-//! - one decimal mark per file, stated or detected ([`Notation::found`]) in the numeric columns;
+//! - one decimal mark per file, stated or detected ([`Notation::detect`]) in the numeric columns;
 //! - if there are only commas, each followed by three digits, they are decimal commas between semicolons, as written by spreadsheets: the only exception, and noted;
 //! - the other mark is a thousands separator only if stated (`thousands`), or if it appears in one number with the decimal mark: `1.042,5`;
 //! - a group has three digits, the first one to three and no leading zero.
@@ -24,11 +24,11 @@ pub(super) struct Notation {
 
 /// Why a cell is not read as a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unread {
-    /// It is none in any notation.
-    NoNumber,
-    /// It could be one with decimals, or one with thousands.
-    TwoWays,
+pub(super) enum NumberError {
+    /// It is not a number in any notation.
+    NotANumber,
+    /// It is ambiguous: decimals, or groups of thousands.
+    Ambiguous,
     /// Its decimal mark is not the one of the file.
     OtherDecimal,
 }
@@ -51,7 +51,7 @@ impl Notation {
     /// If there is none, semicolons between fields imply decimal commas, as written by
     /// spreadsheets; otherwise the decimal mark is a point. Points only, each followed by three
     /// digits, leave it undecided for formats of spreadsheets (semicolons, tabulators).
-    pub(super) fn found<'c>(separator: u8, cells: impl Iterator<Item = &'c str>) -> Self {
+    pub(super) fn detect<'c>(separator: u8, cells: impl Iterator<Item = &'c str>) -> Self {
         if separator == b',' {
             return Self::of('.', None);
         }
@@ -68,7 +68,7 @@ impl Notation {
         Self { decimal, thousands: None, undecided }
     }
 
-    /// The same by cells that are not all of them; none where these leave it open.
+    /// As [`Notation::detect`], from a part of the cells; `None` if these leave it open.
     pub(super) fn proven<'c>(
         separator: u8,
         mut cells: impl Iterator<Item = &'c str>,
@@ -81,14 +81,14 @@ impl Notation {
     }
 
     /// The number in a cell: NaN if it is empty.
-    pub(super) fn read(self, cell: &str) -> Result<f64, Unread> {
+    pub(super) fn read(self, cell: &str) -> Result<f64, NumberError> {
         if cell.is_empty() {
             return Ok(f64::NAN);
         }
         let plain = |byte: &u8| byte.is_ascii() && !matches!(byte, b'.' | b',' | b'\'');
         let has_marks = !cell.as_bytes().iter().all(plain);
         if !has_marks && self.thousands != Some(' ') {
-            return cell.parse().map_err(|_| Unread::NoNumber);
+            return cell.parse().map_err(|_| NumberError::NotANumber);
         }
         if self.decimal == '.' && !self.undecided && self.thousands != Some('.') {
             // The usual case: Rust's own notation.
@@ -100,13 +100,13 @@ impl Notation {
     }
 
     /// How a cell that could not be read is quoted in an error.
-    pub(super) fn fault(self, unread: Unread, cell: &str) -> Fault {
+    pub(super) fn fault(self, unread: NumberError, cell: &str) -> Fault {
         let mark = if cell.contains('.') { '.' } else { ',' };
         let other = other_of(mark);
         let named = |mark: char| if mark == '.' { "point" } else { "comma" };
         let grouped = groups(cell.trim_start_matches(['-', '+', MINUS]), mark);
         match unread {
-            Unread::NoNumber | Unread::TwoWays
+            NumberError::NotANumber | NumberError::Ambiguous
                 if grouped.is_some() && cell.matches(mark).count() > 1 =>
             {
                 let message =
@@ -115,10 +115,10 @@ impl Notation {
                     .expected("a number without thousands separators")
                     .help(format!("if so, state `thousands = \"{mark}\"` in a mapping"))
             }
-            Unread::NoNumber => {
+            NumberError::NotANumber => {
                 Fault::new("", format!("`{cell}` is not a number")).expected("a number")
             }
-            Unread::TwoWays => {
+            NumberError::Ambiguous => {
                 let grouped = cell.replace(mark, "");
                 let decimals = cell.replacen(mark, ".", 1);
                 Fault::new("", format!("`{cell}` is ambiguous: {grouped} or {decimals}"))
@@ -128,7 +128,7 @@ impl Notation {
                          for {grouped}, `decimal = \"{mark}\"` for {decimals}"
                     ))
             }
-            Unread::OtherDecimal => Fault::new(
+            NumberError::OtherDecimal => Fault::new(
                 "",
                 format!(
                     "`{cell}` has a decimal {}, the file a decimal {}",
@@ -141,20 +141,20 @@ impl Notation {
         }
     }
 
-    fn read_marked(self, cell: &str) -> Result<f64, Unread> {
+    fn read_marked(self, cell: &str) -> Result<f64, NumberError> {
         let other = other_of(self.decimal);
-        let parts = Parts::of(cell, self.decimal).ok_or(Unread::NoNumber)?;
+        let parts = Parts::of(cell, self.decimal).ok_or(NumberError::NotANumber)?;
         if self.undecided && parts.groups_by_three() {
-            return Err(Unread::TwoWays);
+            return Err(NumberError::Ambiguous);
         }
         if let Some(number) = parts.value(other, self.thousands) {
             return Ok(number);
         }
         let elsewhere = Parts::of(cell, other).and_then(|parts| parts.value(self.decimal, None));
         Err(match elsewhere {
-            _ if groups(parts.whole, other).is_some() => Unread::TwoWays,
-            Some(_) => Unread::OtherDecimal,
-            None => Unread::NoNumber,
+            _ if groups(parts.whole, other).is_some() => NumberError::Ambiguous,
+            Some(_) => NumberError::OtherDecimal,
+            None => NumberError::NotANumber,
         })
     }
 }
@@ -166,7 +166,7 @@ struct Parts<'c> {
     whole: &'c str,
     /// The digits after the decimal mark, if there is one.
     decimals: Option<&'c str>,
-    /// With its letter.
+    /// Including its letter.
     exponent: &'c str,
 }
 
@@ -218,7 +218,7 @@ impl<'c> Parts<'c> {
 
 /// Whether a cell is a number in some notation, even an ambiguous one.
 pub(crate) fn is_number(cell: &str) -> bool {
-    let reads = |decimal| Notation::of(decimal, None).read(cell) != Err(Unread::NoNumber);
+    let reads = |decimal| Notation::of(decimal, None).read(cell) != Err(NumberError::NotANumber);
     !cell.is_empty() && (reads('.') || reads(','))
 }
 
@@ -276,8 +276,11 @@ mod tests {
     fn a_number_is_read_in_the_notation_of_its_file_or_refused() {
         let point = Notation::of('.', None);
         let comma = Notation::of(',', None);
-        let (two, other, none) =
-            (Err(Unread::TwoWays), Err(Unread::OtherDecimal), Err(Unread::NoNumber));
+        let (two, other, none) = (
+            Err(NumberError::Ambiguous),
+            Err(NumberError::OtherDecimal),
+            Err(NumberError::NotANumber),
+        );
         for (cell, in_points, in_commas) in [
             ("12", Ok(12.0), Ok(12.0)),
             ("-1.5", Ok(-1.5), other),
@@ -319,17 +322,17 @@ mod tests {
         assert_eq!(german.read("1.042"), Ok(1042.0));
         assert_eq!(german.read("1.042.075"), Ok(1_042_075.0));
         assert_eq!(german.read("5,5"), Ok(5.5));
-        assert_eq!(german.read("88.5"), Err(Unread::OtherDecimal));
-        assert_eq!(german.read("0.042"), Err(Unread::OtherDecimal));
+        assert_eq!(german.read("88.5"), Err(NumberError::OtherDecimal));
+        assert_eq!(german.read("0.042"), Err(NumberError::OtherDecimal));
         assert_eq!(Notation::of('.', Some(',')).read("1,042"), Ok(1042.0));
         assert_eq!(Notation::of(',', Some(' ')).read("1 042,5"), Ok(1042.5));
         assert_eq!(Notation::of(',', Some(' ')).read("1 042"), Ok(1042.0));
-        assert_eq!(Notation::of('.', Some(' ')).read("1 42"), Err(Unread::NoNumber));
+        assert_eq!(Notation::of('.', Some(' ')).read("1 42"), Err(NumberError::NotANumber));
     }
 
     #[test]
     fn the_notation_is_found_from_what_can_be_read_in_one_way_only() {
-        let found = |separator, cells: &[&str]| Notation::found(separator, cells.iter().copied());
+        let found = |separator, cells: &[&str]| Notation::detect(separator, cells.iter().copied());
         let (point, comma) = (Notation::of('.', None), Notation::of(',', None));
         let undecided = Notation { undecided: true, ..point };
         assert_eq!(found(b';', &["1", "1.042", "0,5"]), comma);
@@ -344,8 +347,8 @@ mod tests {
         assert_eq!(found(b';', &["1,042", "1.042"]), undecided);
         assert_eq!(found(b' ', &["1.042", "88"]), point);
         assert_eq!(found(b',', &["5,5"]), point);
-        assert_eq!(undecided.read("1.042"), Err(Unread::TwoWays));
-        assert_eq!(undecided.read("1,042"), Err(Unread::TwoWays));
+        assert_eq!(undecided.read("1.042"), Err(NumberError::Ambiguous));
+        assert_eq!(undecided.read("1,042"), Err(NumberError::Ambiguous));
         assert_eq!(undecided.read("88"), Ok(88.0));
     }
 
@@ -380,7 +383,7 @@ mod tests {
                     let _ = Notation::of(decimal, thousands).read(&cell);
                 }
             }
-            let _ = Notation::found(b';', std::iter::once(cell.as_str()));
+            let _ = Notation::detect(b';', std::iter::once(cell.as_str()));
         }
     }
 }

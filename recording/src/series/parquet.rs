@@ -31,14 +31,14 @@ pub(super) fn table(path: &Path) -> Result<RawTable<'static>, FileError> {
     let file = File::open(path).map_err(FileError::io("read", path))?;
     let name = path.display().to_string();
     let damaged = |why: String| {
-        let mut faults = Faults::of(&name);
+        let mut faults = Faults::new(&name);
         let fault = Fault::new("", format!("cannot be read as Parquet: {why}"));
         faults.push(fault.expected(
             "a complete Parquet file, uncompressed or compressed by Snappy or Zstandard",
         ));
         FileError::from(faults)
     };
-    // The library asserts here and there on bytes that no writer writes.
+    // The library panics on some invalid input.
     let read = catch_unwind(AssertUnwindSafe(|| cut(file, &name)));
     match read {
         Ok(Ok(read)) => Ok(read?),
@@ -51,7 +51,7 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     let reader = SerializedFileReader::new(file)?;
     let schema = reader.metadata().file_metadata().schema_descr();
     let columns: Vec<_> = schema.columns().to_vec();
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     let header: Vec<String> = columns.iter().map(|column| column.path().string()).collect();
     for (column, name) in columns.iter().zip(&header) {
         if let Some(found) = strange(column) {
@@ -66,7 +66,7 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     Ok(Ok(RawTable::made(header, cells)))
 }
 
-/// What a column is that is no plain value.
+/// Why a column is not supported; `None` if it is.
 fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
     let logical = column.logical_type_ref();
     if column.max_rep_level() > 0 {
@@ -81,7 +81,7 @@ fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-/// A column over all row groups; `ours` converts its values.
+/// A column over all row groups; the last argument converts its values.
 fn all<T: DataType, V>(
     file: &SerializedFileReader<File>,
     column: usize,
@@ -91,7 +91,7 @@ fn all<T: DataType, V>(
     for group in 0..file.num_row_groups() {
         let group = file.get_row_group(group)?;
         let count = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-        // The level at which a value is there, 0 where it always is.
+        // The definition level of an existing value; 0 for a required column.
         let nullable = group.metadata().column(column).column_descr().max_def_level();
         let mut reader = get_typed_column_reader::<T>(group.get_column_reader(column)?);
         let (mut levels, mut found): (Vec<i16>, Vec<T::T>) = (Vec::new(), Vec::new());
@@ -117,7 +117,7 @@ fn all<T: DataType, V>(
     Ok(all)
 }
 
-/// A column as it is kept.
+/// A column as stored in memory.
 fn cells(
     file: &SerializedFileReader<File>,
     column: usize,

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::RawTable;
-use crate::faults::{Fault, Place};
+use crate::faults::{Fault, Location};
 
 impl<'s> RawTable<'s> {
     /// A fault of a cell, with its place.
@@ -25,7 +25,7 @@ impl<'s> RawTable<'s> {
     /// A fault of a field of a line.
     pub(super) fn line_fault(&self, line: usize, column: usize, fault: Fault) -> Fault {
         let text = self.line_text(line);
-        fault.at(Place::in_line(line, text, &self.field_span(text, column)))
+        fault.at(Location::from_line(line, text, &self.field_span(text, column)))
     }
 
     pub(super) fn line_of_row(&self, row: usize) -> usize {
@@ -34,7 +34,6 @@ impl<'s> RawTable<'s> {
 
     /// Line of a record, from 1. Counted here, because the reader's own count is one behind after
     /// CRLF, and its position of a record may be that of the preceding line ends and comments.
-    /// comments before it.
     pub(super) fn line_of(&self, byte: usize) -> usize {
         let start = byte.saturating_add(self.body_start);
         let mut rest = self.source.get(start..).unwrap_or_default();

@@ -21,7 +21,7 @@ struct Row {
     byte: usize,
 }
 
-/// More text than can be kept.
+/// More text than can be stored.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TooLarge;
 
@@ -66,12 +66,12 @@ impl Rows {
         self.rows.get(row).map_or(0, |row| row.byte)
     }
 
-    /// Leaves out the rows from this one on.
+    /// Keeps only the first rows.
     pub(super) fn keep_first(&mut self, rows: usize) {
         self.rows.truncate(rows);
     }
 
-    /// Leaves out the rows that are not `wanted`.
+    /// Keeps only the rows that are `wanted`.
     pub(super) fn keep(&mut self, wanted: &[bool]) {
         let mut wanted = wanted.iter();
         self.rows.retain(|_| wanted.next() == Some(&true));

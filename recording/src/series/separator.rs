@@ -25,7 +25,8 @@ fn ends_number(line: &str, mark: u8) -> bool {
     line.split('"').step_by(2).any(fields)
 }
 
-/// The separator that a spreadsheet's first line states (`sep=;`), and where the table begins behind it.
+/// The separator stated in a spreadsheet's first line (`sep=;`), and the start of the table after
+/// it.
 pub(super) fn separator_line(source: &str, start: usize) -> (Option<u8>, usize) {
     let rest = source.get(start..).unwrap_or_default();
     let line = rest.split_inclusive('\n').next().unwrap_or_default();

@@ -1,6 +1,7 @@
-//! Columns that name a quantity of the format with a suffix that is none of its units: `q1_grad`, `x_inch`.
+//! Columns named after a quantity of the format, with a suffix that is not one of its units:
+//! `q1_grad`, `x_inch`.
 
-use super::Need;
+use super::RequiredData;
 use super::build::Builder;
 use super::channel::{Channel, expected_names};
 use super::units_line::is_unit;
@@ -117,8 +118,8 @@ fn looks_like_a_unit(suffix: &str) -> bool {
 impl Builder<'_, '_> {
     /// Faults of columns whose suffix is a unit that is not supported, where no other column has the quantity: the
     /// recording would be read without it. For samples alone any column is accepted.
-    pub(super) fn judge_suffixes(&mut self, need: Need) {
-        if need == Need::Samples {
+    pub(super) fn judge_suffixes(&mut self, need: RequiredData) {
+        if need == RequiredData::Samples {
             return;
         }
         for name in self.kept().map(str::to_owned).collect::<Vec<_>>() {
@@ -151,9 +152,9 @@ pub(super) fn note<'n>(unused: impl Iterator<Item = &'n str>) -> Option<String> 
 
 #[cfg(test)]
 mod tests {
-    use crate::series::{Need, Recording, read_text};
+    use crate::series::{Recording, RequiredData, read_text};
 
-    fn read(head: &str, need: Need) -> Result<Recording, String> {
+    fn read(head: &str, need: RequiredData) -> Result<Recording, String> {
         let cells = vec!["1"; head.split(',').count() - 1].join(",");
         let text = format!("{head}\n0,{cells}\n1,{cells}\n");
         read_text("x.csv", &text, None, None, need).map_err(|faults| faults.plain())
@@ -171,22 +172,25 @@ mod tests {
             ("tau1_nm", "nm", "`tau1_Nm` or `tau1_N`"),
             ("temp_K", "K", "`temp_C`"),
         ] {
-            let said = read(&format!("t_s,q1_deg,{column}"), Need::Path).unwrap_err();
+            let said = read(&format!("t_s,q1_deg,{column}"), RequiredData::Path).unwrap_err();
             assert!(said.contains(&format!("in the unknown unit `{unit}`")), "{said}");
             assert!(said.contains(expected), "{said}");
-            assert!(read(&format!("t_s,q1_deg,{column}"), Need::Samples).is_ok(), "{column}");
+            assert!(
+                read(&format!("t_s,q1_deg,{column}"), RequiredData::Samples).is_ok(),
+                "{column}"
+            );
         }
     }
 
     #[test]
     fn beside_the_quantity_itself_and_with_another_word_it_is_noted() {
         for head in ["t_s,q1_deg,q1_grad", "t_s,q1_deg,x_status", "t_s,q1_deg,q1_raw"] {
-            let notes = read(head, Need::Path).unwrap().notes;
+            let notes = read(head, RequiredData::Path).unwrap().notes;
             assert!(notes.iter().any(|note| note.contains("because of the suffix")), "{notes:?}");
             assert!(!notes.iter().any(|note| note.contains("unused columns")), "{notes:?}");
         }
         assert_eq!(
-            read("t_s,q1_deg,remark", Need::Path).unwrap().notes,
+            read("t_s,q1_deg,remark", RequiredData::Path).unwrap().notes,
             ["unused columns: remark"]
         );
     }

@@ -1,4 +1,4 @@
-//! A foreign table, of text or of cells: separators, decimal mark, comments, a line of units and a truncated last line are detected and noted.
+//! A table from a file, as text or as values: separators, decimal mark, comments, a line of units and a truncated last line are detected and noted.
 //!
 //! Cells are converted to numbers only on request ([`RawTable::numbers`], [`RawTable::times`]), and
 //! to check for a truncated last line. Every row of text keeps its line number.
@@ -10,18 +10,18 @@ use csv::{ReaderBuilder, StringRecord};
 
 use super::cells::Cells;
 use super::channel::Column;
-use super::number::{Notation, Unread};
+use super::number::{Notation, NumberError};
 use super::rows::{Rows, TooLarge, too_large};
 use super::separator::{guess_separator, separator_line};
 use super::units_line::UnitsLine;
-use crate::faults::{Fault, Faults, Place, nearest};
+use crate::faults::{Fault, Faults, Location, nearest};
 
-/// How a table is written down; `None` means: find out.
+/// Format of a text table; `None` means that it is detected.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Dialect {
     pub(crate) separator: Option<u8>,
     pub(crate) decimal_comma: Option<bool>,
-    /// What groups thousands.
+    /// Thousands separator.
     pub(crate) thousands: Option<char>,
     /// Whether the row below the header contains units.
     pub(crate) units_row: Option<bool>,
@@ -32,26 +32,26 @@ pub(crate) struct Dialect {
     pub(crate) no_header: bool,
     /// Number of cells per row, further ones are ignored; `None`: exactly as many as the header.
     pub(crate) width: Option<usize>,
-    pub(crate) reads: Reads,
+    pub(crate) reads: NumericColumns,
 }
 
 /// Which columns are read as numbers: only they determine the decimal mark.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) enum Reads {
+pub(crate) enum NumericColumns {
     #[default]
     All,
-    /// Those with names of ours.
-    Ours,
-    /// Those with these names.
-    These(BTreeSet<String>),
+    /// Columns with names of the format.
+    Known,
+    /// Columns with these names.
+    Listed(BTreeSet<String>),
 }
 
-impl Reads {
+impl NumericColumns {
     pub(super) fn has(&self, name: &str) -> bool {
         match self {
             Self::All => true,
-            Self::Ours => !matches!(Column::named(name), Ok(Column::Unknown)),
-            Self::These(names) => names.contains(name),
+            Self::Known => !matches!(Column::named(name), Ok(Column::Unknown)),
+            Self::Listed(names) => names.contains(name),
         }
     }
 }
@@ -90,7 +90,7 @@ pub(crate) struct RawTable<'s> {
     pub(super) source: &'s str,
     pub(crate) header: Vec<String>,
     pub(super) units: Option<UnitsLine>,
-    /// Of a table of text.
+    /// Rows of a text table.
     pub(super) rows: Rows,
     /// Column by column, for a table stored as values.
     cells: Vec<Cells>,
@@ -158,7 +158,7 @@ impl<'s> RawTable<'s> {
         self.notation = match dialect.stated_decimal() {
             Some(decimal) => Notation::of(decimal, dialect.thousands),
             None => {
-                Notation { thousands: dialect.thousands, ..Notation::found(self.separator, cells) }
+                Notation { thousands: dialect.thousands, ..Notation::detect(self.separator, cells) }
             }
         };
         self.note_decimal(dialect);
@@ -170,14 +170,15 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// Notes how the cells of a table were read.
+    /// Sets how the cells of a table were read, and notes it.
     pub(super) fn is_read_by(&mut self, separator: u8, notation: Notation, dialect: &Dialect) {
         (self.separator, self.notation) = (separator, notation);
         self.note_separator(dialect);
         self.note_decimal(dialect);
     }
 
-    /// Takes the first row as a line of units, where the header names the columns.
+    /// Takes the first row as a line of units, if the header names the columns and the row contains
+    /// units.
     fn take_units(&mut self, dialect: &Dialect) {
         let asked = dialect.units_row;
         if self.rows.len() == 0 || asked == Some(false) || (dialect.no_header && asked.is_none()) {
@@ -228,14 +229,14 @@ impl<'s> RawTable<'s> {
     }
 
     /// The number in a cell: NaN if it is empty.
-    pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
+    pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, NumberError> {
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
             return Ok(number);
         }
         self.cell(row, column).map_or(Ok(f64::NAN), |cell| self.notation.read(&cell))
     }
 
-    /// Leaves out the rows that are not `wanted`.
+    /// Keeps only the rows that are `wanted`.
     pub(crate) fn keep(&mut self, mut wanted: impl FnMut(usize, &Self) -> bool) {
         let wanted: Vec<bool> = (0..self.len()).map(|row| wanted(row, self)).collect();
         self.cells.iter_mut().for_each(|cells| cells.keep(&wanted));
@@ -276,7 +277,7 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// Fields set apart by blanks, however many.
+    /// Reads fields separated by any number of blanks.
     fn read_blanks(&mut self, body: &str, dialect: &Dialect) -> Result<(), TooLarge> {
         let mut byte = 0;
         for line in body.split_inclusive('\n') {
@@ -288,7 +289,7 @@ impl<'s> RawTable<'s> {
         Ok(())
     }
 
-    /// Takes a record: the header, then rows.
+    /// Adds a record: the header first, then rows.
     fn take<'f>(
         &mut self,
         byte: usize,
@@ -315,14 +316,14 @@ impl<'s> RawTable<'s> {
                 let text = self.line_text(line);
                 Fault::new("", format!("this row has {} fields", self.rows.width(row)))
                     .expected(format!("{width}, like the header"))
-                    .at(Place::in_line(line, text, &(0..text.len())))
+                    .at(Location::from_line(line, text, &(0..text.len())))
             });
         }
     }
 
     /// Whether a cell is empty or a number, even an ambiguous one.
     pub(crate) fn is_number(&self, cell: &str) -> bool {
-        self.notation.read(cell) != Err(Unread::NoNumber)
+        self.notation.read(cell) != Err(NumberError::NotANumber)
     }
 
     /// The numbers of a column; invalid or infinite ones are faults and stay in place as NaN or
@@ -350,12 +351,12 @@ impl<'s> RawTable<'s> {
         numbers
     }
 
-    /// The column with this name; that there is none, or are several, is a fault.
+    /// The column with this name; a missing or duplicate name is a fault.
     pub(crate) fn column(&self, name: &str, faults: &mut Faults) -> Option<usize> {
         let mut places = (0..self.header.len()).filter(|at| self.header[*at] == name);
         match (places.next(), places.next()) {
             (Some(at), None) => return Some(at),
-            (Some(_), Some(again)) => faults.push(self.twice(again)),
+            (Some(_), Some(again)) => faults.push(self.duplicate_name_fault(again)),
             (None, _) => {
                 let near = nearest(name, self.header.iter().map(String::as_str));
                 let help = near.map(|name| format!("did you mean `{name}`?"));
@@ -369,7 +370,7 @@ impl<'s> RawTable<'s> {
     }
 
     /// The fault of a column whose name is not unique.
-    pub(super) fn twice(&self, column: usize) -> Fault {
+    pub(super) fn duplicate_name_fault(&self, column: usize) -> Fault {
         let name = self.header.get(column).map_or("", String::as_str);
         let fault = Fault::new(name, "appears twice in the header")
             .expected("a unique name for each column")

@@ -46,7 +46,7 @@ impl RawTable<'_> {
         cells.peek().is_some() && cells.all(|cell| self.is_number(cell))
     }
 
-    /// Leaves out the empty rows that spreadsheets write below a table.
+    /// Drops the empty rows that spreadsheets write below a table.
     pub(super) fn drop_empty_end(&mut self) {
         let before = self.rows.len();
         while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {

@@ -4,7 +4,7 @@ use super::*;
 use proptest::prelude::*;
 
 fn parse(text: &str) -> Result<Recording, Faults> {
-    read_text("run.csv", text, None, None, Need::Path)
+    read_text("run.csv", text, None, None, RequiredData::Path)
 }
 
 #[test]
@@ -84,10 +84,10 @@ fn every_fault_of_a_table_is_reported_with_row_and_column() {
 fn what_is_needed_depends_on_the_use() {
     let path = "t_s,q1_deg\n0,1\n";
     assert!(parse(path).is_ok());
-    assert!(read_text("x", path, None, None, Need::Measurement).is_err());
+    assert!(read_text("x", path, None, None, RequiredData::Measurement).is_err());
     let force = "t_s,fx_N\n0,1\n";
     assert!(parse(force).is_err());
-    assert!(read_text("x", force, None, None, Need::Measurement).is_ok());
+    assert!(read_text("x", force, None, None, RequiredData::Measurement).is_ok());
     assert!(parse("t_s,q1_deg\n").is_err());
     assert!(parse("").is_err());
 }
@@ -95,11 +95,11 @@ fn what_is_needed_depends_on_the_use() {
 #[test]
 fn a_link_side_that_was_measured_alone_along_a_path_is_predicted_from_the_motor() {
     let kind = |text: &str| parse(text).unwrap().input_kind();
-    assert_eq!(kind("t_s,q1_deg,qa1_deg,ql1_deg\n0,1,1,1\n1,2,2,2\n"), Input::Motor);
-    assert_eq!(kind("t_s,q1_deg,ql1_deg\n0,1,1\n1,2,2\n"), Input::Command);
+    assert_eq!(kind("t_s,q1_deg,qa1_deg,ql1_deg\n0,1,1,1\n1,2,2,2\n"), InputKind::Motor);
+    assert_eq!(kind("t_s,q1_deg,ql1_deg\n0,1,1\n1,2,2\n"), InputKind::Command);
     let with_tool = "t_s,q1_deg,qa1_deg,ql1_deg,x_mm\n0,1,1,1,5\n1,2,2,2,6\n";
-    assert_eq!(kind(with_tool), Input::Command);
-    assert_eq!(kind("t_s,qa1_deg\n0,1\n1,2\n"), Input::Motor);
+    assert_eq!(kind(with_tool), InputKind::Command);
+    assert_eq!(kind("t_s,qa1_deg\n0,1\n1,2\n"), InputKind::Motor);
 }
 
 #[test]
@@ -132,16 +132,16 @@ axial_depth_mm = 0.25
 coefficients_N_per_mm2 = [800.0, 300.0, 150.0]
 coefficients_N_per_mm = [8.0, 10.0, 2.0]
 "#;
-    let about = About::parse("run.toml", text).unwrap();
+    let about = RecordingMetadata::parse("run.toml", text).unwrap();
     let mut recording = Recording::new(vec![0.0]);
-    recording.about = about.clone();
-    assert_eq!(About::parse("again", &recording.about_toml()).unwrap(), about);
+    recording.metadata = about.clone();
+    assert_eq!(RecordingMetadata::parse("again", &recording.about_toml()).unwrap(), about);
     assert_eq!(about.sigma[&Channel::Position(0)], 3e-5);
     assert_eq!(about.targets_tool[&1], [0.0, 0.0, 0.05]);
-    assert_eq!(about.heldout, Heldout::Segments(vec![3, 7]));
+    assert_eq!(about.heldout, HeldOut::Segments(vec![3, 7]));
     assert_eq!(about.cut.unwrap().cutting_pa, [8e8, 3e8, 1.5e8]);
     let text = "schema = \"trued.recording/2\"\nkid = \"poses\"\nsigma = { x_deg = 1 }\nheldout = \"al\"\n";
-    insta::assert_snapshot!(About::parse("run.toml", text).unwrap_err(), @r#"
+    insta::assert_snapshot!(RecordingMetadata::parse("run.toml", text).unwrap_err(), @r#"
         error: `schema`: is "trued.recording/2"
          --> run.toml:1:10
           |
@@ -173,7 +173,7 @@ coefficients_N_per_mm = [8.0, 10.0, 2.0]
 #[cfg(not(feature = "parquet"))]
 #[test]
 fn parquet_states_the_remedy() {
-    let error = read(Path::new("run.parquet"), None, Need::Path).unwrap_err();
+    let error = read(Path::new("run.parquet"), None, RequiredData::Path).unwrap_err();
     assert!(error.to_string().contains("CSV"), "{error}");
 }
 
@@ -187,7 +187,7 @@ fn a_written_file_appears_whole_and_reads_back() {
     recording.set(Channel::Target(1, 2), vec![1.0 / 3.0, f64::NAN]);
     recording.other.push(("status".to_owned(), vec!["corrected".to_owned(), "a,\"b".to_owned()]));
     write(&path, &recording).unwrap();
-    let back = read(&path, None, Need::Measurement).unwrap();
+    let back = read(&path, None, RequiredData::Measurement).unwrap();
     assert_eq!(back.to_csv(), recording.to_csv());
     assert_eq!(back.other, recording.other);
     std::fs::remove_dir_all(&dir).unwrap();
@@ -243,7 +243,7 @@ proptest! {
         let at = at % good.len();
         good[at] = byte;
         let _ = parse(&String::from_utf8_lossy(&good)).map_err(|faults| faults.styled());
-        let _ = About::parse("x", &text).map_err(|faults| faults.plain());
+        let _ = RecordingMetadata::parse("x", &text).map_err(|faults| faults.plain());
     }
 }
 
@@ -258,10 +258,11 @@ fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
                  [probe]\nradius_mm = 3.0\nsigma_mm = 0.004\ntarget = 1\n\
                  [plane1]\nnormal = [0, 0, 2]\n\
                  [sphere2]\nradius_mm = 12.7\n";
-    let about = About::parse("run.toml", about).unwrap();
-    let recording = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap();
-    let gauges = &recording.about.gauges;
-    assert_eq!(recording.about.targets_on_link[&2], 2);
+    let about = RecordingMetadata::parse("run.toml", about).unwrap();
+    let recording =
+        read_text("run.csv", table, None, Some(about), RequiredData::Measurement).unwrap();
+    let gauges = &recording.metadata.gauges;
+    assert_eq!(recording.metadata.targets_on_link[&2], 2);
     assert_eq!(gauges.distances[&0].target, Some(1));
     assert_eq!(gauges.distances[&0].offset_m, None);
     assert_eq!(gauges.distances[&2].offset_m, Some(0.25e-3));
@@ -269,22 +270,23 @@ fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
     assert_eq!(gauges.spheres[&1].radius_m, Some(12.7e-3));
     assert_eq!(recording.target_count(), 2);
     assert_eq!(recording.sigma(Channel::Distance(0)), Some(2e-6));
-    let again = About::parse("again.toml", &recording.about_toml()).unwrap();
-    assert_eq!(again, recording.about);
+    let again = RecordingMetadata::parse("again.toml", &recording.about_toml()).unwrap();
+    assert_eq!(again, recording.metadata);
 }
 
 #[test]
 fn every_fault_of_distances_and_touches_is_reported() {
     let table = "t_s,q1_deg,distance1_mm,touch_plane,touch_sphere\n0,1,-1,2,0.5\n";
     let about = "schema = \"trued.recording/1\"\n[distance2]\n[sphere1]\n";
-    let about = About::parse("run.toml", about).unwrap();
-    let faults = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap_err();
+    let about = RecordingMetadata::parse("run.toml", about).unwrap();
+    let faults =
+        read_text("run.csv", table, None, Some(about), RequiredData::Measurement).unwrap_err();
     let said = faults.to_string();
     for word in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never contacted"] {
         assert!(said.contains(word), "{word} in\n{said}");
     }
     let about = "schema = \"trued.recording/1\"\n[probe]\nradius_mm = -1\n[plane1]\nnormal = [0, 0, 0]\n[distance1]\nofset_mm = 1\n";
-    let said = About::parse("run.toml", about).unwrap_err().to_string();
+    let said = RecordingMetadata::parse("run.toml", about).unwrap_err().to_string();
     for word in ["radius_mm", "no direction", "ofset_mm"] {
         assert!(said.contains(word), "{word} in\n{said}");
     }

@@ -8,11 +8,11 @@ use std::path::Path;
 
 use csv::WriterBuilder;
 
-use super::about::About;
 use super::build::Builder;
 use super::channel::Channel;
-use super::table::{Dialect, RawTable, Reads};
-use super::{FileUnits, Need, Recording, about_path};
+use super::metadata::RecordingMetadata;
+use super::table::{Dialect, NumericColumns, RawTable};
+use super::{FileUnits, Recording, RequiredData, metadata_path};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text as read_file, write_atomic};
 use crate::mapping::{Mapping, mapping_path};
@@ -24,7 +24,11 @@ use crate::mapping::{Mapping, mapping_path};
 ///
 /// # Errors
 /// A file cannot be read, or every fault of the first file that has any.
-pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording, FileError> {
+pub fn read(
+    path: &Path,
+    mapping: Option<&Path>,
+    need: RequiredData,
+) -> Result<Recording, FileError> {
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
     if extension == "mcap" || (extension == "parquet" && !cfg!(feature = "parquet")) {
         return Err(other_format(path, &extension.to_string_lossy()).into());
@@ -32,16 +36,16 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
     let beside = mapping_path(path);
     let mapping = mapping.or_else(|| beside.is_file().then_some(beside.as_path()));
     let mapping = mapping.map(Mapping::read).transpose()?;
-    let about = about_path(path);
+    let about = metadata_path(path);
     let about = if about.is_file() {
-        Some(About::parse(&about.display().to_string(), &read_file(&about)?)?)
+        Some(RecordingMetadata::parse(&about.display().to_string(), &read_file(&about)?)?)
     } else {
         None
     };
     #[cfg(feature = "parquet")]
     if extension == "parquet" {
         let table = super::parquet::table(path)?;
-        let faults = Faults::of(path.display().to_string());
+        let faults = Faults::new(path.display().to_string());
         return Ok(of_table(table, faults, mapping.as_ref(), about, need)?);
     }
     if let Some(recording) = row_by_row(path, mapping.as_ref(), about.as_ref(), need) {
@@ -55,21 +59,21 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
 fn row_by_row(
     path: &Path,
     mapping: Option<&Mapping>,
-    about: Option<&About>,
-    need: Need,
+    about: Option<&RecordingMetadata>,
+    need: RequiredData,
 ) -> Option<Recording> {
-    let table = super::rowwise::table(path, &dialect(mapping))?;
-    let faults = Faults::of(path.display().to_string());
+    let table = super::row_by_row::table(path, &dialect(mapping))?;
+    let faults = Faults::new(path.display().to_string());
     of_table(table, faults, mapping, about.cloned(), need).ok()
 }
 
 pub(super) fn dialect(mapping: Option<&Mapping>) -> Dialect {
-    let own = || Dialect { reads: Reads::Ours, ..Dialect::default() };
+    let own = || Dialect { reads: NumericColumns::Known, ..Dialect::default() };
     mapping.map_or_else(own, |mapping| mapping.dialect.clone())
 }
 
 fn other_format(path: &Path, extension: &str) -> Faults {
-    let mut faults = Faults::of(path.display().to_string());
+    let mut faults = Faults::new(path.display().to_string());
     let fault = if extension == "parquet" {
         Fault::new("", "this build does not support Parquet").help("export it as CSV")
     } else {
@@ -88,11 +92,11 @@ pub fn read_text(
     name: &str,
     source: &str,
     mapping: Option<&Mapping>,
-    about: Option<About>,
-    need: Need,
+    about: Option<RecordingMetadata>,
+    need: RequiredData,
 ) -> Result<Recording, Faults> {
     let source = with_line_feeds(source.strip_prefix('\u{feff}').unwrap_or(source));
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     let table = RawTable::cut(&source, &dialect(mapping), &mut faults);
     of_table(table, faults, mapping, about, need)
 }
@@ -113,8 +117,8 @@ pub(super) fn of_table(
     table: RawTable<'_>,
     faults: Faults,
     mapping: Option<&Mapping>,
-    about: Option<About>,
-    need: Need,
+    about: Option<RecordingMetadata>,
+    need: RequiredData,
 ) -> Result<Recording, Faults> {
     match mapping {
         Some(mapping) => mapping.apply(table, faults, about, need),
@@ -161,7 +165,7 @@ impl Recording {
         (channel.name(unit), values.collect())
     }
 
-    /// Whether a file of it needs a column of segments.
+    /// Whether a file needs a column with the segments.
     pub(super) fn has_segments(&self) -> bool {
         self.segment.iter().any(|segment| *segment != 0)
     }
@@ -178,7 +182,7 @@ impl Recording {
     }
 }
 
-/// A column as a file has it.
+/// A column in the unit of a file.
 pub(super) struct FileColumn<'r> {
     pub(super) name: String,
     unit: Option<crate::unit::Unit>,
@@ -207,8 +211,8 @@ pub(crate) fn number_text(value: f64) -> String {
 /// # Errors
 /// A file cannot be written; then the CSV is unchanged.
 pub fn write(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    if recording.about != About::default() {
-        write_atomic(&about_path(path), recording.about_toml().as_bytes())?;
+    if recording.metadata != RecordingMetadata::default() {
+        write_atomic(&metadata_path(path), recording.about_toml().as_bytes())?;
     }
     write_atomic(path, &recording.to_csv())
 }

@@ -23,7 +23,7 @@ const SPELLINGS: &[(&str, &[&str])] = &[
 ];
 /// Cells without a unit.
 const NONE: [&str; 2] = ["", "-"];
-/// Units that are none of ours.
+/// Units that are recognised but not supported.
 const FOREIGN: &[&str] = &["%", "V", "mV", "K", "W", "bar", "counts"];
 
 /// The units below a header.
@@ -38,7 +38,7 @@ pub(super) struct UnitsLine {
 struct UnitCell {
     /// Without brackets.
     spelling: String,
-    /// None where it is none of ours.
+    /// `None` if it is not supported.
     unit: Option<Unit>,
 }
 
@@ -112,5 +112,5 @@ pub(crate) fn is_unit(text: &str) -> bool {
 
 fn unit(spelling: &str) -> Option<Unit> {
     let ours = SPELLINGS.iter().find(|(_, spellings)| spellings.contains(&spelling));
-    Unit::named(ours.map_or(spelling, |(ours, _)| ours))
+    Unit::from_name(ours.map_or(spelling, |(ours, _)| ours))
 }

@@ -53,7 +53,7 @@ fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static
     if inertia == DMat3::ZERO {
         return Err("has an inertia of zero");
     }
-    if !is_of_matter(&inertia) {
+    if !is_physical(&inertia) {
         return Err(
             "has an unphysical inertia (a principal moment is negative or above the sum of the other two)",
         );
@@ -64,7 +64,7 @@ fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static
 /// Whether the inertia is physically possible: the second moments `½ tr(I) 1 − I` must not be
 /// negative in any direction (Wensing, Kim, Slotine 2018, IEEE RA-L 3(1): 60), which is checked by
 /// all principal minors.
-fn is_of_matter(inertia: &DMat3) -> bool {
+fn is_physical(inertia: &DMat3) -> bool {
     let [xx, yy, zz] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];
     let size = xx.abs().max(yy.abs()).max(zz.abs()).max(inertia.x_axis.y.abs());
     let size = size.max(inertia.x_axis.z.abs()).max(inertia.y_axis.z.abs());

@@ -9,7 +9,7 @@ use physics::Frame;
 
 use super::source::{Source, name};
 use super::tree::{Motion, Tree};
-use super::{Ends, rpy};
+use super::{ChainEnds, rpy};
 use crate::faults::Fault;
 
 /// Largest number of names in one message.
@@ -34,7 +34,11 @@ pub(super) struct Path {
 
 impl Path {
     /// The chain between the named links; if one is not named, the only possible one.
-    pub(super) fn find(source: &Source<'_>, tree: &Tree<'_, '_>, ends: &Ends<'_>) -> Option<Self> {
+    pub(super) fn find(
+        source: &Source<'_>,
+        tree: &Tree<'_, '_>,
+        ends: &ChainEnds<'_>,
+    ) -> Option<Self> {
         let base = ends.base.map(|link| named(source, tree, "--base", link));
         let tip = ends.tip.map(|link| named(source, tree, "--tip", link));
         if base == Some(None) || tip == Some(None) {
@@ -49,7 +53,7 @@ impl Path {
         let root = |link| above(tree, link).last().map_or(link, |at| tree.joints[*at].parent);
         let base = base.unwrap_or_else(|| root(tip));
         if root(base) != root(tip) {
-            let [base, tip] = [base, tip].map(|link| tree.called(link));
+            let [base, tip] = [base, tip].map(|link| tree.link_name(link));
             let message = format!("no joint connects the links `{base}` and `{tip}`");
             let help = "choose two links of one tree, or add the missing joint";
             source.push(Fault::new("--base, --tip", message).help(help));
@@ -66,8 +70,8 @@ impl Path {
             let message = format!(
                 "the joint `{}` moves the base `{}` against the rest of the chain to `{}`",
                 name(tree.joints[*moves].node),
-                tree.called(base),
-                tree.called(tip)
+                tree.link_name(base),
+                tree.link_name(tip)
             );
             let help =
                 "check whether --base (the fixed link) and --tip (the moving link) are swapped";
@@ -79,17 +83,17 @@ impl Path {
         Some(Self { base, tip, joints: down, base_from_top })
     }
 
-    /// Remarks on the roots, and on the controller's frames beside the two ends.
+    /// Notes on the roots, and on the controller's frames next to the two ends.
     pub(super) fn remarks(&self, tree: &Tree<'_, '_>) -> Vec<String> {
         let mut remarks = Vec::new();
-        let roots = (0..tree.links.len()).filter(|link| tree.links[*link].hangs_on.is_none());
+        let roots = (0..tree.links.len()).filter(|link| tree.links[*link].parent_joint.is_none());
         let roots: Vec<usize> = roots.collect();
         if roots.len() > 1 {
             remarks.push(format!(
                 "the file has {} roots ({}); the chain belongs to `{}`",
                 roots.len(),
-                listed(&roots, |link| format!("`{}`", tree.called(link))),
-                tree.called(self.base)
+                listed(&roots, |link| format!("`{}`", tree.link_name(link))),
+                tree.link_name(self.base)
             ));
         }
         beside(tree, self.base, &BASES, "base", &mut remarks);
@@ -101,7 +105,7 @@ impl Path {
 /// The joints above a link, the nearest first.
 fn above(tree: &Tree<'_, '_>, mut link: usize) -> Vec<usize> {
     let mut joints = Vec::new();
-    while let Some(joint) = tree.links[link].hangs_on {
+    while let Some(joint) = tree.links[link].parent_joint {
         joints.push(joint);
         link = tree.joints[joint].parent;
     }
@@ -113,7 +117,7 @@ fn down_to(tree: &Tree<'_, '_>, joints: &[usize]) -> Frame {
     joints.iter().rev().fold(Frame::IDENTITY, |top, at| top.after(&tree.joints[*at].origin))
 }
 
-/// The fixed joints above a link, the nearest first, and the link that they hang on.
+/// The fixed joints above a link, the nearest first, and the link above them.
 fn fixed_above(tree: &Tree<'_, '_>, link: usize) -> (Vec<usize>, usize) {
     let fixed = |at: &usize| tree.joints[*at].motion == Motion::Fixed;
     let joints: Vec<usize> = above(tree, link).into_iter().take_while(fixed).collect();
@@ -121,12 +125,13 @@ fn fixed_above(tree: &Tree<'_, '_>, link: usize) -> (Vec<usize>, usize) {
     (joints, top)
 }
 
-/// Says of each link of one of these names that is fixed to `end` where its frame is, unless it is the same frame.
+/// Notes the frame of each link that has one of these names and is fixed to `end`, unless it is the
+/// same frame.
 fn beside(tree: &Tree<'_, '_>, end: usize, names: &[&str], option: &str, to: &mut Vec<String>) {
     let (joints, top) = fixed_above(tree, end);
     let end_from_top = down_to(tree, &joints).inverse();
     for link in (0..tree.links.len()).filter(|link| *link != end) {
-        if !names.iter().any(|name| is_called(tree.called(link), name)) {
+        if !names.iter().any(|name| is_called(tree.link_name(link), name)) {
             continue;
         }
         let (joints, its_top) = fixed_above(tree, link);
@@ -134,7 +139,7 @@ fn beside(tree: &Tree<'_, '_>, end: usize, names: &[&str], option: &str, to: &mu
         if its_top != top || is_identity(&frame) {
             continue;
         }
-        let (chosen, other) = (tree.called(end), tree.called(link));
+        let (chosen, other) = (tree.link_name(end), tree.link_name(link));
         let places = |vector: DVec3| vector.to_array().map(|x| format!("{:.3}", x + 0.0)).join(" ");
         to.push(format!(
             "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (select it with --{option} {other})",
@@ -155,12 +160,12 @@ fn is_called(link: &str, name: &str) -> bool {
         .is_some_and(|prefix| prefix.is_empty() || prefix.ends_with(['_', '-', '/', '.']))
 }
 
-/// The place of a link that was named.
+/// The index of the link with this name; a missing one is a fault.
 fn named(source: &Source<'_>, tree: &Tree<'_, '_>, key: &str, link: &str) -> Option<usize> {
     let found = tree.places.get(link).copied();
     if found.is_none() {
         let fault = Fault::new(key, format!("the robot has no link `{link}`"));
-        source.push(fault.help(tree.meant(link)));
+        source.push(fault.help(tree.suggest_link(link)));
     }
     found
 }
@@ -172,19 +177,19 @@ fn moving_leaves(tree: &Tree<'_, '_>, root: usize, moving: &mut [usize]) -> Vec<
         if let Some(joint) = joint.map(|joint| &tree.joints[joint]) {
             moving[link] = moving[joint.parent] + usize::from(joint.motion != Motion::Fixed);
         }
-        if tree.links[link].carries.is_empty() && moving[link] > 0 {
+        if tree.links[link].child_joints.is_empty() && moving[link] > 0 {
             leaves.push(link);
         }
     });
     leaves
 }
 
-/// The one end that moves; of several that are fixed to each other, the controller's tool frame.
+/// The only moving leaf; of several that are fixed to each other, the controller's tool frame.
 fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Option<usize> {
     let mut moving = vec![0_usize; tree.links.len()];
     let roots: Vec<usize> = match base {
         Some(base) => vec![base],
-        None => (0..tree.links.len()).filter(|at| tree.links[*at].hangs_on.is_none()).collect(),
+        None => (0..tree.links.len()).filter(|at| tree.links[*at].parent_joint.is_none()).collect(),
     };
     let mut ends = Vec::new();
     for root in roots {
@@ -204,7 +209,7 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
         Fault::new("", "has no moving joint").help("give the URDF of an arm, or another --base")
     } else {
         let shown =
-            |link: usize| format!("`{}` (moving joints: {})", tree.called(link), moving[link]);
+            |link: usize| format!("`{}` (moving joints: {})", tree.link_name(link), moving[link]);
         let message = format!("branches into {} ends: {}", ends.len(), listed(&ends, shown));
         Fault::new("", message).help("choose the chain: --tip LINK (and --base LINK)")
     };
@@ -212,7 +217,7 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
     None
 }
 
-/// Of ends that are fixed to each other, the one with the name of a controller's tool frame.
+/// Among leaves that are fixed to each other, the one with the name of a controller's tool frame.
 fn tool_of(tree: &Tree<'_, '_>, ends: &[usize]) -> Option<usize> {
     let (first, others) = ends.split_first()?;
     let top = fixed_above(tree, *first).1;
@@ -220,7 +225,7 @@ fn tool_of(tree: &Tree<'_, '_>, ends: &[usize]) -> Option<usize> {
         return None;
     }
     TOOLS.iter().find_map(|tool| {
-        let mut called = ends.iter().filter(|link| is_called(tree.called(**link), tool));
+        let mut called = ends.iter().filter(|link| is_called(tree.link_name(**link), tool));
         called.next().filter(|_| called.next().is_none()).copied()
     })
 }

@@ -19,15 +19,15 @@ use crate::model::RobotModel;
 pub struct Export {
     /// The file's text.
     pub text: String,
-    /// Effects that the frames carry, as `axis_tilt of joint 2`.
+    /// Effects that the frames include, as `axis_tilt of joint 2`.
     pub carried: Vec<String>,
-    /// What no URDF can carry.
-    pub left_out: Vec<LeftOut>,
+    /// What URDF cannot represent.
+    pub left_out: Vec<OmittedPart>,
 }
 
-/// A part of a model that no URDF can carry.
+/// A part of a model that URDF cannot represent.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LeftOut {
+pub struct OmittedPart {
     /// An effect, as `joint_compliance of joint 2`, or a key of the model.
     pub what: String,
     /// The quantity that it depends on, or another reason against it.
@@ -42,12 +42,12 @@ pub fn export(model: &RobotModel) -> Export {
     let mut in_physics = model.physics.effects().zip(&model.entry_of).peekable();
     for (at, entry) in model.file.effects.iter().enumerate() {
         let effect = in_physics.next_if(|(_, place)| **place == at).map(|(effect, _)| effect);
-        let barred = effect.map_or(Some(NO_PLACE), barred);
+        let barred = effect.map_or(Some(NO_PLACE), unsupported_reason);
         match (effect, barred) {
-            // There is always room for as many effects as the model itself has.
+            // There is room for as many effects as the model has.
             (Some(effect), None) if fixed.push(*effect).is_ok() => carried.push(entry.title()),
             (_, barred) => {
-                left_out.push(LeftOut { what: entry.title(), why: barred.unwrap_or(NO_PLACE) });
+                left_out.push(OmittedPart { what: entry.title(), why: barred.unwrap_or(NO_PLACE) });
             }
         }
     }
@@ -57,7 +57,7 @@ pub fn export(model: &RobotModel) -> Export {
         ("mode", !model.file.modes.is_empty()),
     ];
     let keys = keys.into_iter().filter(|(_, said)| *said);
-    left_out.extend(keys.map(|(key, _)| LeftOut { what: key.to_owned(), why: NO_PLACE }));
+    left_out.extend(keys.map(|(key, _)| OmittedPart { what: key.to_owned(), why: NO_PLACE }));
     let at_zero = fixed.evaluate(&Inputs::at_rest([0.0; JOINTS_MAX]), &Memories::default());
     Export { text: Writer::write(model, &at_zero, &carried), carried, left_out }
 }
@@ -65,7 +65,7 @@ pub fn export(model: &RobotModel) -> Export {
 const NO_PLACE: &str = "not supported by URDF";
 
 /// Why a URDF cannot represent an effect; `None` for a constant change of the geometry.
-fn barred(effect: &AnyEffect) -> Option<&'static str> {
+fn unsupported_reason(effect: &AnyEffect) -> Option<&'static str> {
     use AnyEffect::{AxisShift, AxisTilt, GravitySag, JointOffset, ToolOffset};
     if matches!(effect, JointOffset(_) | AxisTilt(_) | AxisShift(_) | ToolOffset(_)) {
         return None;
@@ -85,7 +85,7 @@ fn barred(effect: &AnyEffect) -> Option<&'static str> {
     })
 }
 
-/// The text in the making.
+/// Writer of the text.
 struct Writer<'a> {
     out: String,
     /// Names used so far, of links and joints separately.

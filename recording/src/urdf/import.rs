@@ -11,7 +11,7 @@ use toml::Table as FreeTable;
 use super::ends::Path;
 use super::source::{EXPAND, Source, child, document, macro_of, name};
 use super::tree::{Joint, Motion, Tree};
-use super::{Ends, Import, bodies, telescope};
+use super::{ChainEnds, Import, bodies, telescope};
 use crate::faults::{Fault, Faults};
 use crate::model::{BodyEntry, JointEntry, ModelFile, RobotEntry, RobotModel, ToolEntry};
 use crate::unit::Unit;
@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-15;
 ///
 /// # Errors
 /// All faults of the text.
-pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> {
+pub fn parse(name: &str, text: &str, ends: &ChainEnds<'_>) -> Result<Import, Faults> {
     let relaxed = xml::relaxed(text);
     let document = document(name, text, &relaxed)?;
     let source = Source::new(name, text);
@@ -47,7 +47,7 @@ pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> 
         notes.extend(telescope::fold(&source, &mut tree, &path));
         let mut chain = Chain { source: &source, tree: &tree, notes };
         let file = chain.model(&path, robot.attribute("name").unwrap_or("robot"));
-        let [base, tip] = [path.base, path.tip].map(|link| tree.called(link).to_owned());
+        let [base, tip] = [path.base, path.tip].map(|link| tree.link_name(link).to_owned());
         source.is_sound().then_some((file, base, tip, chain.notes))
     });
     let (file, base, tip, notes) = source.finish(found)?;
@@ -78,7 +78,7 @@ impl<'a> Chain<'a, '_> {
             joints.push(JointEntry { link: body.map(entry), ..self.joint(joint, &base_from_link) });
         }
         self.count(joints.len());
-        let [base, tip] = [path.base, path.tip].map(|link| self.tree.called(link));
+        let [base, tip] = [path.base, path.tip].map(|link| self.tree.link_name(link));
         let meta = [("source", robot), ("base_link", base), ("tip_link", tip)];
         let meta: FreeTable =
             meta.into_iter().map(|(key, word)| (key.to_owned(), word.into())).collect();
@@ -120,7 +120,7 @@ impl<'a> Chain<'a, '_> {
         }
         if joint.motion == Motion::Several {
             let help =
-                format!("begin the chain after it: --base {}", self.tree.called(joint.child));
+                format!("begin the chain after it: --base {}", self.tree.link_name(joint.child));
             let kind = node.attribute("type").unwrap_or_default();
             self.source.fault(
                 node,
@@ -240,7 +240,7 @@ impl<'a> Chain<'a, '_> {
         while let Some((link, base_from_link)) = frames.pop() {
             let node = self.tree.links[link].node;
             found.extend(bodies::of_link(self.source, node, &base_from_link, &mut self.notes));
-            for at in self.tree.links[link].carries.iter().filter(|at| Some(**at) != next) {
+            for at in self.tree.links[link].child_joints.iter().filter(|at| Some(**at) != next) {
                 let joint = &self.tree.joints[*at];
                 if joint.motion != Motion::Fixed {
                     beside.push(name(joint.node));
@@ -266,15 +266,16 @@ impl<'a> Chain<'a, '_> {
     fn gravity(&mut self, path: &Path) -> DVec3 {
         let mut root_from_base = DMat3::IDENTITY;
         let mut link = path.base;
-        while let Some(joint) = self.tree.links[link].hangs_on.map(|joint| &self.tree.joints[joint])
+        while let Some(joint) =
+            self.tree.links[link].parent_joint.map(|joint| &self.tree.joints[joint])
         {
             root_from_base = joint.origin.rotation * root_from_base;
             link = joint.parent;
         }
         let gravity = root_from_base.transpose() * physics::arm::GRAVITY;
         if gravity.distance(physics::arm::GRAVITY) > 1e-9 {
-            let root = self.tree.called(link);
-            let base = self.tree.called(path.base);
+            let root = self.tree.link_name(link);
+            let base = self.tree.link_name(path.base);
             self.notes.push(format!(
                 "gravity points down in the frame of `{root}`, but `{base}` is tilted relative to it"
             ));
@@ -313,5 +314,5 @@ fn in_file(si: f64, kind: JointKind) -> f64 {
         JointKind::Revolute => "deg",
         JointKind::Prismatic => "mm",
     };
-    Unit::named(name).map_or(si, |unit| unit.from_si(si))
+    Unit::from_name(name).map_or(si, |unit| unit.from_si(si))
 }

@@ -23,7 +23,7 @@ mod tree;
 
 use std::path::Path;
 
-pub use export::{Export, LeftOut, export};
+pub use export::{Export, OmittedPart, export};
 pub use import::parse;
 
 use crate::files::FileError;
@@ -32,14 +32,14 @@ use crate::xml;
 
 /// Which chain of a URDF is the arm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Ends<'a> {
-    /// The link that stays; unsaid: the root above the tip.
+pub struct ChainEnds<'a> {
+    /// The fixed link; by default the root above the tip.
     pub base: Option<&'a str>,
-    /// The link that is the tool; unsaid: the only end of the tree that moves.
+    /// The link of the tool; by default the only leaf that moves.
     pub tip: Option<&'a str>,
 }
 
-/// A model out of a URDF.
+/// A model imported from a URDF.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Import {
     /// The model, without effects.
@@ -52,11 +52,11 @@ pub struct Import {
     pub notes: Vec<String>,
 }
 
-/// Reads the arm between two links out of a URDF file.
+/// Reads the arm between two links of a URDF file.
 ///
 /// # Errors
 /// The file cannot be read, or all its faults.
-pub fn read(path: &Path, ends: &Ends<'_>) -> Result<Import, FileError> {
+pub fn read(path: &Path, ends: &ChainEnds<'_>) -> Result<Import, FileError> {
     let xml::Decoded { text, assumed } = xml::read(path)?;
     let mut import = parse(&path.display().to_string(), &text, ends)?;
     if let Some(encoding) = assumed {

@@ -2,7 +2,7 @@
 //! that a strict parser would refuse.
 
 use super::tests::{ARM, read};
-use super::{Ends, Import, parse};
+use super::{ChainEnds, Import, parse};
 use crate::faults::Faults;
 
 /// The arm after one change.
@@ -92,7 +92,7 @@ fn the_controllers_base_is_a_fixed_leaf_that_can_be_named_and_its_difference_is_
         ]
     );
     for tip in [None, Some("tool0")] {
-        let import = parse("x", &text, &Ends { base: Some("base"), tip }).unwrap();
+        let import = parse("x", &text, &ChainEnds { base: Some("base"), tip }).unwrap();
         let file = &import.model.file;
         assert_eq!((import.base.as_str(), import.tip.as_str()), ("base", "tool0"));
         let [x, y, z] = file.joints[0].point_mm.unwrap();
@@ -176,7 +176,7 @@ fn several_roots_are_reported_and_a_base_of_another_tree_is_refused() {
         import.notes,
         ["the file has 2 roots (`base`, `world`); the chain belongs to `base`"]
     );
-    let ends = Ends { base: Some("world"), tip: Some("hand") };
+    let ends = ChainEnds { base: Some("world"), tip: Some("hand") };
     let told = parse("x", &text, &ends).unwrap_err().plain();
     assert!(told.contains("no joint connects the links `world` and `hand`"), "{told}");
 }
@@ -189,7 +189,7 @@ fn a_file_in_latin_1_is_read_and_an_assumed_encoding_is_reported() {
         let text = format!("{head}{named}");
         let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
         std::fs::write(&path, bytes).unwrap();
-        let import = super::read(&path, &Ends::default()).unwrap();
+        let import = super::read(&path, &ChainEnds::default()).unwrap();
         assert_eq!(import.model.file.joints[0].name, "Drehung f\u{fc}r A1");
         assert_eq!(import.notes.len(), notes, "{:?}", import.notes);
     }

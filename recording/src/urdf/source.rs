@@ -11,19 +11,19 @@ use physics::Frame;
 use roxmltree::{Document, Error, Node, ParsingOptions};
 
 use super::rpy;
-use crate::faults::{Fault, Faults, Place};
+use crate::faults::{Fault, Faults, Location};
 use crate::xml::PREFIX_END;
 
-/// More elements, texts and comments than any robot has: bounds the memory that a file takes.
+/// Limit on XML nodes, above that of any robot: bounds the memory of a file.
 const NODES_MAX: u32 = 200_000;
 /// What to do with a xacro.
 pub(super) const EXPAND: &str = "expand the xacro first: `xacro FILE.urdf.xacro > FILE.urdf`";
 
-/// No robot has larger figures; products of them stay finite.
+/// Limit on numbers, above those of any robot; their products stay finite.
 const SIZE_MAX: f64 = 1e12;
 
 /// Position and text of an attribute.
-type Said<'d> = (Range<usize>, &'d str);
+type Attribute<'d> = (Range<usize>, &'d str);
 
 /// A text, and the faults found in it so far.
 pub(super) struct Source<'s> {
@@ -42,7 +42,7 @@ pub(super) fn document<'t>(
 ) -> Result<Document<'t>, Faults> {
     let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
     Document::parse_with_options(relaxed, options).map_err(|error| {
-        let mut faults = Faults::of(name);
+        let mut faults = Faults::new(name);
         let at = place_of(text, &error);
         let second = relaxed.matches("</robot>").count() > 1;
         let fault = if second {
@@ -58,13 +58,13 @@ pub(super) fn document<'t>(
     })
 }
 
-fn place_of(text: &str, error: &Error) -> Place {
+fn place_of(text: &str, error: &Error) -> Location {
     let at = error.pos();
     let row = usize::try_from(at.row).unwrap_or(1).max(1);
     let line = text.lines().nth(row - 1).unwrap_or_default();
     let column = usize::try_from(at.col).unwrap_or(1).saturating_sub(1);
     let byte = line.char_indices().nth(column).map_or(line.len(), |(byte, _)| byte);
-    Place::in_line(row, line, &(byte..byte + 1))
+    Location::from_line(row, line, &(byte..byte + 1))
 }
 
 /// The name of a link or joint; `None` without one.
@@ -77,7 +77,7 @@ pub(super) fn child<'d, 's>(node: Node<'d, 's>, tag: &str) -> Option<Node<'d, 's
     node.children().find(|child| child.has_tag_name(tag))
 }
 
-/// What a fault calls an element: `joint a4`, `joint a4: limit`, `link arm: inertial mass`.
+/// Name of an element in faults: `joint a4`, `joint a4: limit`, `link arm: inertial mass`.
 fn title(node: Node<'_, '_>) -> String {
     let mut words = Vec::new();
     for node in node.ancestors().filter(Node::is_element) {
@@ -97,24 +97,24 @@ fn title(node: Node<'_, '_>) -> String {
 
 impl<'s> Source<'s> {
     pub(super) fn new(name: &str, text: &'s str) -> Self {
-        Self { text, faults: RefCell::new(Faults::of(name)) }
+        Self { text, faults: RefCell::new(Faults::new(name)) }
     }
 
     /// The value, or every fault.
     pub(super) fn finish<T>(self, value: Option<T>) -> Result<T, Faults> {
-        self.faults.into_inner().or(value)
+        self.faults.into_inner().into_result(value)
     }
 
     pub(super) fn is_sound(&self) -> bool {
         self.faults.borrow().is_empty()
     }
 
-    /// A fault of the file, not of one element.
+    /// Adds a fault of the file, not of one element.
     pub(super) fn push(&self, fault: Fault) {
         self.faults.borrow_mut().push(fault);
     }
 
-    /// A fault of an element: marked is its first line.
+    /// Adds a fault of an element, marked at its first line.
     pub(super) fn fault(
         &self,
         node: Node<'_, '_>,
@@ -125,12 +125,12 @@ impl<'s> Source<'s> {
         self.mark(&node.range(), fault);
     }
 
-    /// A fault of an attribute: marked is its value.
+    /// Adds a fault of an attribute, marked at its value.
     fn fault_at(
         &self,
         node: Node<'_, '_>,
         attribute: &str,
-        (range, said): &Said<'_>,
+        (range, said): &Attribute<'_>,
         expected: &str,
     ) {
         let fault = || {
@@ -142,11 +142,11 @@ impl<'s> Source<'s> {
     }
 
     fn mark(&self, range: &Range<usize>, fault: impl FnOnce() -> Fault) {
-        let place = || Place::of_span(self.text, range);
+        let place = || Location::from_span(self.text, range);
         self.faults.borrow_mut().push_with(|| fault().at(place()));
     }
 
-    fn said<'d>(&self, node: Node<'d, '_>, attribute: &str) -> Option<Said<'d>> {
+    fn said<'d>(&self, node: Node<'d, '_>, attribute: &str) -> Option<Attribute<'d>> {
         let found = node.attribute_node(attribute)?;
         Some((found.range_value(), found.value()))
     }

@@ -100,10 +100,10 @@ fn axis(source: &Source<'_>, joint: &Joint<'_, '_>) -> Option<DVec3> {
 mod tests {
     use crate::faults::Faults;
     use crate::urdf::tests::ARM;
-    use crate::urdf::{Ends, Import, parse};
+    use crate::urdf::{ChainEnds, Import, parse};
 
     fn high(text: &str) -> Result<Import, Faults> {
-        parse("arm.urdf", text, &Ends { base: None, tip: Some("high") })
+        parse("arm.urdf", text, &ChainEnds { base: None, tip: Some("high") })
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Files that are not an arm are refused with all errors; deviations from the file are noted.
 
-use super::{Ends, Import, export, parse};
+use super::{ChainEnds, Import, export, parse};
 use crate::faults::Faults;
 
 pub(super) const ARM: &str = r#"<robot name="two">
@@ -29,11 +29,11 @@ pub(super) const ARM: &str = r#"<robot name="two">
 "#;
 
 pub(super) fn read(text: &str) -> Result<Import, Faults> {
-    parse("arm.urdf", text, &Ends::default())
+    parse("arm.urdf", text, &ChainEnds::default())
 }
 
 fn tip(text: &str, tip: &str) -> Result<Import, Faults> {
-    parse("arm.urdf", text, &Ends { base: None, tip: Some(tip) })
+    parse("arm.urdf", text, &ChainEnds { base: None, tip: Some(tip) })
 }
 
 /// The faults of the arm after these changes.
@@ -250,7 +250,7 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
     let text = ARM.replace("</robot>", finger);
     let all = read(&text).unwrap_err().plain();
     let wrong = tip(&text, "cmaera").unwrap_err().plain();
-    let swapped = Ends { base: Some("hand"), tip: Some("arm") };
+    let swapped = ChainEnds { base: Some("hand"), tip: Some("arm") };
     let swapped = parse("arm.urdf", &text, &swapped).unwrap_err().plain();
     insta::assert_snapshot!([all, wrong, swapped].join("\n---\n"), @r#"
         error: branches into 2 ends: `finger` (moving joints: 3), `camera` (moving joints: 2)
@@ -279,7 +279,8 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
     assert_eq!(import.model.file.joints.len(), 3);
     assert_eq!(import.model.file.joints[2].limits, [-360.0, 360.0]);
     assert!(import.notes.iter().any(|note| note.starts_with("joint grip is continuous")));
-    let arm = parse("arm.urdf", &text, &Ends { base: Some("arm"), tip: Some("camera") }).unwrap();
+    let arm =
+        parse("arm.urdf", &text, &ChainEnds { base: Some("arm"), tip: Some("camera") }).unwrap();
     assert_eq!((arm.model.file.joints.len(), arm.base.as_str()), (1, "arm"));
 }
 
@@ -355,7 +356,7 @@ fn a_base_that_stands_turned_turns_gravity() {
     let wall = r#"<link name="hall"/><joint name="wall" type="fixed"><origin rpy="0 1.5707963267948966 0"/>
       <parent link="hall"/><child link="base"/></joint></robot>"#;
     let import =
-        parse("x", &ARM.replace("</robot>", wall), &Ends { base: Some("base"), tip: None })
+        parse("x", &ARM.replace("</robot>", wall), &ChainEnds { base: Some("base"), tip: None })
             .unwrap();
     assert_eq!(
         import.model.file.gravity_m_s2.map(|g| (g * 1e9).round() / 1e9),

@@ -17,11 +17,11 @@ pub(super) enum Motion {
     Revolute,
     Continuous,
     Prismatic,
-    /// Floating, planar, spherical: more than one freedom.
+    /// Floating, planar, spherical: several degrees of freedom.
     Several,
 }
 
-/// One joint; links by their places in [`Tree::links`].
+/// One joint; links are indices into [`Tree::links`].
 pub(super) struct Joint<'d, 's> {
     pub(super) node: Node<'d, 's>,
     pub(super) motion: Motion,
@@ -34,10 +34,10 @@ pub(super) struct Joint<'d, 's> {
 /// One link.
 pub(super) struct Link<'d, 's> {
     pub(super) node: Node<'d, 's>,
-    /// The joint that it hangs on.
-    pub(super) hangs_on: Option<usize>,
-    /// The joints that hang on it.
-    pub(super) carries: Vec<usize>,
+    /// The joint to its parent link.
+    pub(super) parent_joint: Option<usize>,
+    /// The joints to its child links.
+    pub(super) child_joints: Vec<usize>,
 }
 
 /// The links and joints of a robot.
@@ -53,7 +53,7 @@ impl<'d, 's> Tree<'d, 's> {
         let mut tree = Self { links: Vec::new(), joints: Vec::new(), places: HashMap::new() };
         for node in named(source, robot, "link") {
             tree.places.insert(name(node), tree.links.len());
-            tree.links.push(Link { node, hangs_on: None, carries: Vec::new() });
+            tree.links.push(Link { node, parent_joint: None, child_joints: Vec::new() });
         }
         for node in named(source, robot, "joint") {
             let motion = motion(source, node);
@@ -63,7 +63,7 @@ impl<'d, 's> Tree<'d, 's> {
                 continue;
             };
             let at = tree.joints.len();
-            if let Some(other) = tree.links[child].hangs_on {
+            if let Some(other) = tree.links[child].parent_joint {
                 let other = name(tree.joints[other].node);
                 let message = format!(
                     "moves the link `{}`, as joint `{other}` does",
@@ -76,8 +76,8 @@ impl<'d, 's> Tree<'d, 's> {
                 );
                 continue;
             }
-            tree.links[child].hangs_on = Some(at);
-            tree.links[parent].carries.push(at);
+            tree.links[child].parent_joint = Some(at);
+            tree.links[parent].child_joints.push(at);
             tree.joints.push(Joint { node, motion, origin: Frame::IDENTITY, parent, child });
         }
         if tree.links.is_empty() {
@@ -107,14 +107,14 @@ impl<'d, 's> Tree<'d, 's> {
             source.fault(
                 joint,
                 format!("has the {tag} link `{link}`, which does not exist"),
-                self.meant(link),
+                self.suggest_link(link),
             );
         }
         found
     }
 
     /// Help for a link that does not exist.
-    pub(super) fn meant(&self, link: &str) -> String {
+    pub(super) fn suggest_link(&self, link: &str) -> String {
         let near = nearest(link, self.links.iter().map(|link| name(link.node)));
         near.map_or_else(
             || "use a link of this file".to_owned(),
@@ -124,7 +124,7 @@ impl<'d, 's> Tree<'d, 's> {
 
     /// Links that cannot be reached from a root form a loop.
     fn refuse_loops(&self, source: &Source<'_>) {
-        let roots = self.links.iter().enumerate().filter(|(_, link)| link.hangs_on.is_none());
+        let roots = self.links.iter().enumerate().filter(|(_, link)| link.parent_joint.is_none());
         let mut seen = vec![false; self.links.len()];
         for (root, _) in roots {
             self.below(root, |link, _| seen[link] = true);
@@ -143,13 +143,13 @@ impl<'d, 's> Tree<'d, 's> {
         let mut open = vec![(top, None)];
         while let Some((link, joint)) = open.pop() {
             visit(link, joint);
-            let carried = self.links[link].carries.iter().rev();
+            let carried = self.links[link].child_joints.iter().rev();
             open.extend(carried.map(|joint| (self.joints[*joint].child, Some(*joint))));
         }
     }
 
     /// The name of a link.
-    pub(super) fn called(&self, link: usize) -> &'d str {
+    pub(super) fn link_name(&self, link: usize) -> &'d str {
         name(self.links[link].node)
     }
 }

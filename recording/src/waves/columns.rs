@@ -13,12 +13,12 @@ const SLOWER: f64 = 0.2;
 
 /// Positions of a table's rows.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Stand {
+pub(super) enum Positions {
     /// Times, s.
     Time(Vec<f64>),
-    /// Places, mm.
+    /// Positions, mm.
     Length(Vec<f64>),
-    /// An even rate that the file states, Hz.
+    /// A constant rate stated in the file, Hz.
     Rate(f64),
     /// Unknown.
     Unknown,
@@ -27,7 +27,7 @@ pub(super) enum Stand {
 /// The chosen columns of one table.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Columns {
-    pub(super) stand: Stand,
+    pub(super) stand: Positions,
     /// The name of the column with the positions, for faults.
     pub(super) named: String,
     /// Segment of each row; empty: one.
@@ -73,14 +73,14 @@ impl Columns {
                     values: part(&wave.values, run),
                 })
                 .collect(),
-            beside: self.beside.iter().map(|(c, values)| (*c, part(values, run))).collect(),
+            auxiliary: self.beside.iter().map(|(c, values)| (*c, part(values, run))).collect(),
         };
         runs.iter().map(record).collect()
     }
 
     /// Drops the rows without any sample if there are many; returns which rows remain.
     fn drop_empty_rows(&mut self, rows: usize, notes: &mut Vec<String>) -> Option<Vec<usize>> {
-        if !matches!(self.stand, Stand::Time(_) | Stand::Length(_)) {
+        if !matches!(self.stand, Positions::Time(_) | Positions::Length(_)) {
             return None;
         }
         let taken = |row: &usize| {
@@ -99,7 +99,7 @@ impl Columns {
         };
         self.channels.iter_mut().for_each(|wave| keep(&mut wave.values));
         self.beside.values_mut().for_each(keep);
-        if let Stand::Time(x) | Stand::Length(x) = &mut self.stand {
+        if let Positions::Time(x) | Positions::Length(x) = &mut self.stand {
             keep(x);
         }
         if !self.segment.is_empty() {
@@ -120,11 +120,11 @@ impl Columns {
             return Some((grid, self.segments(rows)));
         }
         let x = match &self.stand {
-            Stand::Time(x) | Stand::Length(x) => x,
-            Stand::Rate(rate_hz) => {
+            Positions::Time(x) | Positions::Length(x) => x,
+            Positions::Rate(rate_hz) => {
                 return Some((Grid::Time { start_s: 0.0, rate_hz: *rate_hz }, self.segments(rows)));
             }
-            Stand::Unknown => {
+            Positions::Unknown => {
                 faults.push(
                     Fault::new("", "no time column found")
                         .expected("a column `t_s`, `time`, `X_Value`, or a first column that increases evenly")
@@ -141,7 +141,7 @@ impl Columns {
             Ok(spacing) => {
                 notes.extend(spacing.notes.iter().map(|note| format!("`{}`: {note}", self.named)));
                 let grid = match self.stand {
-                    Stand::Length(_) => Grid::Length { start_mm: 0.0, step_mm: spacing.step },
+                    Positions::Length(_) => Grid::Length { start_mm: 0.0, step_mm: spacing.step },
                     _ => Grid::Time { start_s: 0.0, rate_hz: spacing.rate() },
                 };
                 Some((grid, spacing.runs))
@@ -163,7 +163,7 @@ impl Columns {
                 Some(run) if !new => run.rows.end = row + 1,
                 _ => {
                     let start = match &self.stand {
-                        Stand::Time(x) | Stand::Length(x) => x.get(row).copied(),
+                        Positions::Time(x) | Positions::Length(x) => x.get(row).copied(),
                         _ => None,
                     };
                     let start = start.filter(|start| start.is_finite()).unwrap_or(0.0);
@@ -175,13 +175,13 @@ impl Columns {
     }
 }
 
-/// The requested grid, whatever the file says.
+/// The requested grid, which takes precedence over the file.
 pub(super) fn asked(options: &Options) -> Option<Grid> {
     let time = options.rate_hz.map(|rate_hz| Grid::Time { start_s: 0.0, rate_hz });
     time.or_else(|| options.step_mm.map(|step_mm| Grid::Length { start_mm: 0.0, step_mm }))
 }
 
-/// Faults of the request, before any file is read.
+/// Checks the options before any file is read.
 pub(super) fn check(options: &Options, faults: &mut Faults) {
     let asked =
         [("--rate", options.rate_hz), ("--step", options.step_mm), ("--scale", options.full_scale)];

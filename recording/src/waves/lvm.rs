@@ -6,9 +6,9 @@
 
 use std::path::PathBuf;
 
-use super::names::Counts;
+use super::names::ColumnRole;
 use super::preamble::Shape;
-use super::table::{self, Said};
+use super::table::{self, HeaderInfo};
 use super::{Grid, Options, Record, Waves, columns, names};
 use crate::faults::{Fault, Faults};
 use crate::series::Dialect;
@@ -20,7 +20,7 @@ const SECTIONS_MAX: usize = 10_000;
 pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
     let mut notes = Vec::new();
     let source = super::text(bytes, &mut notes);
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     columns::check(options, &mut faults);
     let lines: Vec<&str> = source.lines().collect();
     let separator = separator(&lines);
@@ -35,7 +35,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
         faults.push(
             Fault::new("", format!("has {} sections", sections.len())).expected("at most 10000"),
         );
-        return faults.or(None);
+        return faults.into_result(None);
     }
     for section in &sections {
         records.extend(section.records(
@@ -49,7 +49,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
     }
     notes.dedup();
     let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
-    faults.or((!waves.records.is_empty()).then_some(waves))
+    faults.into_result((!waves.records.is_empty()).then_some(waves))
 }
 
 /// The value of a key in a line of a header.
@@ -134,7 +134,7 @@ impl Section {
     }
 
     /// Units and rate of the section's header. Its lists count channels; the table may have an X column each.
-    fn said(&self, lines: &[&str], separator: char, heads: &[String]) -> Said {
+    fn said(&self, lines: &[&str], separator: char, heads: &[String]) -> HeaderInfo {
         let header = lines.get(self.header.clone()).unwrap_or_default();
         let list = |key: &str| {
             header
@@ -142,17 +142,18 @@ impl Section {
                 .find_map(|line| value(line, key, separator))
                 .map(|rest| rest.split(separator))
         };
-        let channels = heads.iter().filter(|head| !matches!(names::counts(head), Counts::Time(_)));
+        let channels =
+            heads.iter().filter(|head| !matches!(names::counts(head), ColumnRole::Time(_)));
         let units = list("Y_Unit_Label").into_iter().flatten().map(|unit| unit.trim().to_owned());
         let units = channels.cloned().zip(units).filter(|(_, unit)| !unit.is_empty()).collect();
         let step_s = list("Delta_X").and_then(|mut steps| steps.next());
         let step_s = step_s.and_then(|step| step.trim().replace(',', ".").parse::<f64>().ok());
         let rate_hz = step_s.filter(|step| *step > 0.0 && step.is_finite());
-        Said { units, rate_hz: rate_hz.map(|step| super::spacing::tidy(1.0 / step, 1e-6)) }
+        HeaderInfo { units, rate_hz: rate_hz.map(|step| super::spacing::tidy(1.0 / step, 1e-6)) }
     }
 }
 
-/// The byte at which a line begins.
+/// The byte offset of a line.
 fn byte_of(source: &str, line: usize) -> usize {
     source.split_inclusive('\n').take(line).map(str::len).sum()
 }

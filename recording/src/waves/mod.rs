@@ -38,7 +38,7 @@ use std::path::{Path, PathBuf};
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
 use crate::mapping::mapping_path;
-use crate::series::{self, About, Channel, Need};
+use crate::series::{self, Channel, RecordingMetadata, RequiredData};
 use crate::unit::Quantity;
 
 pub use self::stored::Stored;
@@ -55,7 +55,7 @@ pub struct Options {
     pub step_mm: Option<f64>,
     /// Columns to take, by name or by number from 1; empty: all that are waveforms.
     pub columns: Vec<String>,
-    /// How another program's table becomes a recording.
+    /// Mapping for a table of another program.
     pub mapping: Option<PathBuf>,
     /// The value of a WAV file's full scale; 1 if not given.
     pub full_scale: Option<f64>,
@@ -72,8 +72,8 @@ pub struct Waves {
     /// Measured response functions, if the file has any.
     pub responses: Vec<ResponseFunction>,
     /// The metadata of a `trued.recording/1`.
-    pub about: Option<About>,
-    /// What was noticed while reading and is no fault, one sentence each.
+    pub about: Option<RecordingMetadata>,
+    /// Remarks on the file that are not faults, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -86,7 +86,7 @@ pub struct Record {
     pub channels: Vec<Wave>,
     /// Other columns recorded with them and known by name: spindle, feed, tacho, positions, joints.
     /// SI.
-    pub beside: BTreeMap<Channel, Vec<f64>>,
+    pub auxiliary: BTreeMap<Channel, Vec<f64>>,
 }
 
 /// The even spacing of a record's samples.
@@ -101,7 +101,7 @@ pub enum Grid {
     },
     /// Over a length, as a stylus moves.
     Length {
-        /// Place of the first sample, mm.
+        /// Position of the first sample, mm.
         start_mm: f64,
         /// From one sample to the next, mm.
         step_mm: f64,
@@ -111,11 +111,11 @@ pub enum Grid {
 /// One channel of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Wave {
-    /// Its name in the file, or its number there.
+    /// Its name in the file, or its number.
     pub name: String,
     /// The unit of its values in the file; `1` if the file states none.
     pub unit: String,
-    /// 0 to 2: along x, y, z; 3 to 5: moment about them; if the name tells it.
+    /// 0 to 2: along x, y, z; 3 to 5: moment about them; if the name states it.
     pub axis: Option<usize>,
     /// The samples, in that unit; NaN for missing ones.
     pub values: Vec<f64>,
@@ -124,9 +124,9 @@ pub struct Wave {
 /// A frequency response function: response over reference, complex, at growing frequencies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResponseFunction {
-    /// Where and in which direction the response was measured (`2+x`).
+    /// Point and direction of the response (`2+x`).
     pub response: String,
-    /// Where and in which direction the reference acted.
+    /// Point and direction of the reference (`1+z`).
     pub reference: String,
     /// Unit of the response.
     pub response_unit: String,
@@ -183,7 +183,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     let size = std::fs::metadata(path).map_err(FileError::io("read", path))?.len();
     let name = path.display().to_string();
     if size > FILE_BYTES_MAX {
-        let mut faults = Faults::of(&name);
+        let mut faults = Faults::new(&name);
         let fault = Fault::new("", format!("has {} GiB", size.div_ceil(1 << 30)));
         faults.push(fault.expected("at most 4 GiB").help("cut it into several files"));
         return Err(faults.into());
@@ -191,14 +191,14 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     let mapped = is_mapped(path, options);
     let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
     if options.full_scale.is_some() && (mapped || !matches!(Form::of(path, &bytes), Form::Wav)) {
-        let mut faults = Faults::of(&name);
+        let mut faults = Faults::new(&name);
         let fault = Fault::new("", "is no WAV file, so that its values have no full scale");
         faults.push(fault.help("leave out --scale; state a factor in a mapping (`scale`)"));
         return Err(faults.into());
     }
     if mapped || recorded::is_recording(&bytes) {
         drop(bytes);
-        let recording = series::read(path, options.mapping.as_deref(), Need::Samples)?;
+        let recording = series::read(path, options.mapping.as_deref(), RequiredData::Samples)?;
         return Ok(recorded::waves(recording, options)?);
     }
     Ok(parse(path, bytes, options)?)
@@ -209,7 +209,8 @@ fn is_mapped(path: &Path, options: &Options) -> bool {
     options.mapping.is_some() || mapping_path(path).is_file()
 }
 
-/// The name of an instrument's format, told by the first bytes of a file; `None` for tables and for recordings.
+/// The name of an instrument's format, detected from the first bytes of a file; `None` for tables
+/// and recordings.
 pub(crate) fn instrument_format(path: &Path, head: &[u8]) -> Option<&'static str> {
     match Form::of(path, head) {
         Form::Wav => Some("WAV"),
@@ -220,7 +221,7 @@ pub(crate) fn instrument_format(path: &Path, head: &[u8]) -> Option<&'static str
     }
 }
 
-/// Reads the waveforms of a file's content, which is no recording of the house. The path is only named.
+/// Reads the waveforms of a file's content, except `trued.recording/1`. The path is not opened.
 ///
 /// # Errors
 /// Every fault of the content.
@@ -232,7 +233,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>, options: &Options) -> Result<Waves, Fa
         Form::LabView => lvm::waves(&name, bytes, options),
         Form::Table => table::waves(&name, bytes, options),
         Form::Foreign(what) => {
-            let mut faults = Faults::of(&name);
+            let mut faults = Faults::new(&name);
             let fault = Fault::new("", format!("is {what}, which is not supported"));
             faults.push(
                 fault
@@ -246,7 +247,7 @@ pub fn parse(path: &Path, bytes: Vec<u8>, options: &Options) -> Result<Waves, Fa
     Ok(waves)
 }
 
-/// What a file is.
+/// Format of a file.
 enum Form {
     Wav,
     Uff,

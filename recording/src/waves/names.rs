@@ -5,16 +5,16 @@
 use super::quantity;
 use crate::unit::{Quantity, Unit};
 
-/// What a column counts, by its name.
+/// What a column contains, by its name.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Counts {
-    /// Time; the unit's size in s.
+pub(super) enum ColumnRole {
+    /// Time; the unit in s.
     Time(f64),
-    /// A length along which the others were measured; the unit's size in m.
+    /// A length along which the others were measured; the unit in m.
     Length(f64),
     /// Sample numbers, which do not determine the rate.
     Samples,
-    /// None of them.
+    /// Anything else.
     Else,
 }
 
@@ -41,27 +41,27 @@ pub(super) fn split(head: &str) -> (&str, Option<&str>) {
 /// The quantity of a unit, and its SI value. `x_mm` is the spelling of `trued.recording/1`, `x
 /// (mm)` that of others.
 pub(super) fn measured(unit: &str) -> Option<(Quantity, f64)> {
-    let own = Unit::named(unit).map(|unit| (unit.quantity, unit.si));
+    let own = Unit::from_name(unit).map(|unit| (unit.quantity, unit.si));
     own.or_else(|| quantity::of(unit))
 }
 
-/// What a column counts, by its head.
-pub(super) fn counts(head: &str) -> Counts {
+/// What a column contains, by its head.
+pub(super) fn counts(head: &str) -> ColumnRole {
     let (name, unit) = split(head);
     let name = name.to_lowercase();
     let measured = unit.and_then(measured);
     let is = |list: &[&str]| list.contains(&name.as_str());
     match measured {
-        Some((Quantity::Time, si)) if is(TIME) => Counts::Time(si),
-        None if is(TIME) => Counts::Time(1.0),
-        Some((Quantity::Length, si)) if is(LENGTH) => Counts::Length(si),
-        None if is(SAMPLES) => Counts::Samples,
+        Some((Quantity::Time, si)) if is(TIME) => ColumnRole::Time(si),
+        None if is(TIME) => ColumnRole::Time(1.0),
+        Some((Quantity::Length, si)) if is(LENGTH) => ColumnRole::Length(si),
+        None if is(SAMPLES) => ColumnRole::Samples,
         // `seconds`, `ms`: only a unit.
         None => match quantity::of(&name) {
-            Some((Quantity::Time, si)) if name != "m" => Counts::Time(si),
-            _ => Counts::Else,
+            Some((Quantity::Time, si)) if name != "m" => ColumnRole::Time(si),
+            _ => ColumnRole::Else,
         },
-        _ => Counts::Else,
+        _ => ColumnRole::Else,
     }
 }
 
@@ -109,14 +109,14 @@ mod tests {
     #[test]
     fn time_length_and_samples_are_distinguished() {
         for head in ["t_s", "Time", "time (s)", "X_Value", "Seconds", "t [sec]"] {
-            assert_eq!(counts(head), Counts::Time(1.0), "{head}");
+            assert_eq!(counts(head), ColumnRole::Time(1.0), "{head}");
         }
-        assert_eq!(counts("t_ms"), Counts::Time(1e-3));
-        assert_eq!(counts("x_um"), Counts::Length(1e-6));
-        assert_eq!(counts("Position (mm)"), Counts::Length(1e-3));
-        assert_eq!(counts("Sample"), Counts::Samples);
+        assert_eq!(counts("t_ms"), ColumnRole::Time(1e-3));
+        assert_eq!(counts("x_um"), ColumnRole::Length(1e-6));
+        assert_eq!(counts("Position (mm)"), ColumnRole::Length(1e-3));
+        assert_eq!(counts("Sample"), ColumnRole::Samples);
         for head in ["Fx_N", "x", "temp_C", "tacho", "Force (N)"] {
-            assert_eq!(counts(head), Counts::Else, "{head}");
+            assert_eq!(counts(head), ColumnRole::Else, "{head}");
         }
     }
 

@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn columns_are_found_by_name_number_and_name_without_unit() {
         let names = ["t_s", "Fx_N", "Fy_N"].map(str::to_owned);
-        let mut faults = Faults::of("x.csv");
+        let mut faults = Faults::new("x.csv");
         let asked = ["fy", "2", "Fx_N", "Fx_M"].map(str::to_owned);
         assert_eq!(columns(&names, &asked, &mut faults), [2, 1]);
         assert_eq!(faults.list().len(), 1);

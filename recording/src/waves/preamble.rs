@@ -15,7 +15,7 @@ const ALIKE: usize = 6;
 /// Separators in the order in which they are tried.
 const SEPARATORS: &[u8] = b"\t;,| ";
 
-/// How a table is to be cut, and the names above its columns.
+/// Format of a table, and the names above its columns.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Shape {
     pub(super) dialect: Dialect,
@@ -126,7 +126,7 @@ fn names(line: &str, separator: u8, wanted: usize) -> Option<Vec<String>> {
     let line = line.trim_start().trim_start_matches(['#', '%']);
     let mut names = cells(line, separator);
     if names.len() != wanted && separator == b' ' {
-        // Names with blanks inside, set apart by more than one.
+        // Names that contain blanks and are separated by more than one.
         names = line.split("  ").map(str::trim).filter(|name| !name.is_empty()).collect();
     }
     // A last column without a value in the first rows: a comment.

@@ -1,6 +1,6 @@
 //! Waveforms of `trued.recording/1`: the data of `series` as evenly sampled records.
 
-use super::columns::{self, Columns, Stand};
+use super::columns::{self, Columns, Positions};
 use super::{Options, Wave, Waves, pick};
 use crate::faults::{Fault, Faults};
 use crate::series::{Channel, Column, Recording};
@@ -8,7 +8,7 @@ use crate::series::{Channel, Column, Recording};
 /// The header is searched in this many bytes.
 const HEAD_BYTES: usize = 64 << 10;
 
-/// Whether a file begins with a header of the house: `t_s` and one more column of ours.
+/// Whether a file begins with the header of a `trued.recording/1`: `t_s` and another known column.
 pub(super) fn is_recording(bytes: &[u8]) -> bool {
     let head = bytes.get(..HEAD_BYTES.min(bytes.len())).unwrap_or_default();
     let text = String::from_utf8_lossy(head);
@@ -20,7 +20,7 @@ pub(super) fn is_recording(bytes: &[u8]) -> bool {
 }
 
 pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Faults> {
-    let mut faults = Faults::of(recording.file.display().to_string());
+    let mut faults = Faults::new(recording.file.display().to_string());
     columns::check(options, &mut faults);
     let own: Vec<Channel> = recording.channels().collect();
     let mut names: Vec<String> = own.iter().map(|channel| name(&recording, *channel)).collect();
@@ -31,7 +31,7 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         chosen = (0..own.len()).filter(|at| force(&own[*at])).collect();
         if chosen.is_empty() {
             chosen = (own.len()..names.len())
-                .filter(|at| cells(&recording, at - own.len(), &mut Faults::of("")).is_some())
+                .filter(|at| cells(&recording, at - own.len(), &mut Faults::new("")).is_some())
                 .collect();
         }
     }
@@ -60,7 +60,7 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         .filter_map(|channel| Some((*channel, recording.column(*channel)?.to_vec())))
         .collect();
     let columns = Columns {
-        stand: Stand::Time(recording.t_s.clone()),
+        stand: Positions::Time(recording.t_s.clone()),
         named: "t_s".to_owned(),
         segment: recording.segment.clone(),
         channels,
@@ -73,11 +73,11 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
     let waves = Waves {
         file: recording.file,
         records,
-        about: Some(recording.about),
+        about: Some(recording.metadata),
         responses: Vec::new(),
         notes,
     };
-    faults.or((!waves.records.is_empty()).then_some(waves))
+    faults.into_result((!waves.records.is_empty()).then_some(waves))
 }
 
 fn name(recording: &Recording, channel: Channel) -> String {
@@ -85,7 +85,7 @@ fn name(recording: &Recording, channel: Channel) -> String {
     channel.name(channel.unit_in(recording.units, kind))
 }
 
-/// A column of ours, in the unit that its name has in the file.
+/// A known column, in the unit of its name in the file.
 fn wave(recording: &Recording, channel: Channel) -> Wave {
     let kind = recording.joint_kind(channel.joint().unwrap_or(0));
     let unit = channel.unit_in(recording.units, kind);
@@ -94,7 +94,7 @@ fn wave(recording: &Recording, channel: Channel) -> Wave {
     Wave::new(channel.name(unit), unit.map_or("1", |unit| unit.name), values)
 }
 
-/// A foreign column as numbers; `None` if a cell is not a number.
+/// An unknown column as numbers; `None` if a cell is not a number.
 fn cells(recording: &Recording, at: usize, faults: &mut Faults) -> Option<Vec<f64>> {
     let (name, cells) = recording.other.get(at)?;
     let mut values = Vec::with_capacity(cells.len());

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::wav::{self, Layout, Opened, Unread};
+use super::wav::{self, Layout, Opened, WavError};
 use super::wav_chunks::Source;
 use super::{Form, Grid, Options, Wave, is_mapped};
 use crate::files::FileError;
@@ -23,12 +23,12 @@ pub struct Stored {
     pub grid: Grid,
     /// Name, unit and axis of each channel, without values.
     pub channels: Vec<Wave>,
-    /// What was noticed and is no fault, one sentence each.
+    /// Remarks on the file that are not faults, one sentence each.
     pub notes: Vec<String>,
 }
 
 impl Stored {
-    /// Opens the record of a WAV file; `None` of a file of another form, which [`super::read`] reads.
+    /// Opens the record of a WAV file; `None` for other formats, which [`super::read`] reads.
     ///
     /// # Errors
     /// The file cannot be read, or every fault of it.
@@ -39,15 +39,15 @@ impl Stored {
         let file = File::open(path).map_err(FileError::io("read", path))?;
         let mut head = Vec::new();
         (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(FileError::io("read", path))?;
-        // What cannot be read at any place, as a pipe, is read as a whole.
+        // A file without random access, such as a pipe, is read as a whole.
         let at_any_place = file.read_at(0, &mut [0; 1]).is_ok();
         if !(at_any_place && matches!(Form::of(path, &head), Form::Wav)) {
             return Ok(None);
         }
         let Opened { layout, grid, channels, notes } =
             wav::open(&path.display().to_string(), &file, options).map_err(|why| match why {
-                Unread::Faults(faults) => faults.into(),
-                Unread::Io(error) => FileError::io("read", path)(error),
+                WavError::Faults(faults) => faults.into(),
+                WavError::Io(error) => FileError::io("read", path)(error),
             })?;
         Ok(Some(Self { file, path: path.to_owned(), layout, grid, channels, notes }))
     }

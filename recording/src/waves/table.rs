@@ -3,17 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::columns::{self, Columns, Stand};
-use super::names::{self, Counts};
+use super::columns::{self, Columns, Positions};
+use super::names::{self, ColumnRole};
 use super::preamble::{self, Shape};
 use super::spacing::Spacing;
 use super::{Options, Record, Wave, Waves, pick};
 use crate::faults::{Fault, Faults};
 use crate::series::{self, Channel, Dialect, RawTable};
 
-/// Information on a table from elsewhere in its file.
+/// Information on a table from the header of its file.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Said {
+pub(super) struct HeaderInfo {
     /// Unit by the column's name.
     pub(super) units: BTreeMap<String, String>,
     /// Samples per second.
@@ -23,22 +23,22 @@ pub(super) struct Said {
 pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
     let mut notes = Vec::new();
     let source = super::text(bytes, &mut notes);
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     columns::check(options, &mut faults);
     let shape = preamble::find(&source, 0).unwrap_or_else(|| {
         let dialect = Dialect { units_row: Some(false), ..Dialect::default() };
         Shape { dialect, heads: None }
     });
-    let records = records(&source, shape, &Said::default(), options, &mut faults, &mut notes);
+    let records = records(&source, shape, &HeaderInfo::default(), options, &mut faults, &mut notes);
     let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
-    faults.or((!waves.records.is_empty()).then_some(waves))
+    faults.into_result((!waves.records.is_empty()).then_some(waves))
 }
 
 /// The records of one table of a text.
 pub(super) fn records(
     source: &str,
     shape: Shape,
-    said: &Said,
+    said: &HeaderInfo,
     options: &Options,
     faults: &mut Faults,
     notes: &mut Vec<String>,
@@ -56,7 +56,7 @@ pub(super) fn records(
         faults.push(fault.expected("a table of numbers, one row per sample"));
         return Vec::new();
     }
-    Sheet { table: &table, said, named }.records(options, faults, notes)
+    TableReader { table: &table, said, named }.records(options, faults, notes)
 }
 
 /// Adds the units of a first row that contains nothing else to the names of the columns.
@@ -69,14 +69,14 @@ fn name_units(table: &mut RawTable<'_>) {
     }
 }
 
-struct Sheet<'t, 's> {
+struct TableReader<'t, 's> {
     table: &'t RawTable<'s>,
-    said: &'t Said,
+    said: &'t HeaderInfo,
     /// Whether the columns have names, not only numbers.
     named: bool,
 }
 
-impl Sheet<'_, '_> {
+impl TableReader<'_, '_> {
     fn records(
         &self,
         options: &Options,
@@ -103,14 +103,14 @@ impl Sheet<'_, '_> {
         }
         let channels = chosen.iter().map(|at| self.wave(*at, faults)).collect();
         let beside = beside.into_iter().map(|(at, channel)| {
-            let si = names::split(&heads[at]).1.and_then(crate::unit::Unit::named);
+            let si = names::split(&heads[at]).1.and_then(crate::unit::Unit::from_name);
             let values = self.table.numbers(at, faults).into_iter();
             (channel, values.map(|v| si.map_or(v, |unit| unit.to_si(v))).collect())
         });
         let beside = beside.collect();
         let named = counter.as_ref().and_then(|(at, _)| heads.get(*at)).cloned();
         let stand = counter.as_ref().map_or_else(
-            || self.said.rate_hz.map_or(Stand::Unknown, Stand::Rate),
+            || self.said.rate_hz.map_or(Positions::Unknown, Positions::Rate),
             |(at, counts)| self.stand(*at, *counts, faults),
         );
         let columns = Columns {
@@ -127,49 +127,50 @@ impl Sheet<'_, '_> {
     }
 
     /// The column with time or length, and its meaning.
-    fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, Counts)> {
+    fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, ColumnRole)> {
         let heads = &self.table.header;
         let free = || (0..heads.len()).filter(|at| !asked.contains(at) && self.is_numeric(*at));
-        let by_name = |wanted: fn(Counts) -> bool| {
+        let by_name = |wanted: fn(ColumnRole) -> bool| {
             let counts = |at: usize| (at, names::counts(&heads[at]));
             free().map(counts).find(|(_, counts)| wanted(*counts))
         };
-        let found = by_name(|counts| matches!(counts, Counts::Time(_)))
-            .or_else(|| by_name(|counts| matches!(counts, Counts::Length(_))));
+        let found = by_name(|counts| matches!(counts, ColumnRole::Time(_)))
+            .or_else(|| by_name(|counts| matches!(counts, ColumnRole::Length(_))));
         if found.is_some() {
             return found;
         }
-        // Without a name, the first column is time if it grows evenly, not by ones.
+        // Without a name, the first column is the time if it increases evenly by steps other than
+        // 1.
         let first = free().next().filter(|at| *at == 0 && heads.len() > 1)?;
-        if self.named && names::counts(&heads[first]) == Counts::Samples {
+        if self.named && names::counts(&heads[first]) == ColumnRole::Samples {
             return None;
         }
         let spacing =
-            Spacing::of(&self.table.numbers(first, &mut Faults::of("")), |_| false).ok()?;
+            Spacing::of(&self.table.numbers(first, &mut Faults::new("")), |_| false).ok()?;
         let even = spacing.notes.is_empty() && spacing.runs.len() == 1;
         if !even || (spacing.step - 1.0).abs() < 1e-9 || self.table.len() < 3 {
             return None;
         }
         let name = &heads[first];
         notes.push(format!("column `{name}` increases evenly and is used as the time in s"));
-        Some((first, Counts::Time(1.0)))
+        Some((first, ColumnRole::Time(1.0)))
     }
 
-    fn stand(&self, at: usize, counts: Counts, faults: &mut Faults) -> Stand {
+    fn stand(&self, at: usize, counts: ColumnRole, faults: &mut Faults) -> Positions {
         let times = |factor: f64, faults: &mut Faults| {
             self.table.numbers(at, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
         };
         match counts {
-            Counts::Time(si) => {
+            ColumnRole::Time(si) => {
                 let x = times(si, faults);
                 // LabVIEW leaves the column empty and states the step.
                 match self.said.rate_hz {
-                    Some(rate_hz) if x.iter().all(|x| x.is_nan()) => Stand::Rate(rate_hz),
-                    _ => Stand::Time(x),
+                    Some(rate_hz) if x.iter().all(|x| x.is_nan()) => Positions::Rate(rate_hz),
+                    _ => Positions::Time(x),
                 }
             }
-            Counts::Length(si) => Stand::Length(times(1e3 * si, faults)),
-            Counts::Samples | Counts::Else => Stand::Unknown,
+            ColumnRole::Length(si) => Positions::Length(times(1e3 * si, faults)),
+            ColumnRole::Samples | ColumnRole::Else => Positions::Unknown,
         }
     }
 
@@ -184,7 +185,7 @@ impl Sheet<'_, '_> {
         let other = |at: usize| {
             Some(at) == counter
                 || beside.iter().any(|(there, _)| *there == at)
-                || (self.named && names::counts(&heads[at]) != Counts::Else)
+                || (self.named && names::counts(&heads[at]) != ColumnRole::Else)
         };
         let (chosen, texts): (Vec<usize>, Vec<usize>) =
             (0..heads.len()).filter(|at| !other(*at)).partition(|at| self.is_numeric(*at));
@@ -214,7 +215,7 @@ impl Sheet<'_, '_> {
     }
 }
 
-/// A column about the process, which is a waveform only on request.
+/// The channel of a process column, which is a waveform only on request.
 fn process(head: &str) -> Option<Channel> {
     match series::Column::named(head) {
         Ok(series::Column::Channel(channel, _)) => {

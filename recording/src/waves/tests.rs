@@ -32,7 +32,7 @@ fn a_table_with_names_gives_its_channels_units_axes_and_rate() {
     assert_eq!((record.channels[0].axis, record.channels[1].axis), (Some(0), Some(1)));
     assert_eq!(record.channels[1].quantity(), Some((Quantity::Acceleration, 9.80665)));
     assert!(record.channels[0].values[1].is_nan(), "a sample that was not taken");
-    assert_eq!(record.beside[&Channel::Tacho], [0.0, 0.0, 1.0]);
+    assert_eq!(record.auxiliary[&Channel::Tacho], [0.0, 0.0, 1.0]);
     assert!(waves.notes.iter().any(|note| note.contains("remark")), "{:?}", waves.notes);
 }
 
@@ -97,12 +97,12 @@ fn rows_of_another_instrument_are_left_out_and_single_holes_stay() {
         let force = if i % 3 == 0 && i != 30 { i.to_string() } else { String::new() };
         text += &format!("{},{i},{force}\n", 0.001 * f64::from(i));
     }
-    let recording = series::read_text("a.csv", &text, None, None, Need::Samples).unwrap();
+    let recording = series::read_text("a.csv", &text, None, None, RequiredData::Samples).unwrap();
     let waves = recorded::waves(recording, &Options::default()).unwrap();
     assert_eq!(waves.records.len(), 2, "the sample that is missing is a gap: {:?}", waves.notes);
     let Grid::Time { rate_hz, .. } = waves.records[0].grid else { panic!() };
     assert!((rate_hz - 1000.0 / 3.0).abs() < 1e-6);
-    assert_eq!(waves.records[0].beside[&Channel::Command(0)].len(), 10);
+    assert_eq!(waves.records[0].auxiliary[&Channel::Command(0)].len(), 10);
 }
 
 #[test]
@@ -111,14 +111,15 @@ fn a_recording_of_the_house_gives_forces_and_what_stands_beside() {
         0,1,5,1,2,10,28000,7\n0.001,1,5,3,4,10,28000,8\n0,2,6,5,6,10,28000,\n0.001,2,6,7,8,10,28000,9\n";
     assert!(recorded::is_recording(text.as_bytes()));
     let read = |options: &Options| {
-        let recording = series::read_text("a.csv", text, None, None, Need::Samples).unwrap();
+        let recording =
+            series::read_text("a.csv", text, None, None, RequiredData::Samples).unwrap();
         recorded::waves(recording, options)
     };
     let waves = read(&Options::default()).unwrap();
     assert_eq!(waves.records.len(), 2, "one for each segment");
     assert_eq!(names(&waves.records[0]), ["fx_N", "mz_Nm"]);
     assert_eq!(waves.records[1].channels[1].axis, Some(5));
-    assert_eq!(waves.records[1].beside[&Channel::Feed], [0.01, 0.01]);
+    assert_eq!(waves.records[1].auxiliary[&Channel::Feed], [0.01, 0.01]);
     let asked = |name: &str| Options { columns: vec![name.to_owned()], ..Options::default() };
     let other = read(&asked("sound")).unwrap();
     assert_eq!(other.records[0].channels[0].values, [7.0, 8.0]);

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use super::uff_channels::{self, Channels, Take};
+use super::uff_channels::{self, Channels, TimeResponse};
 use super::uff_head::Units;
 use super::uff58::{Content, Function};
 use super::{Options, ResponseFunction, Waves, columns, pick, uff_names};
@@ -28,7 +28,7 @@ fn is_mark(line: &str) -> bool {
     line.trim() == "-1"
 }
 
-/// A place in a file of lines and runs of bytes.
+/// A position in a file of lines and binary blocks.
 pub(super) struct Cursor<'b> {
     bytes: &'b [u8],
     at: usize,
@@ -82,7 +82,7 @@ impl<'b> Cursor<'b> {
 }
 
 pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves, Faults> {
-    let mut faults = Faults::of(name);
+    let mut faults = Faults::new(name);
     columns::check(options, &mut faults);
     let mut notes = Vec::new();
     let mut functions = Vec::new();
@@ -128,7 +128,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     }
     complete(&mut functions, &units, &mut notes);
     let waves = collect(functions, options, &mut faults, notes);
-    faults.or((!(waves.records.is_empty() && waves.responses.is_empty())).then_some(waves))
+    faults.into_result((!(waves.records.is_empty() && waves.responses.is_empty())).then_some(waves))
 }
 
 /// Completes the units of functions by the systems of units, each with the number of functions
@@ -162,7 +162,7 @@ fn collect(
         notes.extend(note.map(|note| format!("the function at `{}` {note}", source.dof)));
         match content {
             Content::Time { start_s, rate_hz, values } => {
-                channels.add(source, Take { start_s, rate_hz, values });
+                channels.add(source, TimeResponse { start_s, rate_hz, values });
             }
             Content::Response { frequency_hz, values } => {
                 let function = ResponseFunction {

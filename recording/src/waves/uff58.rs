@@ -5,8 +5,8 @@
 
 use super::spacing::{Spacing, tidy};
 use super::uff::Cursor;
-use super::uff_head::{Axis, Counts, Head, Source, Units};
-use super::uff_numbers::{Refused, ascii, binary as binary_numbers};
+use super::uff_head::{AbscissaQuantity, Axis, ChannelProperties, Head, Units};
+use super::uff_numbers::{UffError, ascii, binary as binary_numbers};
 use crate::faults::Fault;
 
 /// Steps are written with six digits: a rate this close to an integer is one.
@@ -15,7 +15,7 @@ const SIX_DIGITS: f64 = 5e-6;
 /// A function that was read.
 #[derive(Debug)]
 pub(super) struct Function {
-    pub(super) source: Source,
+    pub(super) source: ChannelProperties,
     /// Node and direction of the reference.
     pub(super) reference: String,
     pub(super) denominator: Axis,
@@ -45,7 +45,7 @@ impl Function {
     ///
     /// # Errors
     /// The first error; the cursor is then after the dataset, or inside it if its end is unknown.
-    pub(super) fn read(cursor: &mut Cursor<'_>, binary: Option<&str>) -> Result<Self, Refused> {
+    pub(super) fn read(cursor: &mut Cursor<'_>, binary: Option<&str>) -> Result<Self, UffError> {
         let head = Head::read(cursor);
         let numbers = match (binary, &head) {
             (Some(line), Ok(head)) => {
@@ -61,7 +61,7 @@ impl Function {
         let (head, mut numbers) = (head?, numbers?);
         let filled = head.form.cut_filling(&mut numbers);
         let content = head.content(&numbers)?;
-        let assumed = head.abscissa.counts() == Counts::Unsaid;
+        let assumed = head.abscissa.counts() == AbscissaQuantity::Unspecified;
         let note = match content {
             Content::Time { .. } if assumed => Some("has no abscissa unit; s is assumed"),
             Content::Response { .. } if assumed => Some("has no abscissa unit; Hz is assumed"),
@@ -88,22 +88,26 @@ struct Rows {
 }
 
 impl Head {
-    fn content(&self, numbers: &[f64]) -> Result<Content, Refused> {
+    fn content(&self, numbers: &[f64]) -> Result<Content, UffError> {
         let other = |what: String| Ok(Content::Other(what));
         let kind = kind_name(self.function_type);
         let unit = &self.abscissa.unit;
         match (self.function_type, self.abscissa.counts(), self.form.complex) {
-            (0 | 1, Counts::Time(_) | Counts::Unsaid, true) => other(format!("complex {kind}")),
-            (0 | 1, Counts::Time(si), false) => self.over_time(self.rows(numbers)?, si),
-            (0 | 1, Counts::Unsaid, false) => self.over_time(self.rows(numbers)?, 1.0),
-            (4, Counts::Frequency(si), _) => self.over_frequency(self.rows(numbers)?, si),
-            (4, Counts::Unsaid, _) => self.over_frequency(self.rows(numbers)?, 1.0),
+            (0 | 1, AbscissaQuantity::Time(_) | AbscissaQuantity::Unspecified, true) => {
+                other(format!("complex {kind}"))
+            }
+            (0 | 1, AbscissaQuantity::Time(si), false) => self.over_time(self.rows(numbers)?, si),
+            (0 | 1, AbscissaQuantity::Unspecified, false) => {
+                self.over_time(self.rows(numbers)?, 1.0)
+            }
+            (4, AbscissaQuantity::Frequency(si), _) => self.over_frequency(self.rows(numbers)?, si),
+            (4, AbscissaQuantity::Unspecified, _) => self.over_frequency(self.rows(numbers)?, 1.0),
             (0 | 1 | 4, _, _) => other(format!("{kind} over an abscissa in `{unit}`")),
             _ => other(kind),
         }
     }
 
-    fn rows(&self, numbers: &[f64]) -> Result<Rows, Refused> {
+    fn rows(&self, numbers: &[f64]) -> Result<Rows, UffError> {
         let form = &self.form;
         let width = form.width();
         let points = numbers.len() / width;
@@ -132,7 +136,7 @@ impl Head {
         Ok(Rows { x, values: numbers.chunks_exact(width).map(value).collect() })
     }
 
-    fn over_frequency(&self, rows: Rows, si: f64) -> Result<Content, Refused> {
+    fn over_frequency(&self, rows: Rows, si: f64) -> Result<Content, UffError> {
         let frequency_hz: Vec<f64> = rows.x.iter().map(|x| si * x).collect();
         if !frequency_hz.windows(2).all(|pair| pair[1] > pair[0]) {
             let fault = Fault::new("", "its frequencies do not increase");
@@ -141,7 +145,7 @@ impl Head {
         Ok(Content::Response { frequency_hz, values: rows.values })
     }
 
-    fn over_time(&self, rows: Rows, si: f64) -> Result<Content, Refused> {
+    fn over_time(&self, rows: Rows, si: f64) -> Result<Content, UffError> {
         let (start, step) = if self.form.even {
             (self.form.start, self.form.step)
         } else {

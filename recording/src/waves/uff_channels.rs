@@ -14,8 +14,8 @@
 
 use std::collections::BTreeMap;
 
-use super::uff_head::{PlaceKey, Source};
-use super::uff_names::{self, Unnamed};
+use super::uff_head::{ChannelProperties, PlaceKey};
+use super::uff_names::{self, NamingData};
 use super::{Grid, Record, Wave};
 use crate::faults::{Fault, Faults};
 
@@ -24,7 +24,7 @@ const SIX_DIGITS: f64 = 1e-5;
 
 /// A time response.
 #[derive(Debug)]
-pub(super) struct Take {
+pub(super) struct TimeResponse {
     pub(super) start_s: f64,
     pub(super) rate_hz: f64,
     pub(super) values: Vec<f64>,
@@ -33,10 +33,10 @@ pub(super) struct Take {
 /// The time responses of one sensor.
 #[derive(Debug)]
 pub(super) struct Channel {
-    source: Source,
-    /// Unlike those of all other channels.
+    source: ChannelProperties,
+    /// Unique among the channels.
     pub(super) name: String,
-    takes: Vec<Take>,
+    takes: Vec<TimeResponse>,
     /// Whether some are over the same time, with different numbers and without different dates.
     is_renumbered: bool,
 }
@@ -52,12 +52,12 @@ enum Place {
     Again,
 }
 
-impl Take {
+impl TimeResponse {
     fn end_s(&self) -> f64 {
         self.start_s + self.values.len() as f64 / self.rate_hz
     }
 
-    /// How far apart two times may be that are the same in a header.
+    /// Largest difference of two times that count as equal in a header.
     fn tolerance_s(&self, at_s: f64) -> f64 {
         0.5 / self.rate_hz + SIX_DIGITS * at_s.abs()
     }
@@ -69,14 +69,14 @@ impl Take {
 
 impl Channel {
     /// How a function at the channel's place relates to it; `None` where it is of another sensor.
-    fn place(&self, source: &Source, take: &Take) -> Option<Place> {
+    fn place(&self, source: &ChannelProperties, take: &TimeResponse) -> Option<Place> {
         let last = self.takes.last()?;
         let (on_node, same_texts) = (source.node != 0, self.source.texts == source.texts);
-        let dated_apart = self.source.is_dated_apart(source);
+        let dated_apart = self.source.has_other_date(source);
         if !(same_texts || on_node && dated_apart) {
             return None;
         }
-        let beside = self.source.is_at_one_moment(source) && self.is_of_other_number(source);
+        let beside = self.source.has_same_time(source) && self.is_of_other_number(source);
         let gap_s = take.start_s - last.end_s();
         let adjoins = gap_s.abs() <= last.tolerance_s(last.end_s());
         match () {
@@ -87,12 +87,12 @@ impl Channel {
         }
     }
 
-    fn unnamed(&self) -> Unnamed<'_> {
+    fn unnamed(&self) -> NamingData<'_> {
         let rate_hz = self.takes.first().map(|take| take.rate_hz);
-        Unnamed { source: &self.source, reference: "", rate_hz }
+        NamingData { source: &self.source, reference: "", rate_hz }
     }
 
-    fn is_of_other_number(&self, source: &Source) -> bool {
+    fn is_of_other_number(&self, source: &ChannelProperties) -> bool {
         self.source.numbers[0] != source.numbers[0]
     }
 }
@@ -101,13 +101,13 @@ impl Channel {
 #[derive(Debug, Default)]
 pub(super) struct Channels {
     pub(super) all: Vec<Channel>,
-    /// Those of each place.
+    /// Indices by place.
     at_place: BTreeMap<PlaceKey, Vec<usize>>,
 }
 
 impl Channels {
     /// Adds a time response to the channel that it belongs to, or as a new one.
-    pub(super) fn add(&mut self, source: Source, take: Take) {
+    pub(super) fn add(&mut self, source: ChannelProperties, take: TimeResponse) {
         let at_place = self.at_place.entry(PlaceKey::of(&source, take.rate_hz)).or_default();
         let relation = |at: &usize| {
             let channel = self.all.get(*at)?;
@@ -125,7 +125,7 @@ impl Channels {
             return;
         };
         channel.is_renumbered |=
-            place == Place::Again && other_number && !channel.source.is_dated_apart(&source);
+            place == Place::Again && other_number && !channel.source.has_other_date(&source);
         match channel.takes.last_mut() {
             Some(last) if place == Place::Continues => last.values.extend(take.values),
             _ => channel.takes.push(take),
@@ -197,9 +197,9 @@ struct Part {
 }
 
 /// The takes of one record, by their channels.
-type Turn = Vec<Part>;
+type RecordParts = Vec<Part>;
 
-fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
+fn turns(group: &[Channel]) -> Result<Vec<RecordParts>, Box<Fault>> {
     let Some(first) = group.first() else { return Ok(Vec::new()) };
     let agree = |channel: &Channel| {
         let starts = channel.takes.iter().zip(&first.takes);
@@ -234,21 +234,21 @@ fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
 }
 
 /// Takes that begin at one time belong together.
-fn turns_by_start(group: &[Channel]) -> Vec<Turn> {
+fn turns_by_start(group: &[Channel]) -> Vec<RecordParts> {
     let parts = group.iter().enumerate().flat_map(|(channel, of)| {
         of.takes.iter().enumerate().map(move |(take, start)| (start, Part { channel, take }))
     });
-    let mut parts: Vec<(&Take, Part)> = parts.collect();
+    let mut parts: Vec<(&TimeResponse, Part)> = parts.collect();
     parts.sort_by(|(a, _), (b, _)| a.start_s.total_cmp(&b.start_s));
-    let mut turns: Vec<Turn> = Vec::new();
-    let mut first: Option<&Take> = None;
+    let mut turns: Vec<RecordParts> = Vec::new();
+    let mut first: Option<&TimeResponse> = None;
     // The measurement of each channel's last record: a channel has one record per measurement.
     let mut last_turn = vec![0; group.len()];
     for (take, part) in parts {
         let begins_with_it = first.is_some_and(|first| take.begins_with(first));
         if !begins_with_it || last_turn[part.channel] == turns.len() {
             first = Some(take);
-            turns.push(Turn::new());
+            turns.push(RecordParts::new());
         }
         last_turn[part.channel] = turns.len();
         if let Some(turn) = turns.last_mut() {
@@ -270,9 +270,9 @@ fn record(
         let channel = group.get(part.channel)?;
         Some((channel, channel.takes.get(part.take)?))
     };
-    let takes: Vec<(&Channel, &Take)> = turn.iter().filter_map(take).collect();
+    let takes: Vec<(&Channel, &TimeResponse)> = turn.iter().filter_map(take).collect();
     let (_, first) = takes.first()?;
-    let length = |take: &Take| take.values.len();
+    let length = |take: &TimeResponse| take.values.len();
     let common = takes.iter().map(|(_, take)| length(take)).min()?;
     let longer = takes.iter().filter(|(_, take)| length(take) > common);
     let longer: Vec<String> =
@@ -282,10 +282,10 @@ fn record(
         notes.push(format!("cut to the {common} samples that all channels have; longer: {longer}"));
     }
     let grid = Grid::Time { start_s: first.start_s, rate_hz: first.rate_hz };
-    let wave = |(channel, take): &(&Channel, &Take)| {
+    let wave = |(channel, take): &(&Channel, &TimeResponse)| {
         let values = take.values.get(..common).unwrap_or_default().to_vec();
         Wave::new(&channel.name, &channel.source.ordinate.unit, values)
     };
     let channels = takes.iter().map(wave).collect();
-    Some(Record { grid: asked.unwrap_or(grid), channels, beside: BTreeMap::new() })
+    Some(Record { grid: asked.unwrap_or(grid), channels, auxiliary: BTreeMap::new() })
 }

@@ -8,8 +8,8 @@ use std::f64::consts::TAU;
 
 use super::quantity;
 use super::uff::Cursor;
-use super::uff_numbers::{Form, Refused, in_line};
-use crate::faults::{Fault, Place};
+use super::uff_numbers::{Form, UffError, in_line};
+use crate::faults::{Fault, Location};
 use crate::unit::Quantity;
 
 /// Specific data types of an axis.
@@ -32,7 +32,7 @@ const FACTOR_PART: f64 = 1e-5;
 #[derive(Debug)]
 pub(super) struct Head {
     pub(super) function_type: i64,
-    pub(super) source: Source,
+    pub(super) source: ChannelProperties,
     /// Node and direction of the reference.
     pub(super) reference: String,
     pub(super) form: Form,
@@ -42,7 +42,7 @@ pub(super) struct Head {
 
 /// Properties that distinguish measured channels.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Source {
+pub(super) struct ChannelProperties {
     /// ID lines 1, 2, 4 and 5; empty if the file says NONE.
     pub(super) texts: [String; 4],
     /// ID line 3: by convention date and time.
@@ -58,7 +58,8 @@ pub(super) struct Source {
     pub(super) ordinate: Axis,
 }
 
-/// What functions of one channel agree in: place, quantity and rate, without a geometry their ID lines too.
+/// What the functions of one channel have in common: place, quantity and rate, and without a
+/// geometry also their ID lines.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct PlaceKey {
     component: String,
@@ -78,18 +79,18 @@ pub(super) struct Axis {
     pub(super) unit: String,
 }
 
-/// What an abscissa counts, and the SI value of its unit.
+/// Quantity of an abscissa, and the SI value of its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Counts {
+pub(super) enum AbscissaQuantity {
     Time(f64),
     Frequency(f64),
     /// Neither quantity nor unit is stated.
-    Unsaid,
+    Unspecified,
     /// Another quantity, or an unknown unit.
     Else,
 }
 
-/// The units of data whose axis states none.
+/// The system of units, for axes that state no unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Units {
     length: Option<&'static str>,
@@ -113,7 +114,7 @@ impl Units {
 }
 
 impl Head {
-    pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self, Refused> {
+    pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self, UffError> {
         let cut = || Fault::new("", "ends inside a header").expected("11 lines of header");
         let mut ids: [String; 5] = Default::default();
         for id in &mut ids {
@@ -135,10 +136,10 @@ impl Head {
         let dofs = Dofs::of(&dofs).ok_or_else(|| {
             Fault::new("", "states no degree of freedom")
                 .expected("function type, node and direction")
-                .at(Place::in_line(dofs_line, &dofs, &(0..dofs.len())))
+                .at(Location::from_line(dofs_line, &dofs, &(0..dofs.len())))
         })?;
         let [first, second, date, fourth, fifth] = ids;
-        let source = Source {
+        let source = ChannelProperties {
             texts: [first, second, fourth, fifth],
             date,
             numbers: dofs.numbers,
@@ -153,7 +154,7 @@ impl Head {
 }
 
 impl PlaceKey {
-    pub(super) fn of(source: &Source, rate_hz: f64) -> Self {
+    pub(super) fn of(source: &ChannelProperties, rate_hz: f64) -> Self {
         Self {
             component: source.component.clone(),
             dof: source.dof.clone(),
@@ -164,14 +165,14 @@ impl PlaceKey {
     }
 }
 
-impl Source {
-    /// Whether both are dated alike, with a time of day.
-    pub(super) fn is_at_one_moment(&self, other: &Self) -> bool {
+impl ChannelProperties {
+    /// Whether both have the same date and time of day.
+    pub(super) fn has_same_time(&self, other: &Self) -> bool {
         self.date.contains(':') && self.date == other.date
     }
 
-    /// Whether both are dated, and differently.
-    pub(super) fn is_dated_apart(&self, other: &Self) -> bool {
+    /// Whether both have dates, and these differ.
+    pub(super) fn has_other_date(&self, other: &Self) -> bool {
         !self.date.is_empty() && !other.date.is_empty() && self.date != other.date
     }
 }
@@ -185,7 +186,7 @@ impl Axis {
         Self { kind, label, unit }
     }
 
-    /// Gives an axis that names no unit the one of its type of data in a system of units.
+    /// Sets a missing unit to that of the axis's type of data in a system of units.
     pub(super) fn complete(&mut self, units: Units) {
         if self.unit.is_empty() {
             self.unit = by_kind(self.kind, units);
@@ -193,13 +194,13 @@ impl Axis {
     }
 
     /// The quantity of an abscissa, by its unit, or by the type of data if the unit is missing.
-    pub(super) fn counts(&self) -> Counts {
+    pub(super) fn counts(&self) -> AbscissaQuantity {
         match (quantity::of(&self.unit), self.kind) {
-            (Some((Quantity::Time, si)), _) => Counts::Time(si),
-            (Some((Quantity::Frequency, si)), _) => Counts::Frequency(si),
-            _ if self.unit.eq_ignore_ascii_case("rad/s") => Counts::Frequency(1.0 / TAU),
-            (None, 0 | 1) if self.unit == "1" => Counts::Unsaid,
-            _ => Counts::Else,
+            (Some((Quantity::Time, si)), _) => AbscissaQuantity::Time(si),
+            (Some((Quantity::Frequency, si)), _) => AbscissaQuantity::Frequency(si),
+            _ if self.unit.eq_ignore_ascii_case("rad/s") => AbscissaQuantity::Frequency(1.0 / TAU),
+            (None, 0 | 1) if self.unit == "1" => AbscissaQuantity::Unspecified,
+            _ => AbscissaQuantity::Else,
         }
     }
 }

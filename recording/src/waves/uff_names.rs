@@ -3,21 +3,21 @@
 use std::collections::BTreeMap;
 
 use super::ResponseFunction;
-use super::uff_head::{PlaceKey, Source};
+use super::uff_head::{ChannelProperties, PlaceKey};
 
-/// What is to be named.
-pub(super) struct Unnamed<'s> {
-    pub(super) source: &'s Source,
+/// Data from which a channel or response is named.
+pub(super) struct NamingData<'s> {
+    pub(super) source: &'s ChannelProperties,
     /// Node and direction of the reference: only names with the same reference have to differ.
     pub(super) reference: &'s str,
-    /// Of a channel over time.
+    /// Samples per second; for channels over time.
     pub(super) rate_hz: Option<f64>,
 }
 
-impl Unnamed<'_> {
+impl NamingData<'_> {
     /// Fields that distinguish channels at one place, in the order in which they are tried.
     fn marks(&self) -> [String; 9] {
-        let Source { texts, numbers, component, ordinate, .. } = self.source;
+        let ChannelProperties { texts, numbers, component, ordinate, .. } = self.source;
         let [first, second, fourth, fifth] = texts.clone();
         let rate = self.rate_hz.map_or_else(String::new, |rate_hz| format!("at {rate_hz} Hz"));
         let (unit, number) = (format!("({})", ordinate.unit), format!("function {}", numbers[0]));
@@ -27,14 +27,14 @@ impl Unnamed<'_> {
 
     /// Node and direction; without a geometry the response entity or the first ID line.
     fn plain_name(&self) -> &str {
-        let Source { texts, component, node, dof, .. } = self.source;
+        let ChannelProperties { texts, component, node, dof, .. } = self.source;
         let unplaced = [component, &texts[0]].into_iter().find(|text| !text.is_empty());
         unplaced.filter(|_| *node == 0).unwrap_or(dof)
     }
 }
 
 /// A name for each.
-pub(super) fn names(unnamed: &[Unnamed<'_>], notes: &mut Vec<String>) -> Vec<String> {
+pub(super) fn names(unnamed: &[NamingData<'_>], notes: &mut Vec<String>) -> Vec<String> {
     let mut names = vec![String::new(); unnamed.len()];
     let mut groups: BTreeMap<(&str, &str), Vec<usize>> = BTreeMap::new();
     for (at, one) in unnamed.iter().enumerate() {
@@ -69,7 +69,7 @@ pub(super) fn names(unnamed: &[Unnamed<'_>], notes: &mut Vec<String>) -> Vec<Str
 /// Names the places of response functions. Functions at one node without a difference are repeated
 /// measurements of one place; without a geometry each is a separate place.
 pub(super) fn name_responses(
-    found: Vec<(Source, ResponseFunction)>,
+    found: Vec<(ChannelProperties, ResponseFunction)>,
     notes: &mut Vec<String>,
 ) -> Vec<ResponseFunction> {
     let (mut places, mut known, mut place_of) = (Vec::new(), BTreeMap::new(), Vec::new());
@@ -80,14 +80,13 @@ pub(super) fn name_responses(
             .entry((PlaceKey::of(source, 0.0), &source.texts, reference, turn))
             .or_insert(places.len());
         if place == places.len() {
-            places.push(Unnamed { source, reference, rate_hz: None });
+            places.push(NamingData { source, reference, rate_hz: None });
         }
         place_of.push(place);
     }
     let names = names(&places, notes);
-    let named = |((_, function), place): ((Source, ResponseFunction), usize)| ResponseFunction {
-        response: names.get(place).cloned().unwrap_or_default(),
-        ..function
+    let named = |((_, function), place): ((ChannelProperties, ResponseFunction), usize)| {
+        ResponseFunction { response: names.get(place).cloned().unwrap_or_default(), ..function }
     };
     drop(known);
     found.into_iter().zip(place_of).map(named).collect()

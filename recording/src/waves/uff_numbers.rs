@@ -1,10 +1,10 @@
 //! The numbers of a dataset 58: text in fixed columns, or binary.
 
 use super::uff::Cursor;
-use crate::faults::{Fault, Place};
+use crate::faults::{Fault, Location};
 
 /// Why a dataset was refused.
-pub(super) type Refused = Box<Fault>;
+pub(super) type UffError = Box<Fault>;
 
 /// Record 7: format of the numbers.
 #[derive(Debug)]
@@ -22,11 +22,11 @@ impl Form {
     ///
     /// # Errors
     /// A form that cannot be.
-    pub(super) fn of(line: &str, number: usize) -> Result<Self, Refused> {
+    pub(super) fn of(line: &str, number: usize) -> Result<Self, UffError> {
         let fault = |what: &str| {
             Fault::new("", format!("its data form has {what}"))
                 .expected("type 2, 4, 5 or 6, points, spacing, start and step")
-                .at(Place::in_line(number, line, &(0..line.len())))
+                .at(Location::from_line(number, line, &(0..line.len())))
         };
         let words = in_line(line).ok_or_else(|| fault("text instead of numbers"))?;
         let [kind, points, even, start, step, ..] = words.as_slice() else {
@@ -124,9 +124,9 @@ pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
 }
 
 /// Reads numbers up to and including the line of -1.
-pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
+pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, UffError> {
     let mut numbers = Vec::new();
-    let mut fault: Option<Refused> = None;
+    let mut fault: Option<UffError> = None;
     loop {
         let Some(line) = cursor.text() else {
             return Err(fault.unwrap_or_else(|| {
@@ -142,7 +142,7 @@ pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
         match in_line(&line) {
             Some(found) => numbers.extend(found),
             None if fault.is_none() => {
-                let place = Place::in_line(cursor.line, &line, &(0..line.len()));
+                let place = Location::from_line(cursor.line, &line, &(0..line.len()));
                 let wrong = Fault::new("", "this line contains no numbers").expected("numbers");
                 fault = Some(wrong.at(place).into());
             }
@@ -157,7 +157,7 @@ pub(super) fn binary(
     cursor: &mut Cursor<'_>,
     line: &str,
     form: &Form,
-) -> Result<Vec<f64>, Refused> {
+) -> Result<Vec<f64>, UffError> {
     let said = line.split(['b', 'B']).nth(1).unwrap_or_default();
     let said: Vec<usize> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     let [order, float, ..] = said.as_slice() else {
@@ -184,7 +184,7 @@ pub(super) fn binary(
 /// The bytes that the numbers need. The number of bytes stated by the dataset (0: none) has to
 /// contain them, followed by zeros only: otherwise the header has another type or number of points
 /// than the data.
-fn run<'b>(cursor: &mut Cursor<'b>, stated: usize, form: &Form) -> Result<&'b [u8], Refused> {
+fn run<'b>(cursor: &mut Cursor<'b>, stated: usize, form: &Form) -> Result<&'b [u8], UffError> {
     let needed = form.bytes();
     let numbers = cursor.bytes(needed);
     // pyuff counts a complex number once.

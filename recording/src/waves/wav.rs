@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::wav_chunks::{Coding, Format, Refused, Source, Wav};
+use super::wav_chunks::{ChunkError, Coding, Format, Source, Wav};
 use super::{Grid, Options, Record, Wave, Waves, columns, pick};
 use crate::faults::{Fault, Faults};
 
 /// Frames that are decoded at a time.
 const FRAMES: usize = 1 << 14;
 
-/// Reads all samples of a file that is at hand.
+/// Reads all samples of a file in memory.
 pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves, Faults> {
     let opened = open(name, &bytes, options);
     let mut values = vec![Vec::new(); opened.as_ref().map_or(0, |wav| wav.channels.len())];
@@ -29,14 +29,14 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
             }
         })?;
         wav.channels.iter_mut().zip(values).for_each(|(wave, values)| wave.values = values);
-        let record = Record { grid: wav.grid, channels: wav.channels, beside: BTreeMap::new() };
+        let record = Record { grid: wav.grid, channels: wav.channels, auxiliary: BTreeMap::new() };
         let (file, responses) = (PathBuf::new(), Vec::new());
         Ok(Waves { file, records: vec![record], responses, about: None, notes: wav.notes })
     });
     read.map_err(|why| match why {
-        Unread::Faults(faults) => faults,
-        Unread::Io(error) => {
-            let mut faults = Faults::of(name);
+        WavError::Faults(faults) => faults,
+        WavError::Io(error) => {
+            let mut faults = Faults::new(name);
             faults.push(Fault::new("", format!("cannot be read: {error}")));
             faults
         }
@@ -45,12 +45,12 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
 
 /// Why samples could not be read.
 #[derive(Debug)]
-pub(super) enum Unread {
+pub(super) enum WavError {
     Faults(Faults),
     Io(std::io::Error),
 }
 
-impl From<std::io::Error> for Unread {
+impl From<std::io::Error> for WavError {
     fn from(error: std::io::Error) -> Self {
         Self::Io(error)
     }
@@ -73,20 +73,20 @@ pub(super) struct Layout {
     data_at: u64,
     pub(super) frames: usize,
     full_scale: f64,
-    /// The places of the chosen channels in a frame.
+    /// The positions of the chosen channels in a frame.
     chosen: Vec<usize>,
 }
 
 /// Opens a file; its samples are read once if the format does not guarantee that they are valid.
-pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<Opened, Unread> {
-    let mut faults = Faults::of(name);
+pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<Opened, WavError> {
+    let mut faults = Faults::new(name);
     columns::check(options, &mut faults);
     let wav = match Wav::read(bytes) {
         Ok(wav) => wav,
-        Err(Refused::Io(error)) => return Err(Unread::Io(error)),
-        Err(Refused::Fault(fault)) => {
+        Err(ChunkError::Io(error)) => return Err(WavError::Io(error)),
+        Err(ChunkError::Fault(fault)) => {
             faults.push(*fault);
-            return Err(Unread::Faults(faults));
+            return Err(WavError::Faults(faults));
         }
     };
     let Wav { format, data, mut notes } = wav;
@@ -112,7 +112,7 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
         faults.push(fault.expected("samples, and a rate above 0"));
     }
     let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
-    faults.or(Some(Opened { layout, grid, channels, notes })).map_err(Unread::Faults)
+    faults.into_result(Some(Opened { layout, grid, channels, notes })).map_err(WavError::Faults)
 }
 
 impl Layout {
@@ -135,7 +135,7 @@ impl Layout {
         })
     }
 
-    /// Hands the bytes of frames to `each`, a part after the other.
+    /// Passes the bytes of frames to `each`, one part after the other.
     fn raw(
         &self,
         bytes: &dyn Source,
@@ -228,7 +228,7 @@ fn decode_of<const N: usize>(
     }
 }
 
-/// The bits of a sample, the last byte's lowest.
+/// The bits of a sample as an integer.
 fn whole(sample: &[u8], format: &Format) -> u64 {
     let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
     match format.big_endian {
@@ -244,7 +244,7 @@ fn decoded(sample: &[u8], format: &Format) -> f64 {
     match (format.coding, sample.len()) {
         (Coding::Float, 4) => f64::from(f32::from_bits(bits as u32)),
         (Coding::Float, _) => f64::from_bits(bits),
-        // The one form without a sign.
+        // 8-bit samples are unsigned.
         (Coding::Pcm, 1) => (bits as f64 - 128.0) / 128.0,
         (Coding::Pcm, bytes) => {
             let up = 64 - 8 * bytes as u32;

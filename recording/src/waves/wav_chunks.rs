@@ -47,9 +47,9 @@ pub(super) struct Wav {
     pub(super) notes: Vec<String>,
 }
 
-/// Bytes that are read where they are.
+/// Random access to bytes.
 pub(super) trait Source {
-    /// How many there are.
+    /// Their number.
     fn len(&self) -> io::Result<u64>;
 
     /// Fills `into` from `at` on.
@@ -81,24 +81,24 @@ impl Source for &[u8] {
 
 /// Why a file is refused.
 #[derive(Debug)]
-pub(super) enum Refused {
+pub(super) enum ChunkError {
     Fault(Box<Fault>),
     Io(io::Error),
 }
 
-impl From<Box<Fault>> for Refused {
+impl From<Box<Fault>> for ChunkError {
     fn from(fault: Box<Fault>) -> Self {
         Self::Fault(fault)
     }
 }
 
-impl From<io::Error> for Refused {
+impl From<io::Error> for ChunkError {
     fn from(error: io::Error) -> Self {
         Self::Io(error)
     }
 }
 
-/// A chunk, and where its first byte is.
+/// A chunk, and the offset of its content.
 struct Chunk {
     id: [u8; 4],
     size: u32,
@@ -116,7 +116,7 @@ struct Bytes<'a> {
 
 impl Wav {
     /// Finds `fmt` and `data`.
-    pub(super) fn read(all: &dyn Source) -> Result<Self, Refused> {
+    pub(super) fn read(all: &dyn Source) -> Result<Self, ChunkError> {
         let mut bytes = Bytes { all, length: all.len()?, big_endian: false };
         bytes.big_endian = match bytes.array(0)?.as_ref() {
             Some(b"RIFF" | b"RF64") => false,
@@ -156,7 +156,8 @@ impl Chunk {
         ids.contains(&&self.id)
     }
 
-    /// Whether it can be one: its name is of letters and its bytes are there; those of samples may be cut off.
+    /// Whether it is plausible: its name is printable and its bytes exist; samples may be
+    /// truncated.
     fn is_sound(&self) -> bool {
         let is_named = self.id.iter().all(|byte| (b' '..=b'~').contains(byte));
         is_named && (u64::from(self.size) <= self.rest || self.is(&[b"data"]))
@@ -167,7 +168,7 @@ impl Chunk {
     }
 }
 
-/// What follows a place in the file.
+/// What follows an offset in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Tail {
     /// Chunks up to the file's end, or none.
@@ -186,7 +187,7 @@ impl Bytes<'_> {
         data_size: Option<u64>,
         format: &Format,
         notes: &mut Vec<String>,
-    ) -> Result<Range<u64>, Refused> {
+    ) -> Result<Range<u64>, ChunkError> {
         let is_of_pipe = data_size.is_none()
             && chunk.rest > 0
             && (chunk.size == UNKNOWN_SIZE
@@ -248,7 +249,7 @@ impl Bytes<'_> {
         Ok(tail)
     }
 
-    /// So many bytes from a place on; `None` where the file ends before.
+    /// `N` bytes at an offset; `None` if the file ends before.
     fn array<const N: usize>(&self, at: u64) -> io::Result<Option<[u8; N]>> {
         if at.checked_add(N as u64).is_none_or(|end| end > self.length) {
             return Ok(None);
@@ -280,8 +281,8 @@ impl Bytes<'_> {
         Ok(Some(Chunk { id, size, at: at + 8, rest: self.length - (at + 8) }))
     }
 
-    /// Where the next chunk begins: a chunk of an odd size is followed by one byte that belongs to none.
-    fn after(&self, chunk: &Chunk) -> Result<u64, Refused> {
+    /// Start of the next chunk; a chunk of odd size is followed by a padding byte.
+    fn after(&self, chunk: &Chunk) -> Result<u64, ChunkError> {
         let size = chunk.size;
         let name = String::from_utf8_lossy(&chunk.id).into_owned();
         if u64::from(size) > chunk.rest {
@@ -304,7 +305,7 @@ impl Bytes<'_> {
         Ok(padded)
     }
 
-    fn format(&self, chunk: &Chunk) -> Result<Format, Refused> {
+    fn format(&self, chunk: &Chunk) -> Result<Format, ChunkError> {
         let short = |at: u64| self.short(chunk.at + at);
         let bad = |what: String| {
             Box::new(Fault::new("fmt", what).expected("PCM, or IEEE floats of 32 or 64 bits"))

@@ -3,14 +3,14 @@
 //! Files refused by a schema are refused by the reader. Unknown keys, missing keys, types and
 //! ranges of single numbers refused by the reader are refused by the schema.
 
-use recording::bridge::{EgmConfig, Ethernet, RsiConfig};
+use recording::bridge::{EgmConfig, EthernetConfig, RsiConfig};
 use recording::cell::CellConfig;
 use recording::cut::CutFile;
 use recording::faults::{Fault, Faults};
 use recording::manifest::Manifest;
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
-use recording::series::About;
+use recording::series::RecordingMetadata;
 use serde_json::Value;
 
 use super::{faults, known, known_as, mutations, read, root, samples};
@@ -21,7 +21,7 @@ type Reader = fn(&str) -> Result<(), Faults>;
 fn reader(format: &str) -> Reader {
     match format {
         "trued.model/1" => |text| RobotModel::parse("model.toml", text).map(drop),
-        "trued.recording/1" => |text| About::parse("recording.toml", text).map(drop),
+        "trued.recording/1" => |text| RecordingMetadata::parse("recording.toml", text).map(drop),
         "trued.mapping/1" => |text| Mapping::parse("mapping.toml", text).map(drop),
         "trued.cell/1" => |text| CellConfig::parse("cell.toml", text).map(drop),
         "trued.cut/1" => |text| CutFile::parse("cut.toml", text).map(drop),
@@ -32,8 +32,9 @@ fn reader(format: &str) -> Reader {
     }
 }
 
-fn ethernet() -> Ethernet {
-    Ethernet::parse("rsi-ethernet.xml", &read(&root().join("deploy/rsi-ethernet.xml"))).unwrap()
+fn ethernet() -> EthernetConfig {
+    EthernetConfig::parse("rsi-ethernet.xml", &read(&root().join("deploy/rsi-ethernet.xml")))
+        .unwrap()
 }
 
 /// A fault of a single key.

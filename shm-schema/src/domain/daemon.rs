@@ -9,58 +9,58 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc;
 
-use super::current::{Contract, Current};
+use super::announcement::{Announcement, Contract};
+use super::cell::Cell;
 use super::error::{DomainError, JoinError};
 use super::lock::{Lock, LockError};
-use super::mender::Mender;
-use super::place::Cell;
+use super::unsized_files::UnsizedFileCleaner;
 use crate::port::{ControlServer, PortError, Publisher, Subscriber};
-use crate::services::{Services, Topic, Way};
+use crate::services::{OpenMode, Services, Topic};
 
-/// How long a start waits for the lock: a client's look at it takes microseconds.
-const LOCK_PATIENCE: Duration = Duration::from_millis(200);
+/// How long a start waits for the lock: a client's check of it takes microseconds.
+const LOCK_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// A cell, claimed: this process is its one daemon until the value is dropped.
 ///
-/// Life: [`create`](Self::create); hand [`ports`](Self::ports) to the threads; when they have made
+/// Life cycle: [`create`](Self::create); hand [`ports`](Self::ports) to the threads; when they have created
 /// their ports and the first `Status` is out, [`announce`](Self::announce); from then on
 /// [`supervise`](Self::supervise) every 20 to 50 ms, from a thread that is not real-time.
 #[derive(Debug)]
 pub struct DaemonSide {
-    // Dropped in this order: the transport's own tidying first, the claim last.
+    // Dropped in this order: the transport's own cleanup first, the claim last.
     ports: DaemonPorts,
     node: Node<ipc::Service>,
-    _mender: Mender,
-    /// The epoch that was announced to clients, or was to be; 0 before the first.
+    _mender: UnsizedFileCleaner,
+    /// The last epoch whose announcement was attempted; 0 before the first.
     announced: AtomicU64,
-    claim: Claim,
+    claim: CellClaim,
 }
 
-/// A cell's lock; what is left of the cell goes with it.
+/// A cell's lock; dropping it removes the cell's remaining files.
 #[derive(Debug)]
-struct Claim {
+struct CellClaim {
     cell: Cell,
     lock: Option<Lock>,
 }
 
-/// Makes ports of one epoch. Cheap to clone; send a clone to each thread.
+/// Creates ports of one epoch. Cheap to clone; send a clone to each thread.
 #[derive(Debug, Clone)]
 pub struct DaemonPorts {
     services: Arc<Services<ipc::Service>>,
     epoch: u64,
 }
 
-/// What a look after the clients found.
+/// Result of supervising the clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Supervision {
-    /// Dead processes cleaned up after.
+    /// Terminated processes whose resources were released.
     pub cleaned: u64,
-    /// Dead processes that could not be cleaned up after.
+    /// Terminated processes whose resources could not be released.
     pub failed: u64,
-    /// A client cannot get in: [`DaemonSide::renew`] helps.
-    pub knocked: bool,
-    /// Somebody has removed or changed files by which clients find this daemon: [`DaemonSide::renew`] helps too.
-    pub torn: bool,
+    /// A client cannot join and has requested a new epoch: call [`DaemonSide::renew`].
+    pub epoch_requested: bool,
+    /// Files by which clients find this daemon were removed or changed: call [`DaemonSide::renew`].
+    pub files_damaged: bool,
 }
 
 impl DaemonSide {
@@ -69,15 +69,15 @@ impl DaemonSide {
     /// # Errors
     /// [`DomainError::AlreadyServed`] where another daemon lives; see [`DomainError`] for the rest.
     pub fn create(cell: &Cell) -> Result<Self, DomainError> {
-        let claim = Claim::new(cell)?;
+        let claim = CellClaim::new(cell)?;
         claim.clear();
-        let mender = Mender::start(cell)
+        let mender = UnsizedFileCleaner::start(cell)
             .map_err(|e| DomainError::io("start a thread for", cell.dir(), e))?;
         let (node, ports) = open_epoch(cell)?;
         Ok(Self { ports, node, _mender: mender, announced: AtomicU64::new(0), claim })
     }
 
-    /// What makes the ports of the present epoch.
+    /// The factory of ports of the present epoch.
     #[must_use]
     pub fn ports(&self) -> DaemonPorts {
         self.ports.clone()
@@ -95,48 +95,57 @@ impl DaemonSide {
     /// [`DomainError::Io`] where the announcement could not be written.
     pub fn announce(&self) -> Result<(), DomainError> {
         let epoch = self.ports.epoch;
-        // Whether it succeeds or not: an announcement that failed is as torn as one that was removed.
+        // Set in any case: a failed announcement is repaired like one that was removed.
         self.announced.store(epoch, Relaxed);
         self.announcement().write(&self.claim.cell)?;
-        self.claim.cell.sweep_epochs(Some(epoch));
+        self.claim.cell.remove_epochs_except(Some(epoch));
         Ok(())
     }
 
-    fn announcement(&self) -> Current {
-        Current { contract: Contract::ours(), epoch: self.ports.epoch, pid: std::process::id() }
+    fn announcement(&self) -> Announcement {
+        Announcement {
+            contract: Contract::of_this_build(),
+            epoch: self.ports.epoch,
+            pid: std::process::id(),
+        }
     }
 
-    /// Cleans up after clients that died, so that their places are free, looks whether one knocks, and whether all is in its place.
+    /// Releases the resources of terminated clients, and checks whether a client requests a new epoch and whether the cell's files are intact.
     pub fn supervise(&self) -> Supervision {
         let state = self.node.try_cleanup_dead_nodes();
         let knock = self.claim.cell.file("knock");
         let epoch = format!("{:016x}", self.ports.epoch);
         let knocked = fs::read_to_string(&knock).is_ok_and(|text| text.trim() == epoch);
-        let torn = self.announced.load(Relaxed) == self.ports.epoch && !self.is_found();
-        Supervision { cleaned: state.cleanups, failed: state.failed_cleanups, knocked, torn }
+        let torn = self.announced.load(Relaxed) == self.ports.epoch && !self.is_discoverable();
+        Supervision {
+            cleaned: state.cleanups,
+            failed: state.failed_cleanups,
+            epoch_requested: knocked,
+            files_damaged: torn,
+        }
     }
 
-    /// Whether a client that looks for this daemon finds it. A directory that was given to others is not this daemon's to mend.
-    fn is_found(&self) -> bool {
+    /// Whether clients can find this daemon. A directory that now belongs to another user cannot be repaired by this daemon.
+    fn is_discoverable(&self) -> bool {
         let cell = &self.claim.cell;
-        match Current::read(cell) {
-            Err(JoinError::WrongUser { .. }) => !cell.is_ajar(),
+        match Announcement::read(cell) {
+            Err(JoinError::WrongUser { .. }) => !cell.is_readable_by_others(),
             found => {
                 found.is_ok_and(|found| found == self.announcement())
-                    && self.claim.holds()
+                    && self.claim.is_valid()
                     && cell.epoch_dir(self.ports.epoch).is_dir()
             }
         }
     }
 
-    /// Makes a new epoch beside the present one. Its ports come from [`ports`](Self::ports); when
-    /// the threads have changed over, [`announce`](Self::announce) moves the clients.
+    /// Creates a new epoch in addition to the present one. Its ports come from [`ports`](Self::ports); when
+    /// the threads have switched to them, [`announce`](Self::announce) moves the clients.
     ///
     /// # Errors
-    /// See [`DomainError`]; the present epoch then stays. [`DomainError::AlreadyServed`]: the cell was taken away, and another
-    /// daemon has it.
+    /// See [`DomainError`]; the present epoch then stays. [`DomainError::AlreadyServed`]: another daemon has
+    /// taken over the cell.
     pub fn renew(&mut self) -> Result<(), DomainError> {
-        self.claim.claim_again()?;
+        self.claim.reclaim()?;
         let (node, ports) = open_epoch(&self.claim.cell)?;
         self.node = node;
         self.ports = ports;
@@ -147,29 +156,29 @@ impl DaemonSide {
 
 impl Drop for DaemonSide {
     fn drop(&mut self) {
-        // Nobody shall join what is about to go.
-        if self.claim.holds() {
+        // No client may join an epoch that is being removed.
+        if self.claim.is_valid() {
             let _ = fs::remove_file(self.claim.cell.file("current"));
         }
     }
 }
 
-impl Claim {
+impl CellClaim {
     fn new(cell: &Cell) -> Result<Self, DomainError> {
-        Ok(Self { cell: cell.clone(), lock: Some(locked(cell)?) })
+        Ok(Self { cell: cell.clone(), lock: Some(acquire_lock(cell)?) })
     }
 
-    /// Whether the cell is still this process's: somebody may have removed the lock's file.
-    fn holds(&self) -> bool {
-        self.lock.as_ref().is_some_and(Lock::holds)
+    /// Whether this process still owns the cell: the lock file may have been removed.
+    fn is_valid(&self) -> bool {
+        self.lock.as_ref().is_some_and(Lock::is_valid)
     }
 
-    /// Takes the cell again where its files were removed.
-    fn claim_again(&mut self) -> Result<(), DomainError> {
-        if self.holds() {
+    /// Acquires the cell again if its files were removed.
+    fn reclaim(&mut self) -> Result<(), DomainError> {
+        if self.is_valid() {
             return self.cell.make_dir();
         }
-        self.lock = Some(locked(&self.cell)?);
+        self.lock = Some(acquire_lock(&self.cell)?);
         Ok(())
     }
 
@@ -177,28 +186,28 @@ impl Claim {
         let _ = fs::remove_file(self.cell.file("current"));
         let _ = fs::remove_file(self.cell.file("current.new"));
         let _ = fs::remove_file(self.cell.file("knock"));
-        self.cell.sweep_epochs(None);
+        self.cell.remove_epochs_except(None);
     }
 }
 
-impl Drop for Claim {
+impl Drop for CellClaim {
     fn drop(&mut self) {
-        // Without the lock, what stands there is another daemon's.
-        if self.claim_again().is_err() {
+        // Without the lock, the files belong to another daemon.
+        if self.reclaim().is_err() {
             return;
         }
         self.clear();
-        // A dead client's lock file goes with ours; a living one's stays with it.
+        // Lock files of terminated clients are removed too; those of running ones stay.
         for role in ["cell.lock", "force.lock", "instrument.lock"] {
-            drop(Lock::take(&self.cell.file(role), Duration::ZERO));
+            drop(Lock::acquire(&self.cell.file(role), Duration::ZERO));
         }
         self.lock = None;
-        self.cell.leave();
+        self.cell.remove_if_empty();
     }
 }
 
 impl DaemonPorts {
-    /// Names the epoch.
+    /// Identifies the epoch.
     #[must_use]
     pub fn epoch(&self) -> u64 {
         self.epoch
@@ -207,7 +216,7 @@ impl DaemonPorts {
     /// A sender, for the calling thread.
     ///
     /// # Errors
-    /// [`PortError::Occupied`] where the daemon has made it already.
+    /// [`PortError::Occupied`] if the daemon has already created it.
     pub fn publisher<T: Topic>(&self) -> Result<Publisher<T>, PortError> {
         Publisher::new(&self.services)
     }
@@ -215,36 +224,36 @@ impl DaemonPorts {
     /// A receiver, for the calling thread.
     ///
     /// # Errors
-    /// [`PortError::Occupied`] where the daemon has made it already.
+    /// [`PortError::Occupied`] if the daemon has already created it.
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, PortError> {
         Subscriber::new(&self.services, 0)
     }
 
-    /// The end of `/control` that answers, for the calling thread.
+    /// The server of `/control`, for the calling thread.
     ///
     /// # Errors
-    /// [`PortError::Refused`] where the daemon has made it already.
+    /// [`PortError::Refused`] if the daemon has already created it.
     pub fn control(&self) -> Result<ControlServer, PortError> {
         ControlServer::new(&self.services)
     }
 }
 
-/// Removes all that dead daemons and clients of the cell left behind.
+/// Removes all files that terminated daemons and clients of the cell left behind.
 ///
 /// # Errors
-/// [`DomainError::AlreadyServed`] where a daemon lives.
-pub fn sweep(cell: &Cell) -> Result<(), DomainError> {
-    drop(Claim::new(cell)?);
+/// [`DomainError::AlreadyServed`] if a daemon is running.
+pub fn remove_leftovers(cell: &Cell) -> Result<(), DomainError> {
+    drop(CellClaim::new(cell)?);
     Ok(())
 }
 
-/// The cell's directory, and the daemon's lock in it.
-fn locked(cell: &Cell) -> Result<Lock, DomainError> {
+/// Creates the cell's directory and acquires the daemon's lock in it.
+fn acquire_lock(cell: &Cell) -> Result<Lock, DomainError> {
     let path = cell.file("daemon.lock");
-    // A client that leaves removes an empty directory; then the next try makes it again.
+    // A client that ends removes an empty directory; the next attempt creates it again.
     for _ in 0..10 {
         cell.make_dir()?;
-        match Lock::take(&path, LOCK_PATIENCE) {
+        match Lock::acquire(&path, LOCK_TIMEOUT) {
             Ok(lock) => return Ok(lock),
             Err(LockError::Io(e)) if e.kind() == ErrorKind::NotFound => {}
             Err(LockError::Io(e)) => return Err(DomainError::io("lock", &path, e)),
@@ -262,13 +271,13 @@ fn open_epoch(cell: &Cell) -> Result<(Node<ipc::Service>, DaemonPorts), DomainEr
     fs::create_dir(&dir).map_err(|e| DomainError::io("create the directory", &dir, e))?;
     let transport = |cause| DomainError::Transport { cell: cell.name().to_owned(), cause };
     let node = super::node(cell, epoch).map_err(transport)?;
-    cell.close_to_others(epoch)
+    cell.restrict_to_owner(epoch)
         .map_err(|e| DomainError::io("close to other users the memory of", &dir, e))?;
-    let services = Arc::new(Services::make(&node, Way::Create)?);
+    let services = Arc::new(Services::open_all(&node, OpenMode::Create)?);
     Ok((node, DaemonPorts { services, epoch }))
 }
 
-/// A number that no earlier epoch of this cell has: the time of day in ns, or at worst one of its kind.
+/// A number that no earlier epoch of this cell has: the time of day in ns, or a new session number if the clock is before 1970.
 fn new_epoch() -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     since.map_or_else(|_| crate::clock::new_session(), |t| t.as_nanos() as u64)

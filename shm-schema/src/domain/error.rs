@@ -1,27 +1,27 @@
-//! Errors of creating and joining a domain: where, what, what was expected, what to do.
+//! Errors of creating and joining a domain. Each message states what failed, what was expected, and the remedy.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::current::Contract;
+use super::announcement::Contract;
 use crate::port::PortError;
 use crate::services::ServiceError;
 
-/// The daemon's domain could not be made.
+/// The daemon's domain could not be created.
 #[derive(Debug, thiserror::Error)]
 pub enum DomainError {
-    /// The cell's name cannot be.
+    /// The cell's name is invalid.
     #[error("cell name {name:?}: expected 1 to 24 of a-z, 0-9 and '-'")]
     BadName {
         /// The name given.
         name: String,
     },
-    /// The cell's directory cannot be.
+    /// The path of the cell's directory is invalid.
     #[error("{}: expected an absolute path of at most {limit} bytes of UTF-8; set TRUED_RUNTIME_DIR to a shorter one", dir.display())]
-    BadPlace {
+    BadDirectory {
         /// The directory.
         dir: PathBuf,
-        /// Most bytes.
+        /// Maximum length, bytes.
         limit: usize,
     },
     /// The directory is on a disk.
@@ -30,7 +30,7 @@ pub enum DomainError {
         /// The directory.
         dir: PathBuf,
     },
-    /// The directory is not ours alone.
+    /// The directory is accessible to other users.
     #[error("{}: belongs to user {owner} with mode {mode:o}, expected user {me} and mode 700; run daemon and clients as the same user, or remove it", dir.display())]
     WrongOwner {
         /// The directory.
@@ -50,14 +50,14 @@ pub enum DomainError {
         /// The other daemon's process, as far as known.
         pid: Option<u32>,
     },
-    /// The system refused.
+    /// The system refused an operation.
     #[error("could not {step} {}: {source}", path.display())]
     Io {
-        /// What was tried.
+        /// The attempted operation.
         step: &'static str,
-        /// On what.
+        /// The path.
         path: PathBuf,
-        /// Why not.
+        /// The system's error.
         source: io::Error,
     },
     /// The transport could not be started.
@@ -67,7 +67,7 @@ pub enum DomainError {
     Transport {
         /// The cell.
         cell: String,
-        /// What the transport said.
+        /// Error of the transport.
         cause: String,
     },
     /// A service could not be created.
@@ -84,7 +84,7 @@ impl DomainError {
 /// A client could not join.
 #[derive(Debug, thiserror::Error)]
 pub enum JoinError {
-    /// The cell's name or place cannot be.
+    /// The cell's name or directory is invalid.
     #[error(transparent)]
     Cell(#[from] DomainError),
     /// No daemon serves the cell.
@@ -92,10 +92,10 @@ pub enum JoinError {
     NoDaemon {
         /// The cell.
         cell: String,
-        /// Where it was looked for.
+        /// The directory that was searched.
         dir: PathBuf,
     },
-    /// The daemon that announced itself is dead.
+    /// The announced daemon has terminated.
     #[error("cell {cell:?}: the daemon (process {pid}) has terminated; start `trued run` again")]
     DaemonDied {
         /// The cell.
@@ -103,7 +103,7 @@ pub enum JoinError {
         /// The daemon's last process.
         pid: u32,
     },
-    /// The domain is another user's.
+    /// The domain belongs to another user.
     #[error("{}: belongs to user {owner}, this process is user {me}; run both as the same user", dir.display())]
     WrongUser {
         /// The directory.
@@ -113,7 +113,7 @@ pub enum JoinError {
         /// This process's user.
         me: u32,
     },
-    /// Both sides were built against different contracts.
+    /// Daemon and client have different contracts.
     #[error("the daemon is {theirs}, this client is {ours}; install the same version of both")]
     VersionMismatch {
         /// The daemon's.
@@ -121,7 +121,7 @@ pub enum JoinError {
         /// This build's.
         ours: Box<Contract>,
     },
-    /// The announcement makes no sense.
+    /// The announcement cannot be parsed.
     #[error("{}: cannot be read by this version; restart the daemon", path.display())]
     Unreadable {
         /// The file.
@@ -140,18 +140,18 @@ pub enum JoinError {
     Transport {
         /// The epoch.
         epoch: u64,
-        /// What the transport said.
+        /// Error of the transport.
         cause: String,
     },
-    /// A port could not be made.
+    /// A port could not be created.
     #[error(transparent)]
     Port(#[from] PortError),
 }
 
 impl JoinError {
-    /// Whether trying again a moment later may help.
+    /// Whether a later retry may succeed.
     #[must_use]
-    pub fn is_passing(&self) -> bool {
+    pub fn is_transient(&self) -> bool {
         !matches!(self, Self::Cell(_) | Self::WrongUser { .. } | Self::VersionMismatch { .. })
     }
 }

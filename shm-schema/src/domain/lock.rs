@@ -1,6 +1,6 @@
 //! Liveness of processes: a file lock that the kernel releases when its holder ends, however it ends.
 //!
-//! Promise: at most one holder per path; the file names the holder's process. Beware: a child
+//! Invariant: at most one holder per path; the file contains the holder's process id. A child
 //! forked without `exec` keeps the lock of its parent.
 
 use std::fs::{self, File, OpenOptions};
@@ -18,20 +18,20 @@ pub(crate) struct Lock {
     path: PathBuf,
 }
 
-/// Why a lock was not had.
+/// Why a lock was not acquired.
 #[derive(Debug)]
 pub(crate) enum LockError {
-    /// Another process has it; its id as far as it can be read.
+    /// Another process holds it; its id, if it can be read.
     Held(Option<u32>),
     Io(io::Error),
 }
 
 impl Lock {
-    /// Takes the lock; tries for `patience`, as a look at it by [`is_held`] hinders for a moment.
-    pub(crate) fn take(path: &Path, patience: Duration) -> Result<Self, LockError> {
+    /// Acquires the lock; retries for `patience`, because [`is_held`] holds it for a moment.
+    pub(crate) fn acquire(path: &Path, patience: Duration) -> Result<Self, LockError> {
         let start = Instant::now();
         loop {
-            match Self::try_take(path) {
+            match Self::try_acquire(path) {
                 Err(LockError::Held(_)) if start.elapsed() < patience => {
                     std::thread::sleep(Duration::from_millis(5));
                 }
@@ -40,7 +40,7 @@ impl Lock {
         }
     }
 
-    fn try_take(path: &Path) -> Result<Self, LockError> {
+    fn try_acquire(path: &Path) -> Result<Self, LockError> {
         let mut file = OpenOptions::new()
             .read(true)
             .write(true)
@@ -51,20 +51,22 @@ impl Lock {
             .map_err(LockError::Io)?;
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
-            Err(rustix::io::Errno::WOULDBLOCK) => return Err(LockError::Held(holder(&mut file))),
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                return Err(LockError::Held(holder_pid(&mut file)));
+            }
             Err(e) => return Err(LockError::Io(e.into())),
         }
         let lock = Self { file, path: path.to_owned() };
-        if !lock.holds() {
+        if !lock.is_valid() {
             return Err(LockError::Held(None));
         }
         lock.write_pid().map_err(LockError::Io)?;
         Ok(lock)
     }
 
-    /// Whether the file under the path is still the one that is locked: who cleans up may have
-    /// removed it, and another process locked its successor.
-    pub(crate) fn holds(&self) -> bool {
+    /// Whether the file at the path is still the locked one: it may have been removed by a cleanup,
+    /// and another process may have locked its successor.
+    pub(crate) fn is_valid(&self) -> bool {
         match (self.file.metadata(), fs::metadata(&self.path)) {
             (Ok(a), Ok(b)) => a.ino() == b.ino() && a.dev() == b.dev(),
             _ => false,
@@ -79,7 +81,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        if self.holds() {
+        if self.is_valid() {
             let _ = fs::remove_file(&self.path);
         }
     }
@@ -91,7 +93,7 @@ pub(crate) fn is_held(path: &Path) -> bool {
     flock(&file, FlockOperation::NonBlockingLockShared) == Err(rustix::io::Errno::WOULDBLOCK)
 }
 
-fn holder(file: &mut File) -> Option<u32> {
+fn holder_pid(file: &mut File) -> Option<u32> {
     let mut text = String::new();
     file.rewind().ok()?;
     file.read_to_string(&mut text).ok()?;

@@ -7,29 +7,29 @@
 //! still cannot connect requests a new epoch. Incomplete files of a killed process would block
 //! others indefinitely: a thread of the daemon removes them.
 
-mod current;
+mod announcement;
+mod cell;
 mod daemon;
 mod error;
 mod lock;
-mod mender;
 mod peer;
-mod place;
+mod unsized_files;
 
-pub use current::{Contract, Current};
-pub use daemon::{DaemonPorts, DaemonSide, Supervision, sweep};
+pub use announcement::{Announcement, Contract};
+pub use cell::{Cell, RUNTIME_DIR_ENV};
+pub use daemon::{DaemonPorts, DaemonSide, Supervision, remove_leftovers};
 pub use error::{DomainError, JoinError};
-pub use peer::{Joined, PeerControl, PeerPublisher, PeerSubscriber, Role, Seat};
-pub use place::{Cell, RUNTIME_DIR_ENV};
+pub use peer::{JoinedEpoch, PeerControl, PeerPublisher, PeerSubscriber, Role, RoleClaim};
 
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{Config, FileName, Path, SemanticString, Service, SignalHandlingMode};
 
-/// How long the transport waits for a half-made resource.
+/// How long the transport waits for an incomplete resource.
 const CREATION_TIMEOUT: core::time::Duration = core::time::Duration::from_millis(100);
 
-/// Joins an epoch as a process: the transport's node, quiet, without signal handlers, cleaning nothing.
+/// Creates the transport's node of this process in an epoch: no log, no signal handlers, no cleanup.
 fn node<S: Service>(cell: &Cell, epoch: u64) -> Result<Node<S>, String> {
-    place::check_room()?;
+    cell::check_free_space()?;
     let mut config = Config::default();
     let dir = cell.epoch_dir(epoch);
     let root = Path::new(dir.to_string_lossy().as_bytes()).map_err(|e| format!("{e:?}"))?;

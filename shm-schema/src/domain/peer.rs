@@ -1,4 +1,4 @@
-//! A client's side of a domain: take the lock of its role, join the announced epoch.
+//! A client's side of a domain: acquires the lock of its role, joins the announced epoch.
 
 use std::fs;
 use std::sync::Arc;
@@ -7,13 +7,13 @@ use std::time::Duration;
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc_threadsafe;
 
-use super::current::{Contract, Current};
+use super::announcement::{Announcement, Contract};
+use super::cell::Cell;
 use super::error::JoinError;
 use super::lock::{Lock, LockError, is_held};
-use super::mender::HalfMade;
-use super::place::Cell;
+use super::unsized_files::UnsizedFiles;
 use crate::port::{ControlClient, PortError, Publisher, Subscriber};
-use crate::services::{Services, Topic, Way};
+use crate::services::{OpenMode, Services, Topic};
 
 /// A client's ports may move between threads, at the price of an uncontended lock per call.
 type Transport = ipc_threadsafe::Service;
@@ -24,16 +24,16 @@ pub type PeerSubscriber<T> = Subscriber<T, Transport>;
 /// A client's end of `/control`.
 pub type PeerControl = ControlClient<Transport>;
 
-/// What a client does in the cell.
+/// Role of a client in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// Sends commands and takes corrected targets: one per cell.
+    /// Sends commands and receives corrected targets: one per cell.
     Cell,
     /// Sends force blocks: one per cell.
     Force,
     /// Sends measured points of the tool: one per cell.
     Instrument,
-    /// Looks and asks: several.
+    /// Monitors and sends requests: any number.
     Monitor,
 }
 
@@ -48,30 +48,30 @@ impl Role {
     }
 }
 
-/// A role in a cell, held against all other processes until it is dropped.
+/// A role in a cell, held exclusively until it is dropped.
 #[derive(Debug)]
-pub struct Seat {
+pub struct RoleClaim {
     cell: Cell,
     role: Role,
     lock: Option<Lock>,
-    half_made: HalfMade,
+    unsized_files: UnsizedFiles,
 }
 
-/// An epoch, joined: makes the ports.
+/// A joined epoch: creates ports.
 #[derive(Debug, Clone)]
-pub struct Joined {
-    // The services before the node, which outlives them.
+pub struct JoinedEpoch {
+    // The services are dropped before the node.
     services: Arc<Services<Transport>>,
     _node: Arc<Node<Transport>>,
-    current: Current,
+    current: Announcement,
     role: Role,
 }
 
-impl Seat {
-    /// A seat for that role; it is taken with the first [`join`](Self::join).
+impl RoleClaim {
+    /// A claim to this role; it is acquired by the first [`join`](Self::join).
     #[must_use]
     pub fn new(cell: &Cell, role: Role) -> Self {
-        Self { cell: cell.clone(), role, lock: None, half_made: HalfMade::default() }
+        Self { cell: cell.clone(), role, lock: None, unsized_files: UnsizedFiles::default() }
     }
 
     /// The cell.
@@ -80,12 +80,12 @@ impl Seat {
         &self.cell
     }
 
-    /// Whether a daemon lives, and with which epoch announced. Some microseconds and system calls.
+    /// The announcement of the running daemon. Takes some microseconds and system calls.
     ///
     /// # Errors
-    /// [`JoinError`] as [`Current::read`], or [`JoinError::DaemonDied`].
-    pub fn look(&self) -> Result<Current, JoinError> {
-        let current = Current::read(&self.cell)?;
+    /// [`JoinError`] as [`Announcement::read`], or [`JoinError::DaemonDied`].
+    pub fn current_epoch(&self) -> Result<Announcement, JoinError> {
+        let current = Announcement::read(&self.cell)?;
         if !is_held(&self.cell.file("daemon.lock")) {
             let cell = self.cell.name().to_owned();
             return Err(JoinError::DaemonDied { cell, pid: current.pid });
@@ -93,45 +93,46 @@ impl Seat {
         Ok(current)
     }
 
-    /// Joins the announced epoch: one try, bounded by the transport's 100 ms per half-made resource.
+    /// Joins the announced epoch: one attempt, limited by the transport's 100 ms per incomplete resource.
     ///
     /// # Errors
-    /// See [`JoinError`]; [`JoinError::is_passing`] tells whether to try again.
-    pub fn join(&mut self) -> Result<Joined, JoinError> {
-        let current = self.look()?;
-        let ours = Contract::ours();
-        if !current.contract.fits(&ours) {
+    /// See [`JoinError`]; [`JoinError::is_transient`] states whether a retry may succeed.
+    pub fn join(&mut self) -> Result<JoinedEpoch, JoinError> {
+        let current = self.current_epoch()?;
+        let ours = Contract::of_this_build();
+        if !current.contract.is_compatible_with(&ours) {
             let (theirs, ours) = (Box::new(current.contract), Box::new(ours));
             return Err(JoinError::VersionMismatch { theirs, ours });
         }
-        self.take()?;
+        self.acquire()?;
         let epoch = current.epoch;
         let transport = |cause| JoinError::Transport { epoch, cause };
         let node = super::node(&self.cell, epoch).map_err(transport)?;
-        let services = Services::make(&node, Way::Open).map_err(|e| transport(e.to_string()))?;
+        let services =
+            Services::open_all(&node, OpenMode::Open).map_err(|e| transport(e.to_string()))?;
         let (services, node) = (Arc::new(services), Arc::new(node));
-        Ok(Joined { services, _node: node, current, role: self.role })
+        Ok(JoinedEpoch { services, _node: node, current, role: self.role })
     }
 
-    /// Asks the daemon for a new epoch, as `epoch` cannot be joined although this seat is ours.
-    pub fn knock(&self, epoch: u64) {
+    /// Requests a new epoch from the daemon, because `epoch` cannot be joined although this process holds the role.
+    pub fn request_new_epoch(&self, epoch: u64) {
         let _ = fs::write(self.cell.file("knock"), format!("{epoch:016x}\n"));
     }
 
-    /// Removes what a killed process left half-made, and frees threads that are stuck on it: to be called again and again while
-    /// no daemon lives. One that lives does this itself.
-    pub fn mend(&mut self) {
-        self.half_made.mend(&self.cell);
+    /// Removes incomplete files of a killed process, which unblocks threads that wait for them: to be called repeatedly while
+    /// no daemon is running. A running daemon does this itself.
+    pub fn remove_unsized_files(&mut self) {
+        self.unsized_files.remove_expired(&self.cell);
     }
 
-    fn take(&mut self) -> Result<(), JoinError> {
+    fn acquire(&mut self) -> Result<(), JoinError> {
         let Some((role, file)) = self.role.lock_name() else { return Ok(()) };
-        if self.lock.as_ref().is_some_and(Lock::holds) {
+        if self.lock.as_ref().is_some_and(Lock::is_valid) {
             return Ok(());
         }
         self.lock = None;
         let path = self.cell.file(file);
-        match Lock::take(&path, Duration::ZERO) {
+        match Lock::acquire(&path, Duration::ZERO) {
             Ok(lock) => self.lock = Some(lock),
             Err(LockError::Held(pid)) => return Err(JoinError::RoleTaken { role, pid }),
             Err(LockError::Io(e)) => {
@@ -142,24 +143,24 @@ impl Seat {
     }
 }
 
-impl Drop for Seat {
+impl Drop for RoleClaim {
     fn drop(&mut self) {
         self.lock = None;
-        self.cell.leave();
+        self.cell.remove_if_empty();
     }
 }
 
-impl Joined {
-    /// What was joined.
+impl JoinedEpoch {
+    /// The announcement of the joined epoch.
     #[must_use]
-    pub fn current(&self) -> &Current {
+    pub fn current(&self) -> &Announcement {
         &self.current
     }
 
     /// A sender.
     ///
     /// # Errors
-    /// [`PortError::Occupied`] while a dead forerunner's place is not cleaned up.
+    /// [`PortError::Occupied`] until the place of a terminated predecessor is released.
     pub fn publisher<T: Topic>(&self) -> Result<PeerPublisher<T>, PortError> {
         Publisher::new(&self.services)
     }
@@ -167,13 +168,13 @@ impl Joined {
     /// A receiver.
     ///
     /// # Errors
-    /// As [`publisher`](Self::publisher); for a monitor also where all places but the cell's are taken.
+    /// As [`publisher`](Self::publisher); for a monitor also if all places but the cell's are taken.
     pub fn subscriber<T: Topic>(&self) -> Result<PeerSubscriber<T>, PortError> {
-        let kept = if self.role == Role::Monitor { T::KEEPING.kept_for_the_cell() } else { 0 };
+        let kept = if self.role == Role::Monitor { T::KEEPING.reserved_for_cell() } else { 0 };
         Subscriber::new(&self.services, kept)
     }
 
-    /// The end of `/control` that asks.
+    /// The client of `/control`.
     ///
     /// # Errors
     /// As [`subscriber`](Self::subscriber).

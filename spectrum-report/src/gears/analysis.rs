@@ -6,7 +6,7 @@ use super::Settings;
 use super::lines::Lines;
 use super::matching::MatchedLine;
 use super::path::TravelledPath;
-use super::trains::{self, Train};
+use super::trains::{self, GearTrain};
 use crate::error::Error;
 
 /// Gear shafts and meshes along a path.
@@ -16,7 +16,7 @@ pub struct Analysis {
     /// The path.
     pub travelled: TravelledPath,
     /// The gear trains of the joints that turn along the path.
-    pub trains: Vec<Train>,
+    pub trains: Vec<GearTrain>,
     /// Lines, with the wheels that fit.
     pub lines: Vec<MatchedLine>,
     /// Remarks, as text.

@@ -1,17 +1,17 @@
 //! Assignment of lines to wheels, and the probability of a random match.
 
-use spectrum::Wheel;
-use spectrum::spatial::{MULTIPLES, match_wheels};
+use spectrum::GearFrequency;
+use spectrum::spatial::{MULTIPLES, match_gears};
 
 use super::Settings;
 use super::lines::Line;
-use super::trains::Train;
+use super::trains::GearTrain;
 
 /// A wheel that fits a line.
 #[derive(Clone, Copy, Debug)]
-pub struct Fit {
+pub struct MatchingGear {
     /// Shaft or mesh.
-    pub wheel: Wheel,
+    pub wheel: GearFrequency,
     /// The line is this multiple of it.
     pub multiple: u32,
     /// Distance of the multiple from the line, relative to the line.
@@ -20,7 +20,7 @@ pub struct Fit {
     pub drift: f64,
 }
 
-impl Fit {
+impl MatchingGear {
     /// `2 × joint 1, 10 teeth of shaft 1 (+0.8 %)`.
     pub(super) fn text(&self) -> String {
         let times =
@@ -35,26 +35,27 @@ pub struct MatchedLine {
     /// The line.
     pub line: Line,
     /// What fits it.
-    pub fits: Vec<Fit>,
+    pub fits: Vec<MatchingGear>,
     /// The part of the octave around the line in which any line would fit a wheel; 0 to 1.
     pub by_chance: f64,
 }
 
 impl MatchedLine {
-    pub(super) fn of(line: Line, trains: &[Train], settings: &Settings) -> Self {
+    pub(super) fn of(line: Line, trains: &[GearTrain], settings: &Settings) -> Self {
         let tolerance = 0.01 * settings.tolerance_percent;
         let even = || trains.iter().filter(|train| train.drift() <= settings.drift_max);
-        let within = |train: &Train| tolerance + line.uncertainty + 0.5 * train.drift();
-        let wheels: Vec<Wheel> = even().flat_map(|train| train.wheels.iter().copied()).collect();
+        let within = |train: &GearTrain| tolerance + line.uncertainty + 0.5 * train.drift();
+        let wheels: Vec<GearFrequency> =
+            even().flat_map(|train| train.wheels.iter().copied()).collect();
         let widest = even().map(within).fold(0.0, f64::max);
-        let fit = |(wheel, multiple): (Wheel, u32)| {
+        let fit = |(wheel, multiple): (GearFrequency, u32)| {
             let train = trains.iter().find(|train| train.joint == wheel.joint)?;
             let distance = f64::from(multiple) * wheel.cycles_per_mm / line.cycles_per_mm - 1.0;
-            let fit = Fit { wheel, multiple, distance, drift: train.drift() };
+            let fit = MatchingGear { wheel, multiple, distance, drift: train.drift() };
             (distance.abs() <= within(train)).then_some(fit)
         };
         let fits =
-            match_wheels(line.cycles_per_mm, &wheels, widest).into_iter().filter_map(fit).collect();
+            match_gears(line.cycles_per_mm, &wheels, widest).into_iter().filter_map(fit).collect();
         let windows = even().flat_map(|train| {
             let within = within(train).min(0.9);
             let multiples = train.wheels.iter().flat_map(|wheel| {

@@ -5,7 +5,7 @@ use report::{Axis, Bars, Cell, Column, Page, Plot, Series, Svg, Table, Tone, sig
 use super::analysis::Analysis;
 use super::matching::MatchedLine;
 use super::text::{DEGREES, by_parts, fitting, remarks};
-use super::trains::Train;
+use super::trains::GearTrain;
 
 /// Shafts that are drawn.
 const SHAFTS: usize = 12;
@@ -81,7 +81,7 @@ fn teeth(analysis: &Analysis) -> Option<Svg> {
     let mut all: Vec<(String, f64)> = analysis
         .trains
         .iter()
-        .flat_map(Train::shafts)
+        .flat_map(GearTrain::shafts)
         .map(|(turn, mesh)| (turn.to_string(), mesh.cycles_per_mm))
         .collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 use physics::{Arm, Chain, Frame, JOINTS_MAX, JointKind, Joints};
-use recording::series::{Kind, Recording};
+use recording::series::{Recording, RecordingKind};
 use std::f64::consts::TAU;
 
 use crate::error::Error;
@@ -17,7 +17,7 @@ const SHORTEST_MM: f64 = 1.0;
 
 /// A path that cannot be used.
 #[derive(Debug, thiserror::Error)]
-enum Unfit {
+enum GearPathError {
     #[error("{0}: contains poses at rest, expected a path (kind = \"path\")")]
     Poses(String),
     #[error("{0}: the tool moves by less than {SHORTEST_MM} mm in every segment, expected a path")]
@@ -34,7 +34,7 @@ enum Unfit {
 
 /// Revolutions of a joint per mm of path, without sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turns {
+pub struct RevolutionsPerMm {
     /// Mean.
     pub mean: f64,
     /// Least.
@@ -45,7 +45,7 @@ pub struct Turns {
 
 /// A part of the path.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct PathPart {
     /// Segment of the recording; 0 for a cut.
     pub segment: i64,
     /// Its begin from the start of the segment, mm.
@@ -53,7 +53,7 @@ pub struct Part {
     /// Its end from the start of the segment, mm.
     pub to_mm: f64,
     /// Rotation of each joint; 0 for a prismatic joint.
-    pub turns: Vec<Turns>,
+    pub turns: Vec<RevolutionsPerMm>,
 }
 
 /// A path and the rotations of the joints along it.
@@ -64,17 +64,17 @@ pub struct TravelledPath {
     /// Length of the path, mm.
     pub length_mm: f64,
     /// Its parts in order.
-    pub parts: Vec<Part>,
+    pub parts: Vec<PathPart>,
 }
 
 impl TravelledPath {
     /// Rotation of a joint along the whole path.
-    pub(super) fn whole(&self, joint: usize) -> Turns {
-        let of = |part: &Part| (part.to_mm - part.from_mm, part.turns[joint]);
+    pub(super) fn whole(&self, joint: usize) -> RevolutionsPerMm {
+        let of = |part: &PathPart| (part.to_mm - part.from_mm, part.turns[joint]);
         let mean = self.parts.iter().map(of).map(|(mm, turns)| mm * turns.mean).sum::<f64>();
         let least = self.parts.iter().map(|p| p.turns[joint].least).fold(f64::INFINITY, f64::min);
         let most = self.parts.iter().map(|p| p.turns[joint].most).fold(0.0, f64::max);
-        Turns { mean: mean / self.length_mm, least, most }
+        RevolutionsPerMm { mean: mean / self.length_mm, least, most }
     }
 
     fn of(by: String, arm: &Arm, runs: &[(i64, Vec<Joints>)], parts: usize) -> Option<Self> {
@@ -124,24 +124,24 @@ impl<'a> Run<'a> {
         std::array::from_fn(|i| a[i] + part * (b[i] - a[i]))
     }
 
-    fn part(&self, arm: &Arm, segment: i64, k: usize, parts: usize) -> Part {
+    fn part(&self, arm: &Arm, segment: i64, k: usize, parts: usize) -> PathPart {
         let step_mm = self.length_mm() / (parts * STEPS) as f64;
         let stations: Vec<Joints> =
             (k * STEPS..=(k + 1) * STEPS).map(|n| self.at(n as f64 * step_mm)).collect();
         let turns = arm.joints().iter().enumerate().map(|(joint, of)| {
             if of.kind != JointKind::Revolute {
-                return Turns { mean: 0.0, least: 0.0, most: 0.0 };
+                return RevolutionsPerMm { mean: 0.0, least: 0.0, most: 0.0 };
             }
             let steps = stations.windows(2).map(|q| (q[1][joint] - q[0][joint]).abs());
             let steps: Vec<f64> = steps.map(|turned| turned / TAU / step_mm).collect();
-            Turns {
+            RevolutionsPerMm {
                 mean: steps.iter().sum::<f64>() / STEPS as f64,
                 least: steps.iter().copied().fold(f64::INFINITY, f64::min),
                 most: steps.iter().copied().fold(0.0, f64::max),
             }
         });
         let [from_mm, to_mm] = [k, k + 1].map(|n| (n * STEPS) as f64 * step_mm);
-        Part { segment, from_mm, to_mm, turns: turns.collect() }
+        PathPart { segment, from_mm, to_mm, turns: turns.collect() }
     }
 }
 
@@ -152,12 +152,12 @@ impl<'a> Run<'a> {
 /// use std::path::Path;
 ///
 /// use recording::model::RobotModel;
-/// use recording::series::{Need, read};
+/// use recording::series::{RequiredData, read};
 /// use spectrum_report::gears::recorded;
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let model = RobotModel::read(Path::new("irb1600-6-145-thesis"))?;
-/// let recording = read(Path::new("path.csv"), None, Need::Path)?;
+/// let recording = read(Path::new("path.csv"), None, RequiredData::Path)?;
 /// let path = recorded(&model.physics.arm, &recording, 4)?;
 /// println!("{:.0} mm, {} parts", path.length_mm, path.parts.len());
 /// # Ok(())
@@ -168,8 +168,8 @@ impl<'a> Run<'a> {
 /// [`Error::Input`] if the recording holds poses at rest, or if the tool does not move.
 pub fn recorded(arm: &Arm, recording: &Recording, parts: usize) -> Result<TravelledPath, Error> {
     let file = || recording.file.display().to_string();
-    if recording.about.kind == Kind::Poses {
-        return Err(Error::input(Unfit::Poses(file())));
+    if recording.metadata.kind == RecordingKind::Poses {
+        return Err(Error::input(GearPathError::Poses(file())));
     }
     let columns: Vec<&[f64]> =
         (0..arm.count()).map(|joint| recording.input(joint).unwrap_or_default()).collect();
@@ -188,7 +188,8 @@ pub fn recorded(arm: &Arm, recording: &Recording, parts: usize) -> Result<Travel
         }
     }
     let by = format!("the joints of {}", file());
-    TravelledPath::of(by, arm, &runs, parts).ok_or_else(|| Error::input(Unfit::TooShort(file())))
+    TravelledPath::of(by, arm, &runs, parts)
+        .ok_or_else(|| Error::input(GearPathError::TooShort(file())))
 }
 
 /// A straight cut: from a pose (deg, or mm for prismatic joints) by a displacement in the base
@@ -205,14 +206,14 @@ pub fn straight(
 ) -> Result<TravelledPath, Error> {
     let (given, joints) = (from.len(), arm.count());
     if given != joints {
-        return Err(Error::input(Unfit::From { given, joints }));
+        return Err(Error::input(GearPathError::From { given, joints }));
     }
     let cut = match cut_mm {
         [x, y, z] => 1e-3 * DVec3::new(*x, *y, *z),
         _ => DVec3::ZERO,
     };
     if !(cut.is_finite() && 1e3 * cut.length() >= SHORTEST_MM) {
-        return Err(Error::input(Unfit::Cut(cut_mm.to_vec())));
+        return Err(Error::input(GearPathError::Cut(cut_mm.to_vec())));
     }
     let mut q = [0.0; JOINTS_MAX];
     for ((q, from), joint) in q.iter_mut().zip(from).zip(arm.joints()) {
@@ -226,10 +227,10 @@ pub fn straight(
         let target = Frame::new(start.rotation, start.origin + along * cut);
         let at_mm = 1e3 * along * cut.length();
         q = world::ik::solve(arm, &target, &q)
-            .map_err(|source| Error::input(Unfit::Unreached { at_mm, source }))?;
+            .map_err(|source| Error::input(GearPathError::Unreached { at_mm, source }))?;
         rows.push(q);
     }
     let by = format!("a straight cut by {cut_mm:?} mm in the base frame");
     TravelledPath::of(by, arm, &[(0, rows)], parts)
-        .ok_or_else(|| Error::input(Unfit::Cut(cut_mm.to_vec())))
+        .ok_or_else(|| Error::input(GearPathError::Cut(cut_mm.to_vec())))
 }

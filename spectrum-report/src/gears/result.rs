@@ -4,8 +4,8 @@ use recording::program;
 use serde::Serialize;
 
 use super::analysis::Analysis;
-use super::matching::{Fit, MatchedLine};
-use super::trains::Train;
+use super::matching::{MatchedLine, MatchingGear};
+use super::trains::GearTrain;
 use crate::error::Error;
 
 /// Gear shafts and meshes along a path: `trued.gears/1` (docs/reference/results.md).
@@ -137,8 +137,8 @@ fn what(teeth: u32) -> &'static str {
     if teeth == 1 { "turn" } else { "mesh" }
 }
 
-fn wheels(train: &Train, drift_max: f64) -> Vec<WheelReport> {
-    let report = |wheel: &spectrum::Wheel| {
+fn wheels(train: &GearTrain, drift_max: f64) -> Vec<WheelReport> {
+    let report = |wheel: &spectrum::GearFrequency| {
         let range = |[mean, least, most]: [f64; 3]| {
             let [mean, least, most] = [mean, least, most].map(|part| part * wheel.cycles_per_mm);
             Range { mean, least, most }
@@ -160,7 +160,7 @@ fn wheels(train: &Train, drift_max: f64) -> Vec<WheelReport> {
 }
 
 fn line(matched: &MatchedLine) -> LineReport<'_> {
-    let fit = |fit: &Fit| FitReport {
+    let fit = |fit: &MatchingGear| FitReport {
         joint: fit.wheel.joint,
         shaft: fit.wheel.shaft,
         what: what(fit.wheel.teeth),

@@ -3,9 +3,9 @@
 use report::{TextTable, fixed, significant};
 
 use super::analysis::Analysis;
-use super::matching::{Fit, MatchedLine};
-use super::path::{Part, TravelledPath};
-use super::trains::Train;
+use super::matching::{MatchedLine, MatchingGear};
+use super::path::{PathPart, TravelledPath};
+use super::trains::GearTrain;
 
 /// Alternatives that are listed for each line.
 const RIVALS_MAX: usize = 3;
@@ -18,7 +18,7 @@ pub(super) const DEGREES: &str = "deg/mm is what the reference thesis' tables A 
      teeth that meet write teeth/mm";
 
 /// A joint whose speed varies along the path, and where it varies most, as text.
-fn drifts(train: &Train, travelled: &TravelledPath, drift_max: f64) -> Option<String> {
+fn drifts(train: &GearTrain, travelled: &TravelledPath, drift_max: f64) -> Option<String> {
     let drift = train.drift();
     if drift < DRIFT_LEAST {
         return None;
@@ -39,7 +39,7 @@ fn drifts(train: &Train, travelled: &TravelledPath, drift_max: f64) -> Option<St
     ))
 }
 
-fn place(part: &Part) -> String {
+fn place(part: &PathPart) -> String {
     let [from, to] = [part.from_mm, part.to_mm].map(|mm| fixed(mm, 1));
     let segment =
         if part.segment == 0 { String::new() } else { format!(" of segment {}", part.segment) };
@@ -65,7 +65,8 @@ pub(super) fn by_parts(analysis: &Analysis) -> Vec<Vec<String>> {
 /// A line with its matches, as text; the nearest `rivals` alternatives are named.
 pub(super) fn fitting(matched: &MatchedLine, rivals: usize) -> String {
     let Some(best) = matched.fits.first() else { return "matches no wheel".to_owned() };
-    let others: Vec<String> = matched.fits.iter().skip(1).take(rivals).map(Fit::text).collect();
+    let others: Vec<String> =
+        matched.fits.iter().skip(1).take(rivals).map(MatchingGear::text).collect();
     let left = matched.fits.len().saturating_sub(1 + rivals);
     let more = if left > 0 { format!(" or {left} more") } else { String::new() };
     let others = others.iter().map(|other| format!(" or {other}")).collect::<String>();
@@ -92,7 +93,7 @@ impl Analysis {
             "path      {} mm: {}; {}\n",
             fixed(travelled.length_mm, 1),
             travelled.by,
-            report::count(parts, "part")
+            report::pluralise(parts, "part")
         );
         if self.trains.is_empty() {
             return text + "no joint with gear_teeth turns along this path\n";

@@ -2,9 +2,9 @@
 
 use physics::JOINTS_MAX;
 use recording::model::ModelFile;
-use spectrum::Wheel;
+use spectrum::GearFrequency;
 
-use super::path::{TravelledPath, Turns};
+use super::path::{RevolutionsPerMm, TravelledPath};
 use crate::error::Error;
 
 /// A joint that turns less counts as stationary, rev/mm.
@@ -12,7 +12,7 @@ const STATIONARY_PER_MM: f64 = 1e-9;
 
 /// Shafts and meshes of the joints that turn.
 #[derive(Clone, Debug)]
-pub struct Train {
+pub struct GearTrain {
     /// The joint, from 1.
     pub joint: u8,
     /// Stages as `[driver, driven]` in teeth, motor side first.
@@ -20,14 +20,14 @@ pub struct Train {
     /// Mean revolutions of the joint itself per mm.
     pub turns_per_mm: f64,
     /// Turns of each shaft, then the mesh of each stage, by their means over the whole path.
-    pub wheels: Vec<Wheel>,
+    pub wheels: Vec<GearFrequency>,
     /// Least and most over the path relative to the mean; the same for all wheels of a joint.
     pub range: [f64; 2],
     /// Mean, least and most of each part of the path relative to the mean.
     pub parts: Vec<[f64; 3]>,
 }
 
-impl Train {
+impl GearTrain {
     /// Difference of most and least, relative to the mean.
     #[must_use]
     pub fn drift(&self) -> f64 {
@@ -35,7 +35,7 @@ impl Train {
     }
 
     /// Each shaft's turns with the mesh at its stage.
-    pub fn shafts(&self) -> impl Iterator<Item = (&Wheel, &Wheel)> {
+    pub fn shafts(&self) -> impl Iterator<Item = (&GearFrequency, &GearFrequency)> {
         let (turns, meshes) = self.wheels.split_at(self.wheels.len() / 2);
         turns.iter().zip(meshes)
     }
@@ -46,7 +46,7 @@ pub(super) fn of(
     model: &ModelFile,
     travelled: &TravelledPath,
     selected: &[u8],
-) -> Result<Vec<Train>, Error> {
+) -> Result<Vec<GearTrain>, Error> {
     let toothed = |joint: &u8| {
         let entry = usize::from(*joint).checked_sub(1).and_then(|at| model.joints.get(at));
         entry.is_some_and(|entry| !entry.gear_teeth.is_empty())
@@ -74,13 +74,14 @@ pub(super) fn of(
         if let Some(turns) = turning.get_mut(at) {
             *turns = whole.mean;
         }
-        let part =
-            |turns: &Turns| [turns.mean, turns.least, turns.most].map(|value| value / whole.mean);
-        trains.push(Train {
+        let part = |turns: &RevolutionsPerMm| {
+            [turns.mean, turns.least, turns.most].map(|value| value / whole.mean)
+        };
+        trains.push(GearTrain {
             joint,
             turns_per_mm: whole.mean,
             stages: entry.gear_teeth.clone(),
-            wheels: model.gear_cycles(&turning, Wheel::new).collect(),
+            wheels: model.gear_cycles(&turning, GearFrequency::new).collect(),
             range: [whole.least, whole.most].map(|value| value / whole.mean),
             parts: travelled.parts.iter().map(|p| part(&p.turns[at])).collect(),
         });

@@ -1,8 +1,8 @@
 //! From a cut to its verdict, the stability chart and the nearest stable cuts.
 
 use spectrum::stability::{
-    CutAxes, Cutter, FlexibleMode, Limit, Point, Stability, StabilityError, Turned, chart,
-    nearest_speed_rpm, turned,
+    CutAxes, Cutter, FeedDirectionLimits, FlexibleMode, Limit, SpeedLimits, Stability,
+    StabilityError, limits_by_feed_direction, limits_by_speed, nearest_speed_rpm,
 };
 
 use super::input::{Cut, SourcedMode};
@@ -31,9 +31,9 @@ pub struct Analysis {
     /// The frequency of chatter of the present cut, or at its limit, Hz.
     pub chatter_hz: Option<f64>,
     /// The limit over spindle speed.
-    pub chart: Vec<Point>,
+    pub chart: Vec<SpeedLimits>,
     /// The limit over the direction of feed.
-    pub directions: Vec<Turned>,
+    pub directions: Vec<FeedDirectionLimits>,
     /// The nearest stable cuts.
     pub nearest: Nearest,
     pub(super) stability: Stability,
@@ -49,9 +49,9 @@ pub struct Nearest {
     pub depth_m: f64,
     /// The smallest change of the feed direction that makes the cut stable; `None` if there is
     /// none.
-    pub turned: Option<Turned>,
+    pub turned: Option<FeedDirectionLimits>,
     /// The direction of feed with the largest limit.
-    pub best: Option<Turned>,
+    pub best: Option<FeedDirectionLimits>,
 }
 
 /// Computes the stability of a cut, its limits and the nearest stable cuts.
@@ -72,8 +72,9 @@ impl Analysis {
         let is_stable = multiplier.norm() < 1.0;
         let limit = stability.limit(rpm, deepest_m)?;
         let lobes = stability.lobes(deepest_m);
-        let chart = chart(&stability, file.chart.spindle_rpm, file.chart.points, deepest_m)?;
-        let directions = turned(&stability, rpm, DIRECTIONS, deepest_m)?;
+        let chart =
+            limits_by_speed(&stability, file.chart.spindle_rpm, file.chart.points, deepest_m)?;
+        let directions = limits_by_feed_direction(&stability, rpm, DIRECTIONS, deepest_m)?;
         let required_m = depth_m * (1.0 + file.margin);
         let spindle_rpm = nearest_speed_rpm(&stability, &chart, rpm, required_m, deepest_m)?;
         let nearest = Nearest {
@@ -102,7 +103,7 @@ impl Analysis {
     /// Direction of the feed when it is turned by an angle, in the frame of the modes.
     #[must_use]
     pub fn feed(&self, angle_rad: f64) -> [f64; 3] {
-        self.stability.axes().turned(angle_rad).feed()
+        self.stability.axes().rotated(angle_rad).feed()
     }
 }
 
@@ -111,20 +112,20 @@ pub(super) fn holds(limit: Option<Limit>, depth_m: f64) -> bool {
     limit.is_none_or(|limit| depth_m < limit.depth_m)
 }
 
-fn deepest(one: &Turned) -> f64 {
+fn deepest(one: &FeedDirectionLimits) -> f64 {
     one.limit.map_or(f64::INFINITY, |limit| limit.depth_m)
 }
 
 /// The direction with the largest limit; of several with about the same, the one closest to the
 /// present feed.
-fn best(directions: &[Turned]) -> Option<Turned> {
+fn best(directions: &[FeedDirectionLimits]) -> Option<FeedDirectionLimits> {
     let most_m = directions.iter().map(deepest).fold(0.0, f64::max);
     least_turn(directions, ALIKE * most_m)
 }
 
 /// Of the directions that allow a depth, the one closest to the present feed.
-fn least_turn(directions: &[Turned], depth_m: f64) -> Option<Turned> {
-    let turn = |one: &Turned| signed_rad(one.angle_rad).abs();
+fn least_turn(directions: &[FeedDirectionLimits], depth_m: f64) -> Option<FeedDirectionLimits> {
+    let turn = |one: &FeedDirectionLimits| signed_rad(one.angle_rad).abs();
     let allowing = directions.iter().copied().filter(|one| holds(one.limit, depth_m));
     allowing.min_by(|a, b| turn(a).total_cmp(&turn(b)))
 }

@@ -57,19 +57,19 @@ struct TapMode {
     damping_ratio: f64,
     verified: bool,
     direction: Option<[f64; 3]>,
-    clearest: Option<Clearest>,
+    clearest: Option<BestFit>,
 }
 
 #[derive(Deserialize)]
 #[expect(non_snake_case, reason = "N is the unit's name")]
-struct Clearest {
+struct BestFit {
     modal_stiffness_N_per_um: f64,
 }
 
 /// A tap test from which no modes can be taken.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", file.display())]
-struct Unfit {
+struct InvalidTapTest {
     file: PathBuf,
     what: String,
 }
@@ -92,7 +92,7 @@ fn modes(path: &Path, file: &CutFile) -> Result<Modes, Error> {
     let mut modes = Modes { all: entered.collect(), warnings: Vec::new() };
     for tap in &file.taps {
         let tap = path.parent().unwrap_or(Path::new("")).join(tap);
-        let unfit = |what: String| Error::input(Unfit { file: tap.clone(), what });
+        let unfit = |what: String| Error::input(InvalidTapTest { file: tap.clone(), what });
         let text = std::fs::read_to_string(&tap).map_err(|error| {
             unfit(format!("cannot be read: {error}; expected what `trued tap --json` wrote"))
         })?;
@@ -101,7 +101,7 @@ fn modes(path: &Path, file: &CutFile) -> Result<Modes, Error> {
     if modes.all.is_empty() {
         return Err(Error::input(format!("{}: its tap tests contain no mode", path.display())));
     }
-    modes.note_twins();
+    modes.warn_of_duplicate_modes();
     Ok(modes)
 }
 
@@ -138,7 +138,7 @@ impl Modes {
     }
 
     /// One mode in an oblique direction appears in the taps along both axes, and would count twice.
-    fn note_twins(&mut self) {
+    fn warn_of_duplicate_modes(&mut self) {
         let taps = || self.all.iter().filter(|one| one.tap.is_some());
         let mut warnings = Vec::new();
         for (k, a) in taps().enumerate() {
@@ -173,7 +173,7 @@ mod tests {
         for (name, text) in taps {
             modes.add(Path::new(name), text)?;
         }
-        modes.note_twins();
+        modes.warn_of_duplicate_modes();
         Ok(modes)
     }
 

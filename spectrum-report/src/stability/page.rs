@@ -1,7 +1,7 @@
 //! Stability of a cut as a page: the verdict, the stability chart, the limit over the direction of feed.
 
 use report::{Axis, Cell, Number, Page, Plot, Role, Series, Table, Tone, fixed, significant};
-use spectrum::stability::{Limit, Turned};
+use spectrum::stability::{FeedDirectionLimits, Limit};
 
 use super::analysis::{Analysis, signed_rad};
 use super::result::depth_mm;
@@ -103,7 +103,7 @@ fn speeds(analysis: &Analysis) -> Plot {
     let [from, to] = file.chart.spindle_rpm;
     let top = top_mm(analysis, analysis.chart.iter().map(|point| point.limit));
     let depth_mm = 1e3 * file.cut.axial_depth_m;
-    let line = |of: &dyn Fn(&spectrum::stability::Point) -> Option<Limit>| {
+    let line = |of: &dyn Fn(&spectrum::stability::SpeedLimits) -> Option<Limit>| {
         analysis.chart.iter().map(|point| (point.spindle_rpm, mm(of(point)))).collect::<Vec<_>>()
     };
     let plot = Plot::new(
@@ -126,7 +126,7 @@ fn speeds(analysis: &Analysis) -> Plot {
 fn directions(analysis: &Analysis) -> Plot {
     let limits = analysis.directions.iter().flat_map(|one| [one.limit, one.mode_coupling]);
     let top = top_mm(analysis, limits);
-    let line = |of: &dyn Fn(&Turned) -> Option<Limit>| {
+    let line = |of: &dyn Fn(&FeedDirectionLimits) -> Option<Limit>| {
         let mut points: Vec<(f64, f64)> = analysis
             .directions
             .iter()

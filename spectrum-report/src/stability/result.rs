@@ -2,7 +2,7 @@
 
 use recording::program;
 use serde::Serialize;
-use spectrum::stability::{Limit, Turned};
+use spectrum::stability::{FeedDirectionLimits, Limit};
 
 use super::analysis::{Analysis, signed_rad};
 use crate::error::Error;
@@ -90,7 +90,7 @@ fn hz(limit: Option<Limit>) -> Option<f64> {
 }
 
 impl DirectionReport {
-    fn of(analysis: &Analysis, one: &Turned) -> Self {
+    fn of(analysis: &Analysis, one: &FeedDirectionLimits) -> Self {
         Self {
             turn_deg: signed_rad(one.angle_rad).to_degrees(),
             feed: analysis.feed(one.angle_rad),
@@ -121,7 +121,7 @@ impl Analysis {
 impl Report {
     fn of(analysis: &Analysis) -> Self {
         let (file, nearest) = (&analysis.cut.file, &analysis.nearest);
-        let direction = |one: &Turned| DirectionReport::of(analysis, one);
+        let direction = |one: &FeedDirectionLimits| DirectionReport::of(analysis, one);
         let modes = analysis.cut.modes.iter().map(|one| ModeReport {
             frequency_Hz: one.mode.frequency_hz,
             damping_ratio: one.mode.damping_ratio,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use report::{fixed, labelled, significant};
-use spectrum::stability::{Limit, Turned};
+use spectrum::stability::{FeedDirectionLimits, Limit};
 
 use super::analysis::{Analysis, analyse, signed_rad};
 use super::input::read;
@@ -72,7 +72,7 @@ pub(super) fn cut(analysis: &Analysis) -> String {
         fixed(file.spindle_rpm, 0),
         significant(1e3 * file.cut.axial_depth_m, 3),
         direction(analysis.feed(0.0)),
-        report::count(number, "mode")
+        report::pluralise(number, "mode")
     )
 }
 
@@ -128,7 +128,7 @@ pub(super) fn nearest(analysis: &Analysis) -> Vec<(&'static str, String)> {
 }
 
 /// `40° (along 0.77, 0.64, 0)`: the angle by which the feed is turned, and its new direction.
-fn turn(analysis: &Analysis, one: &Turned) -> String {
+fn turn(analysis: &Analysis, one: &FeedDirectionLimits) -> String {
     let degrees = fixed(signed_rad(one.angle_rad).to_degrees(), 0);
     format!("{degrees}° (along {})", direction(analysis.feed(one.angle_rad)))
 }

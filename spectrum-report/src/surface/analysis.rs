@@ -3,8 +3,8 @@
 use std::fmt::Display;
 
 use spectrum::surface::{
-    Cause, Line, Parameters, SurfaceError, by_segments, element_width_mm, lines, parameters, part,
-    power_spectrum, section_height,
+    Cause, HeightParameters, Line, SurfaceError, element_width_mm, height_parameters, lines,
+    mean_section_height, parameters_by_segment, power_spectrum, separate,
 };
 use spectrum::welch::Spectrum;
 
@@ -31,13 +31,13 @@ pub struct ProfileAnalysis {
     /// The profile as it was read.
     pub source: Profile,
     /// The profile without its form, its waviness and its roughness.
-    pub surface: spectrum::surface::Surface,
+    pub surface: spectrum::surface::SeparatedProfile,
     /// Parameters of the profile without its form.
-    pub primary: Parameters,
+    pub primary: HeightParameters,
     /// Parameters of the waviness.
-    pub waviness: Parameters,
+    pub waviness: HeightParameters,
     /// Parameters of the roughness.
-    pub roughness: Parameters,
+    pub roughness: HeightParameters,
     /// Rz in µm, and its number of sampling lengths.
     pub rz_um: Option<(f64, usize)>,
     /// Mean width of the elements of the roughness, mm.
@@ -63,7 +63,7 @@ pub struct Segments {
     /// Length of a segment, mm.
     pub length_mm: f64,
     /// Waviness and roughness of each.
-    pub each: Vec<(Parameters, Parameters)>,
+    pub each: Vec<(HeightParameters, HeightParameters)>,
 }
 
 /// A line and its possible causes.
@@ -97,7 +97,7 @@ pub fn analyse(profiles: Vec<Profile>, settings: &Settings) -> Result<Analysis, 
 /// The lines of a profile, with the default settings.
 pub(crate) fn lines_of(profile: &Profile) -> Result<ProfileLines, Error> {
     let named = |error: &dyn Display| Error::input(format!("{}: {error}", profile.file.display()));
-    let surface = part(&profile.heights_um, profile.spacing_mm, &Settings::default().parting())
+    let surface = separate(&profile.heights_um, profile.spacing_mm, &Settings::default().parting())
         .map_err(|error| named(&error))?;
     let primary = &surface.primary[surface.evaluated.clone()];
     let lines = lines(primary, profile.spacing_mm).map_err(|error| named(&error))?;
@@ -109,7 +109,7 @@ impl ProfileAnalysis {
         let named =
             |error: &dyn Display| Error::input(format!("{}: {error}", profile.file.display()));
         let machining = &settings.machining;
-        let surface = part(&profile.heights_um, profile.spacing_mm, &settings.parting())
+        let surface = separate(&profile.heights_um, profile.spacing_mm, &settings.parting())
             .map_err(|error| named(&error))?;
         let spacing_mm = profile.spacing_mm;
         let range = surface.evaluated.clone();
@@ -132,14 +132,14 @@ impl ProfileAnalysis {
             causes: machining.causes(&line, length_mm),
             line,
         };
-        let r = parameters(roughness);
-        let rz_um = section_height(roughness, spacing_mm, settings.cut_off_mm);
+        let r = height_parameters(roughness);
+        let rz_um = mean_section_height(roughness, spacing_mm, settings.cut_off_mm);
         let least_um = 0.5 * ELEMENT_PART * rz_um.map_or(r.total_height, |(rz_um, _)| rz_um);
         let stem = profile.file.file_stem().unwrap_or_default();
         Ok(Self {
             name: stem.to_string_lossy().into_owned(),
-            primary: parameters(&surface.primary),
-            waviness: parameters(waviness),
+            primary: height_parameters(&surface.primary),
+            waviness: height_parameters(waviness),
             roughness: r,
             rz_um,
             rsm_mm: element_width_mm(roughness, spacing_mm, least_um),
@@ -175,7 +175,7 @@ impl Segments {
         spacing_mm: f64,
         length_mm: f64,
     ) -> Result<Self, SurfaceError> {
-        let each = |heights: &[f64]| match by_segments(heights, spacing_mm, length_mm) {
+        let each = |heights: &[f64]| match parameters_by_segment(heights, spacing_mm, length_mm) {
             // A profile shorter than a segment has none.
             Err(SurfaceError::TooShort { .. }) => Ok(Vec::new()),
             each => each,
@@ -187,7 +187,7 @@ impl Segments {
     /// Mean and standard deviation over the segments; no deviation for fewer than two.
     pub(super) fn of_all(
         &self,
-        value: impl Fn(&(Parameters, Parameters)) -> f64,
+        value: impl Fn(&(HeightParameters, HeightParameters)) -> f64,
     ) -> (f64, Option<f64>) {
         let n = self.each.len() as f64;
         let mean = self.each.iter().map(&value).sum::<f64>() / n;
@@ -210,7 +210,7 @@ impl ExplainedLine {
             .causes
             .iter()
             .map(|cause| match cause {
-                Cause::Wheel(wheel, order) => format!("{}{wheel}", times(*order)),
+                Cause::Gear(wheel, order) => format!("{}{wheel}", times(*order)),
                 Cause::Tooth(order) => format!("{}tooth passing", times(*order)),
                 Cause::Spindle(order) => format!("{}spindle turn", times(*order)),
                 Cause::Mode(hz) => format!("mode at {} Hz", report::significant(*hz, 3)),

@@ -37,7 +37,7 @@ pub struct Profile {
 /// A file without a usable profile.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", file.display())]
-struct Unfit {
+struct InvalidProfile {
     file: PathBuf,
     what: String,
 }
@@ -58,7 +58,7 @@ pub fn read(path: impl AsRef<Path>, format: &Format) -> Result<Profile, Error> {
         refuse_second_spacing(path, &options)?;
     }
     let waves = waves::read(path, &options)?;
-    let unfit = |what: String| Error::input(Unfit { file: path.to_owned(), what });
+    let unfit = |what: String| Error::input(InvalidProfile { file: path.to_owned(), what });
     let record = match waves.records.as_slice() {
         [record] => record,
         records => {
@@ -92,7 +92,7 @@ fn refuse_second_spacing(path: &Path, options: &Options) -> Result<(), Error> {
         "a column states the positions, {} µm apart: leave out --spacing-um, or remove the column",
         report::significant(1e3 * step_mm, 4)
     );
-    Err(Error::input(Unfit { file: path.to_owned(), what }))
+    Err(Error::input(InvalidProfile { file: path.to_owned(), what }))
 }
 
 fn heights(format: &Format, record: &Record) -> Result<(String, Vec<f64>), String> {

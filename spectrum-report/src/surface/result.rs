@@ -2,7 +2,7 @@
 
 use recording::program;
 use serde::Serialize;
-use spectrum::surface::Parameters;
+use spectrum::surface::HeightParameters;
 
 use super::analysis::{Analysis, ExplainedLine, ProfileAnalysis, Segments};
 use crate::error::Error;
@@ -94,7 +94,7 @@ struct LineReport {
     fits: String,
 }
 
-pub(super) type Pair = (Parameters, Parameters);
+pub(super) type Pair = (HeightParameters, HeightParameters);
 /// The figures of each segment: waviness first.
 pub(super) const OF_SEGMENT: [fn(&Pair) -> f64; 5] = [
     |each| each.0.total_height,
@@ -155,7 +155,7 @@ impl<'a> ProfileReport<'a> {
 }
 
 impl Heights {
-    fn of(p: &Parameters) -> Self {
+    fn of(p: &HeightParameters) -> Self {
         Self {
             a_um: p.mean_deviation,
             q_um: p.rms,

@@ -83,7 +83,7 @@ fn segments_text(segments: &Segments) -> String {
         format!("{}{spread}", significant(mean, 3))
     };
     let [wt, wq, rt, rq, ra] = OF_SEGMENT.map(of);
-    let segments = report::count(count, "segment");
+    let segments = report::pluralise(count, "segment");
     format!("{segments} of {length_mm} mm: Wt {wt}, Wq {wq}, Rt {rt}, Rq {rq}, Ra {ra}")
 }
 

@@ -1,10 +1,13 @@
 //! From hits or response functions to modes, with warnings.
 
-use report::{count, fixed, significant};
+use report::{fixed, pluralise, significant};
 use spectrum::Complex;
 use spectrum::frf::{COHERENCE_HITS, Estimator, Frf, Response};
-use spectrum::modal::{FittedMode, Measured, Merged, Unresolved, merged, modes, unresolved};
-use spectrum::tap::{FoundHit, TapConfig, TapRecord, tap};
+use spectrum::modal::{
+    FittedMode, MeasuredReceptance, MergedMode, UnresolvedPeak, identify_modes, merge_modes,
+    unresolved_peaks,
+};
+use spectrum::tap::{DetectedHit, TapConfig, TapRecord, evaluate_tap_test};
 
 use super::Settings;
 use super::input::{Content, Hits, Source};
@@ -17,7 +20,7 @@ pub struct Analysis {
     /// The response functions: one of all hits, or those given.
     pub functions: Vec<Function>,
     /// Their modes in one list.
-    pub modes: Vec<Merged>,
+    pub modes: Vec<MergedMode>,
     /// Modes were searched between these frequencies, Hz.
     pub band_hz: [f64; 2],
     /// Warnings, as text.
@@ -31,7 +34,7 @@ pub struct Test {
     /// The records.
     pub hits: Hits,
     /// Hits found in them, and their mean response function.
-    pub tap: spectrum::tap::Tap,
+    pub tap: spectrum::tap::TapTest,
 }
 
 /// A response function with its modes.
@@ -45,7 +48,7 @@ pub struct Function {
     /// Modes that were fitted to it.
     pub modes: Vec<FittedMode>,
     /// Peaks that look like modes and that no fit explains.
-    pub unresolved: Vec<Unresolved>,
+    pub unresolved: Vec<UnresolvedPeak>,
     between_hits_s: Option<f64>,
 }
 
@@ -70,18 +73,18 @@ pub fn analyse(source: Source, settings: &Settings) -> Result<Analysis, Error> {
         }
         Content::Hits(hits) => {
             let test = Test::of(&settings, hits)?;
-            let name = format!("mean of {}", count(test.tap.frf.hits, "hit"));
+            let name = format!("mean of {}", pluralise(test.tap.frf.hits, "hit"));
             let frf = test.tap.frf.clone();
-            let between_hits_s = test.tap.between_hits_s();
+            let between_hits_s = test.tap.min_hit_interval_s();
             (Some(test), vec![Function { between_hits_s, ..function(name, frf) }])
         }
     };
     let band_hz = settings.band_hz.unwrap_or_else(|| band_hz(&settings, test.as_ref(), &functions));
     for one in &mut functions {
-        one.look(band_hz, settings.coherence_least);
+        one.identify_modes(band_hz, settings.coherence_least);
     }
     let lists: Vec<Vec<FittedMode>> = functions.iter().map(|one| one.modes.clone()).collect();
-    let modes = merged(&lists);
+    let modes = merge_modes(&lists);
     let warnings = Vec::new();
     let mut analysis = Analysis { test, functions, modes, band_hz, warnings, files, settings };
     analysis.warnings = analysis.warnings();
@@ -91,23 +94,23 @@ pub fn analyse(source: Source, settings: &Settings) -> Result<Analysis, Error> {
 impl Analysis {
     /// Whether a mode shows the three signs, coherence among them.
     #[must_use]
-    pub fn is_verified(&self, mode: &Merged) -> bool {
+    pub fn is_verified(&self, mode: &MergedMode) -> bool {
         let coherent =
             |one: &FittedMode| one.coherence.is_some_and(|c| c >= self.settings.coherence_least);
-        mode.seen.iter().any(|(_, one)| one.by_signs && coherent(one))
+        mode.observations.iter().any(|(_, one)| one.meets_all_criteria && coherent(one))
     }
 
     /// The function that shows a mode most clearly.
     #[must_use]
-    pub fn clearest<'a>(&self, mode: &'a Merged) -> Option<&'a FittedMode> {
+    pub fn most_accurate<'a>(&self, mode: &'a MergedMode) -> Option<&'a FittedMode> {
         let sigma = |seen: &&(usize, FittedMode)| seen.1.frequency_sigma_hz;
-        let best = mode.seen.iter().min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
+        let best = mode.observations.iter().min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
         best.map(|(_, one)| one)
     }
 
     /// The force at a mode against its strongest, dB.
     #[must_use]
-    pub fn force_db(&self, mode: &Merged) -> Option<f64> {
+    pub fn force_db(&self, mode: &MergedMode) -> Option<f64> {
         self.test.as_ref().map(|test| test.tap.force_db(mode.frequency_hz))
     }
 
@@ -120,7 +123,7 @@ impl Analysis {
                     said.push(format!(
                         "{} used: the coherence of fewer than {COHERENCE_HITS} is meaningless (of one it is 1 by construction), \
                          so the modes are unverified; record at least {COHERENCE_HITS}",
-                        count(used, "hit")
+                        pluralise(used, "hit")
                     ));
                 }
                 said.extend(test.hits.notes.iter().cloned());
@@ -129,13 +132,15 @@ impl Analysis {
                 "the response functions have no coherence, so the modes are unverified".to_owned(),
             ),
         }
-        said.extend(self.modes.iter().flat_map(|mode| self.doubts(mode)));
-        said.extend(self.functions.iter().flat_map(|one| one.hidden(self.settings.misfit)));
+        said.extend(self.modes.iter().flat_map(|mode| self.reservations(mode)));
+        said.extend(
+            self.functions.iter().flat_map(|one| one.unresolved_warnings(self.settings.misfit)),
+        );
         said
     }
 
     /// Warnings about one mode.
-    fn doubts(&self, mode: &Merged) -> Vec<String> {
+    fn reservations(&self, mode: &MergedMode) -> Vec<String> {
         let mut said = Vec::new();
         let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
         if let Some(db) = self.force_db(mode).filter(|db| *db < self.settings.weak_db) {
@@ -143,10 +148,10 @@ impl Analysis {
                 "{at}: weakly excited; the force there is {db:.0} dB relative to its maximum"
             ));
         }
-        if !mode.by_signs {
+        if !mode.meets_all_criteria {
             said.push(format!("{at}: found only by the fit, within the peak of its neighbour"));
         }
-        let Some(one) = self.clearest(mode) else { return said };
+        let Some(one) = self.most_accurate(mode) else { return said };
         if let Some(half_power) = one.damping_half_power {
             let apart = (half_power - one.damping).abs();
             if apart > self.settings.damping_disagrees * one.damping + 2.0 * one.damping_sigma {
@@ -157,12 +162,12 @@ impl Analysis {
                 ));
             }
         }
-        if one.carried > self.settings.carried_most {
+        if one.carry_over > self.settings.carried_most {
             said.push(format!(
                 "{at}: {} % of the vibration remains at the next hit, and its modal mass and stiffness are uncertain by as much; wait {} s \
                  between hits",
-                significant(100.0 * one.carried, 2),
-                significant(one.rings_s(self.settings.rung_down), 2)
+                significant(100.0 * one.carry_over, 2),
+                significant(one.ring_down_s(self.settings.rung_down), 2)
             ));
         }
         said
@@ -182,7 +187,7 @@ impl Test {
             .iter()
             .map(|record| TapRecord { force: &record.force, response: &record.response })
             .collect();
-        let tap = tap(&records, &config).map_err(|error| {
+        let tap = evaluate_tap_test(&records, &config).map_err(|error| {
             let files: Vec<&str> = hits.records.iter().map(|record| record.file.as_str()).collect();
             Error::input(format!("{}: {error}", files.join(", ")))
         })?;
@@ -191,7 +196,7 @@ impl Test {
 
     /// File and time of a hit, s.
     #[must_use]
-    pub fn place(&self, hit: &FoundHit) -> (&str, f64) {
+    pub fn hit_location(&self, hit: &DetectedHit) -> (&str, f64) {
         let record = self.hits.records.get(hit.record);
         let start_s = record.map_or(0.0, |record| record.start_s);
         let file = record.map_or("", |record| record.file.as_str());
@@ -200,22 +205,22 @@ impl Test {
 }
 
 impl Function {
-    fn look(&mut self, band_hz: [f64; 2], least_coherence: f64) {
+    fn identify_modes(&mut self, band_hz: [f64; 2], least_coherence: f64) {
         let receptance = self.frf.per_force(self.estimator, Response::Displacement);
-        let measured = Measured {
+        let measured = MeasuredReceptance {
             frequency_hz: &self.frf.frequency_hz,
             receptance: &receptance,
             coherence: self.frf.coherence.as_deref(),
             window_decay_per_s: self.frf.window_decay_per_s,
-            between_hits_s: self.between_hits_s,
+            hit_interval_s: self.between_hits_s,
         };
-        let found = modes(&measured, band_hz, least_coherence);
-        self.unresolved = unresolved(&measured, band_hz, least_coherence, &found);
+        let found = identify_modes(&measured, band_hz, least_coherence);
+        self.unresolved = unresolved_peaks(&measured, band_hz, least_coherence, &found);
         self.modes = found;
     }
 
     /// Modes that it may hide, as text.
-    fn hidden(&self, misfit: f64) -> Vec<String> {
+    fn unresolved_warnings(&self, misfit: f64) -> Vec<String> {
         let (bin_hz, record_s) = (self.bin_hz(), 1.0 / self.bin_hz());
         let longer = |s: f64| match self.between_hits_s {
             Some(_) => format!("wait at least {} s between hits", significant(s, 2)),
@@ -223,7 +228,7 @@ impl Function {
         };
         let mut said = Vec::new();
         for one in &self.unresolved {
-            let beside = one.beside_hz.map_or_else(String::new, |hz| {
+            let beside = one.neighbour_hz.map_or_else(String::new, |hz| {
                 format!(", {} Hz from another,", significant((hz - one.frequency_hz).abs(), 2))
             });
             said.push(format!(

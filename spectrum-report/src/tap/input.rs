@@ -85,7 +85,7 @@ pub struct MeasuredFunction {
 /// A file without usable content.
 #[derive(Debug, thiserror::Error)]
 #[error("{file}: {what}")]
-struct Unfit {
+struct InvalidTapFile {
     file: String,
     what: String,
 }
@@ -95,25 +95,26 @@ struct Unfit {
 /// # Errors
 /// [`Error::File`] if a file cannot be read; [`Error::Input`] if force or response cannot be
 /// identified, or files do not belong together.
-pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Error> {
+pub fn read(paths: &[impl AsRef<Path>], requested: &Channels) -> Result<Source, Error> {
     let mut hits: Option<Hits> = None;
     let (mut functions, mut notes, mut files) = (Vec::new(), Vec::new(), Vec::new());
     for path in paths.iter().map(AsRef::as_ref) {
-        let unfit = |what: String| Error::input(Unfit { file: path.display().to_string(), what });
+        let unfit =
+            |what: String| Error::input(InvalidTapFile { file: path.display().to_string(), what });
         files.extend(path.file_name().map(|name| name.to_string_lossy().into_owned()));
-        let waves = waves::read(path, &options(asked))?;
+        let waves = waves::read(path, &options(requested))?;
         notes.extend(waves.notes.iter().map(|note| format!("{}: {note}", path.display())));
-        if asked.are_functions && waves.responses.is_empty() {
-            functions.push(table(asked, path, &waves).map_err(unfit)?);
+        if requested.are_functions && waves.responses.is_empty() {
+            functions.push(table(requested, path, &waves).map_err(unfit)?);
         } else if waves.responses.is_empty() {
-            take(asked, path, waves, &mut hits).map_err(unfit)?;
+            take(requested, path, waves, &mut hits).map_err(unfit)?;
         } else {
             if !waves.records.is_empty() {
                 let what = "also contains time records; only its response functions are used";
                 notes.push(format!("{}: {what}", path.display()));
             }
             for function in &waves.responses {
-                functions.push(given(asked, path, function).map_err(unfit)?);
+                functions.push(given(requested, path, function).map_err(unfit)?);
             }
         }
     }
@@ -129,19 +130,19 @@ pub fn read(paths: &[impl AsRef<Path>], asked: &Channels) -> Result<Source, Erro
     Ok(Source { files, notes, content })
 }
 
-fn options(asked: &Channels) -> Options {
-    if asked.are_functions {
+fn options(requested: &Channels) -> Options {
+    if requested.are_functions {
         // A table of frequencies has no time: any rate leaves its rows unchanged.
         let columns = ["1", "2", "3"].map(str::to_owned).to_vec();
         return Options { columns, rate_hz: Some(1.0), ..Options::default() };
     }
-    let columns = asked.columns.iter().flatten().cloned().collect();
-    Options { columns, rate_hz: asked.rate_hz, ..Options::default() }
+    let columns = requested.columns.iter().flatten().cloned().collect();
+    Options { columns, rate_hz: requested.rate_hz, ..Options::default() }
 }
 
 /// Takes the records of one file to those before; they must be alike.
 fn take(
-    asked: &Channels,
+    requested: &Channels,
     path: &Path,
     waves: Waves,
     hits: &mut Option<Hits>,
@@ -151,7 +152,7 @@ fn take(
         let Grid::Time { rate_hz, start_s } = record.grid else {
             return Err("its samples are over a length, not over time; give --rate HZ".to_owned());
         };
-        let ([force, response], kind, notes) = channels(asked, &record)?;
+        let ([force, response], kind, notes) = channels(requested, &record)?;
         let all = hits.get_or_insert_with(|| Hits {
             rate_hz,
             response: kind,
@@ -182,7 +183,7 @@ fn take(
 type ForceAndResponse = ([Wave; 2], Response, Vec<String>);
 
 /// Force and response of a record in SI, by the requested columns or by their units.
-fn channels(asked: &Channels, record: &Record) -> Result<ForceAndResponse, String> {
+fn channels(requested: &Channels, record: &Record) -> Result<ForceAndResponse, String> {
     let all = || record.channels.iter().map(|w| w.name.clone()).collect::<Vec<_>>().join(", ");
     let one = |what: &str, is: &dyn Fn(&Wave) -> bool| {
         let mut fitting = record.channels.iter().filter(|wave| is(wave));
@@ -198,18 +199,18 @@ fn channels(asked: &Channels, record: &Record) -> Result<ForceAndResponse, Strin
         }
     };
     let (force, response) = if let (Some(_), [force, response]) =
-        (&asked.columns, record.channels.as_slice())
+        (&requested.columns, record.channels.as_slice())
     {
         (force, response)
-    } else if asked.columns.is_some() {
+    } else if requested.columns.is_some() {
         return Err("force and response are the same column".to_owned());
     } else {
         let force = one("force", &|wave| matches!(wave.quantity(), Some((Quantity::Force, _))))?;
         (force, one("response", &|wave| kind_of(wave).is_some())?)
     };
     let mut notes = Vec::new();
-    let force_si = force_factor(asked, force, &mut notes)?;
-    let (response_si, kind) = response_factor(asked, response, &mut notes)?;
+    let force_si = force_factor(requested, force, &mut notes)?;
+    let (response_si, kind) = response_factor(requested, response, &mut notes)?;
     let scaled = |wave: &Wave, factor: f64| Wave {
         values: wave.values.iter().map(|x| factor * x).collect(),
         ..wave.clone()
@@ -230,8 +231,12 @@ fn kind_of(wave: &Wave) -> Option<(Response, f64)> {
     wave.quantity().and_then(|(quantity, si)| Some((response_of(quantity)?, si)))
 }
 
-fn force_factor(asked: &Channels, force: &Wave, notes: &mut Vec<String>) -> Result<f64, String> {
-    match (asked.force_scale, force.quantity()) {
+fn force_factor(
+    requested: &Channels,
+    force: &Wave,
+    notes: &mut Vec<String>,
+) -> Result<f64, String> {
+    match (requested.force_scale, force.quantity()) {
         (Some(scale), _) => Ok(scale),
         (None, Some((Quantity::Force, si))) => Ok(si),
         (None, None) if force.unit == "1" => {
@@ -246,14 +251,14 @@ fn force_factor(asked: &Channels, force: &Wave, notes: &mut Vec<String>) -> Resu
 }
 
 fn response_factor(
-    asked: &Channels,
+    requested: &Channels,
     response: &Wave,
     notes: &mut Vec<String>,
 ) -> Result<(f64, Response), String> {
     let (name, unit) = (&response.name, &response.unit);
-    match (asked.response, kind_of(response)) {
-        (Some(kind), _) if asked.response_scale.is_some() => {
-            Ok((asked.response_scale.unwrap_or(1.0), kind))
+    match (requested.response, kind_of(response)) {
+        (Some(kind), _) if requested.response_scale.is_some() => {
+            Ok((requested.response_scale.unwrap_or(1.0), kind))
         }
         (Some(stated), Some((kind, _))) if stated != kind => Err(format!(
             "the response, column `{name}`, is in `{unit}`, which contradicts --response-kind"
@@ -279,8 +284,8 @@ fn stem(path: &Path) -> String {
 }
 
 /// A response function as a table.
-fn table(asked: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunction, String> {
-    let ([record], Some(kind)) = (waves.records.as_slice(), asked.response) else {
+fn table(requested: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunction, String> {
+    let ([record], Some(kind)) = (waves.records.as_slice(), requested.response) else {
         return Err("contains more than one table".to_owned());
     };
     let [frequency, re, im] = record.channels.as_slice() else {
@@ -289,7 +294,7 @@ fn table(asked: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunctio
                 .to_owned(),
         );
     };
-    let factor = asked.response_scale.unwrap_or(1.0) / asked.force_scale.unwrap_or(1.0);
+    let factor = requested.response_scale.unwrap_or(1.0) / requested.force_scale.unwrap_or(1.0);
     let parts = re.values.iter().zip(&im.values);
     let values = parts.map(|(re, im)| factor * Complex::new(*re, *im)).collect();
     function(stem(path), frequency.values.clone(), values, kind)
@@ -297,13 +302,13 @@ fn table(asked: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFunctio
 
 /// A response function of a universal file.
 fn given(
-    asked: &Channels,
+    requested: &Channels,
     path: &Path,
     given: &ResponseFunction,
 ) -> Result<MeasuredFunction, String> {
     let [response, reference] = given.quantities();
     let known = response.and_then(|(quantity, si)| Some((response_of(quantity)?, si)));
-    let (kind, response_si) = match (asked.response, known) {
+    let (kind, response_si) = match (requested.response, known) {
         (Some(stated), Some((kind, _))) if stated != kind => {
             return Err(format!(
                 "its response is in `{}`, which contradicts --response-kind",
@@ -311,7 +316,7 @@ fn given(
             ));
         }
         (_, Some(known)) => known,
-        (Some(kind), None) => (kind, asked.response_scale.unwrap_or(1.0)),
+        (Some(kind), None) => (kind, requested.response_scale.unwrap_or(1.0)),
         (None, None) => {
             return Err(
                 "does not state the quantity of its response; give --response-kind".to_owned()
@@ -320,7 +325,7 @@ fn given(
     };
     let force_si = match reference {
         Some((Quantity::Force, si)) => si,
-        None => asked.force_scale.unwrap_or(1.0),
+        None => requested.force_scale.unwrap_or(1.0),
         Some(_) => {
             let unit = &given.reference_unit;
             return Err(format!("its reference is in `{unit}`, expected a force"));
@@ -345,5 +350,5 @@ fn function(
     if let Some(row) = values.iter().position(|h| !h.is_finite()) {
         return Err(format!("row {} of the response function is not a number", row + 1));
     }
-    Ok(MeasuredFunction { name, frf: Frf::given(frequency_hz, values, kind) })
+    Ok(MeasuredFunction { name, frf: Frf::from_measured_function(frequency_hz, values, kind) })
 }

@@ -9,7 +9,7 @@ use super::analysis::Analysis;
 use crate::error::Error;
 
 /// A model with the measured modes, ready to be written.
-pub struct Renewed {
+pub struct UpdatedModel {
     /// Path of the file.
     pub path: PathBuf,
     /// The model file; it loads.
@@ -27,8 +27,8 @@ impl Analysis {
     ///
     /// # Errors
     /// [`Error::Internal`]
-    pub fn renewed(&self, base: &RobotModel, path: &Path) -> Result<Renewed, Error> {
-        let entry = |mode: &spectrum::modal::Merged| ModeEntry {
+    pub fn updated_model(&self, base: &RobotModel, path: &Path) -> Result<UpdatedModel, Error> {
+        let entry = |mode: &spectrum::modal::MergedMode| ModeEntry {
             frequency_hz: mode.frequency_hz,
             damping_ratio: Some(mode.damping),
             direction: self.settings.direction,
@@ -45,15 +45,15 @@ impl Analysis {
         let (text, count) = (model.to_toml(), model.modes.len());
         // What is written loads, or is not written.
         RobotModel::parse("the model with the measured modes", &text).map_err(Error::internal)?;
-        Ok(Renewed { path: path.to_owned(), text, changes, kept_hz, count })
+        Ok(UpdatedModel { path: path.to_owned(), text, changes, kept_hz, count })
     }
 }
 
-impl Renewed {
+impl UpdatedModel {
     /// What became of the measured modes, in one line.
     pub(super) fn line(&self, analysis: &Analysis) -> String {
         let hz = |hz: f64| report::fixed(hz, 1);
-        let one = |(mode, change): (&spectrum::modal::Merged, &ModeChange)| match change {
+        let one = |(mode, change): (&spectrum::modal::MergedMode, &ModeChange)| match change {
             ModeChange::Replaced(before) => {
                 format!("{} Hz now {} Hz", hz(before.frequency_hz), hz(mode.frequency_hz))
             }

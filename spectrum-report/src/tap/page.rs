@@ -1,14 +1,14 @@
 //! The page of an impact test: modes, their three signs, and the hits used.
 
 use report::{
-    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, count, fixed,
+    Axis, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, fixed, pluralise,
     significant,
 };
 use spectrum::frf::Response;
-use spectrum::modal::Merged;
+use spectrum::modal::MergedMode;
 
 use super::analysis::{Analysis, Function, Test};
-use super::model_file::Renewed;
+use super::model_file::UpdatedModel;
 use super::text::{decimals, verdict};
 
 /// Modes named in the verdict.
@@ -23,20 +23,20 @@ const FUNCTIONS_MAX: usize = 8;
 impl Analysis {
     /// The page. `renewed`: the model with the modes, if requested.
     #[must_use]
-    pub fn page(&self, renewed: Option<&Renewed>) -> Page {
+    pub fn page(&self, renewed: Option<&UpdatedModel>) -> Page {
         render(self, renewed)
     }
 }
 
 /// The whole page.
-fn render(analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
+fn render(analysis: &Analysis, renewed: Option<&UpdatedModel>) -> Page {
     let [low, high] = analysis.band_hz.map(|hz| significant(hz, 3));
-    let found = count(analysis.modes.len(), "mode");
+    let found = pluralise(analysis.modes.len(), "mode");
     let rests = match &analysis.test {
         Some(test) => {
-            format!("{} of {} found", count(test.tap.frf.hits, "hit"), test.tap.hits.len())
+            format!("{} of {} found", pluralise(test.tap.frf.hits, "hit"), test.tap.hits.len())
         }
-        None => count(analysis.functions.len(), "response function"),
+        None => pluralise(analysis.functions.len(), "response function"),
     };
     let verified = analysis.modes.iter().filter(|mode| analysis.is_verified(mode)).count();
     let all = analysis.modes.len();
@@ -124,7 +124,7 @@ fn sentence(analysis: &Analysis, how: &str) -> String {
     }
 }
 
-fn next(page: Page, renewed: Option<&Renewed>, verified: usize) -> Page {
+fn next(page: Page, renewed: Option<&UpdatedModel>, verified: usize) -> Page {
     if verified == 0 {
         return page.next("Repeat with five or more hits, and a softer or harder tip so that the force excites the mode.", None);
     }
@@ -180,7 +180,7 @@ fn modes(analysis: &Analysis) -> Table {
     ];
     let table = Table::new("Natural frequencies, lowest first", heads);
     analysis.modes.iter().fold(table, |table, mode| {
-        let clearest = analysis.clearest(mode);
+        let clearest = analysis.most_accurate(mode);
         let of = |value: &dyn Fn(&spectrum::modal::FittedMode) -> Option<f64>| {
             Cell::from(clearest.and_then(value).unwrap_or(f64::NAN))
         };
@@ -198,7 +198,7 @@ fn modes(analysis: &Analysis) -> Table {
             of(&|one| Some(one.mass_kg)),
             of(&|one| Some(one.phase_rad.to_degrees().round())),
             if several {
-                format!("{} of {}", mode.seen.len(), analysis.functions.len()).into()
+                format!("{} of {}", mode.observations.len(), analysis.functions.len()).into()
             } else {
                 of(&|one| one.coherence)
             },
@@ -234,7 +234,7 @@ fn response(analysis: &Analysis, shown: usize) -> Multiples {
 }
 
 fn marked(plot: Plot, analysis: &Analysis, labelled: bool) -> Plot {
-    let label = |mode: &Merged| {
+    let label = |mode: &MergedMode| {
         if labelled { format!("{} Hz", significant(mode.frequency_hz, 3)) } else { String::new() }
     };
     analysis.modes.iter().fold(plot, |plot, mode| plot.mark_x(mode.frequency_hz, label(mode)))
@@ -354,8 +354,8 @@ fn hits(page: Page, test: &Test) -> Page {
 fn hit_table(test: &Test) -> Table {
     let heads = ["File", "Time (s)", "Peak (N)", "Contact (ms)", ""].map(Column::new);
     test.tap.hits.iter().fold(Table::new("Hits found, in order", heads), |table, hit| {
-        let (file, t_s) = test.place(hit);
-        let why = hit.refused.map_or_else(|| "used".to_owned(), |why| format!("rejected: {why}"));
+        let (file, t_s) = test.hit_location(hit);
+        let why = hit.rejection.map_or_else(|| "used".to_owned(), |why| format!("rejected: {why}"));
         table.row([
             file.into(),
             Cell::from(fixed(t_s, 3)),
@@ -367,7 +367,7 @@ fn hit_table(test: &Test) -> Table {
 }
 
 fn forces(test: &Test) -> Plot {
-    let used = || test.tap.hits.iter().filter(|hit| hit.refused.is_none());
+    let used = || test.tap.hits.iter().filter(|hit| hit.rejection.is_none());
     let longest_s = used().map(|hit| hit.contact_s).fold(0.0, f64::max);
     // The contact begins two of its lengths after the block, where the record has them.
     let until = (6.0 * longest_s * test.hits.rate_hz) as usize;

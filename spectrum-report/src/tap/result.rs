@@ -6,10 +6,10 @@ use recording::model::ModeChange;
 use recording::program;
 use serde::Serialize;
 use spectrum::frf::Estimator;
-use spectrum::modal::{FittedMode, Merged};
+use spectrum::modal::{FittedMode, MergedMode};
 
 use super::analysis::{Analysis, Function, Test};
-use super::model_file::Renewed;
+use super::model_file::UpdatedModel;
 use crate::error::Error;
 
 /// Result of an impact test: `trued.tap/1` (docs/reference/results.md).
@@ -128,7 +128,7 @@ struct ModelReport {
 impl Analysis {
     /// The result as an object. `renewed`: the model with the modes, if requested.
     #[must_use]
-    pub fn report(&self, renewed: Option<&Renewed>) -> Report {
+    pub fn report(&self, renewed: Option<&UpdatedModel>) -> Report {
         let direction = self.settings.direction;
         Report {
             estimator: match self.settings.estimator {
@@ -153,7 +153,7 @@ impl Analysis {
     ///
     /// # Errors
     /// [`Error::Internal`]
-    pub fn json(&self, renewed: Option<&Renewed>) -> Result<String, Error> {
+    pub fn json(&self, renewed: Option<&UpdatedModel>) -> Result<String, Error> {
         let text = program::json("trued.tap/1", &self.report(renewed)).map_err(Error::internal)?;
         Ok(text + "\n")
     }
@@ -162,15 +162,15 @@ impl Analysis {
 impl HitsReport {
     fn of(test: &Test) -> Self {
         let [force_column, response_column] = test.hits.columns.clone();
-        let hit = |hit: &spectrum::tap::FoundHit| {
-            let (file, t_s) = test.place(hit);
+        let hit = |hit: &spectrum::tap::DetectedHit| {
+            let (file, t_s) = test.hit_location(hit);
             HitReport {
                 file: file.to_owned(),
                 t_s,
                 peak_N: hit.peak_n,
                 contact_ms: 1e3 * hit.contact_s,
-                used: hit.refused.is_none(),
-                refused: hit.refused.map(|why| why.to_string()),
+                used: hit.rejection.is_none(),
+                refused: hit.rejection.map(|why| why.to_string()),
             }
         };
         Self {
@@ -211,7 +211,7 @@ impl FunctionReport {
                 .iter()
                 .map(|peak| UnresolvedReport {
                     frequency_Hz: peak.frequency_hz,
-                    beside_Hz: peak.beside_hz,
+                    beside_Hz: peak.neighbour_hz,
                     needs_record_s: peak.record_s,
                 })
                 .collect(),
@@ -220,7 +220,7 @@ impl FunctionReport {
 }
 
 impl ModeReport {
-    fn of(mode: &Merged, direction: Option<[f64; 3]>, analysis: &Analysis) -> Self {
+    fn of(mode: &MergedMode, direction: Option<[f64; 3]>, analysis: &Analysis) -> Self {
         let name = |(at, _): &(usize, FittedMode)| {
             analysis.functions.get(*at).map_or_else(String::new, |one| one.name.clone())
         };
@@ -230,11 +230,11 @@ impl ModeReport {
             damping_ratio: mode.damping,
             sigma_damping_ratio: mode.damping_sigma,
             verified: analysis.is_verified(mode),
-            three_signs: mode.by_signs,
+            three_signs: mode.meets_all_criteria,
             force_dB: analysis.force_db(mode),
             direction,
-            clearest: analysis.clearest(mode).map(FittedReport::of),
-            seen_in: mode.seen.iter().map(name).collect(),
+            clearest: analysis.most_accurate(mode).map(FittedReport::of),
+            seen_in: mode.observations.iter().map(name).collect(),
         }
     }
 }
@@ -252,15 +252,15 @@ impl FittedReport {
             modal_stiffness_N_per_um: 1e-6 * mode.stiffness_n_per_m(),
             phase_deg: mode.phase_rad * 360.0 / TAU,
             coherence: mode.coherence,
-            left_at_next_hit: mode.carried,
-            three_signs: mode.by_signs,
+            left_at_next_hit: mode.carry_over,
+            three_signs: mode.meets_all_criteria,
             residual: mode.residual,
         }
     }
 }
 
 impl ModelReport {
-    fn of(renewed: &Renewed, analysis: &Analysis) -> Self {
+    fn of(renewed: &UpdatedModel, analysis: &Analysis) -> Self {
         let pairs = || analysis.modes.iter().zip(&renewed.changes);
         let replaced = pairs().filter_map(|(mode, change)| match change {
             ModeChange::Replaced(before) => Some([before.frequency_hz, mode.frequency_hz]),

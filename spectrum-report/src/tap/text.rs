@@ -1,21 +1,21 @@
 //! Result of an impact test as text.
 
-use report::{TextTable, count, fixed, significant};
-use spectrum::modal::{FittedMode, Merged};
+use report::{TextTable, fixed, pluralise, significant};
+use spectrum::modal::{FittedMode, MergedMode};
 
 use super::analysis::{Analysis, Test};
-use super::model_file::Renewed;
+use super::model_file::UpdatedModel;
 
 impl Analysis {
     /// The result as text; its table is at most `width_max` characters wide. `renewed`: the model
     /// with the modes, if requested.
     #[must_use]
-    pub fn text(&self, renewed: Option<&Renewed>, width_max: Option<usize>) -> String {
+    pub fn text(&self, renewed: Option<&UpdatedModel>, width_max: Option<usize>) -> String {
         let mut text = self.test.as_ref().map(hits).unwrap_or_default();
         let [low, high] = self.band_hz.map(|hz| significant(hz, 3));
         let functions = match self.functions.as_slice() {
             [one] => format!("{} of the {}", one.kind().0, one.name),
-            several => count(several.len(), "response function"),
+            several => pluralise(several.len(), "response function"),
         };
         text += &format!("{functions}, {low} to {high} Hz\n");
         if self.modes.is_empty() {
@@ -34,14 +34,14 @@ fn hits(test: &Test) -> String {
     let (found, used) = (test.tap.hits.len(), test.tap.frf.hits);
     let mut text = format!(
         "{} found, {used} used, each {} s at {} Hz; excitation up to {} Hz (−20 dB)\n",
-        count(found, "hit"),
+        pluralise(found, "hit"),
         significant(test.tap.block_s, 3),
         significant(test.hits.rate_hz, 3),
         significant(test.tap.excited_to_hz(20.0), 3)
     );
     for hit in &test.tap.hits {
-        if let Some(why) = hit.refused {
-            let (file, t_s) = test.place(hit);
+        if let Some(why) = hit.rejection {
+            let (file, t_s) = test.hit_location(hit);
             text += &format!("rejected: {file} at {} s, {why}\n", fixed(t_s, 3));
         }
     }
@@ -60,7 +60,7 @@ fn table(analysis: &Analysis) -> TextTable {
     let heads =
         ["mode, Hz", "±", "damping, %", "±", "half power, %", "N/µm", "kg", "coherence", ""];
     analysis.modes.iter().fold(TextTable::new(heads), |table, mode| {
-        let clearest = analysis.clearest(mode);
+        let clearest = analysis.most_accurate(mode);
         let of = |value: &dyn Fn(&FittedMode) -> Option<f64>, digits: usize| {
             clearest.and_then(value).map_or_else(|| "–".to_owned(), |v| significant(v, digits))
         };
@@ -80,7 +80,7 @@ fn table(analysis: &Analysis) -> TextTable {
     })
 }
 
-fn decimals_of_damping(mode: &Merged) -> usize {
+fn decimals_of_damping(mode: &MergedMode) -> usize {
     decimals(100.0 * mode.damping_sigma)
 }
 
@@ -91,8 +91,8 @@ pub(super) fn decimals(sigma: f64) -> usize {
 }
 
 /// Reliability of a mode, in one word.
-pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
-    match (analysis.is_verified(mode), mode.by_signs) {
+pub(super) fn verdict(analysis: &Analysis, mode: &MergedMode) -> &'static str {
+    match (analysis.is_verified(mode), mode.meets_all_criteria) {
         (true, _) => "verified",
         (false, true) => "unverified",
         (false, false) => "by the fit only",

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::Settings;
 use super::input::{Channel, Source};
-use super::monitor::{self, Episode, Monitored};
-use super::path::{self, PathSpectra, Wheels};
+use super::monitor::{self, Episode, MonitoredGroup};
+use super::path::{self, PathGearFrequencies, PathSpectra};
 use super::spectra::{self, ChannelSpectrum, ClassifiedLine};
 use crate::error::Error;
 use crate::stability;
@@ -26,7 +26,7 @@ pub struct Analysis {
     pub nearest_stable: Vec<String>,
     /// Remarks, as text.
     pub notes: Vec<String>,
-    pub(super) monitored: Vec<Monitored>,
+    pub(super) monitored: Vec<MonitoredGroup>,
 }
 
 /// Runs the vibration monitor on a recording, and computes spectra over time and over the tool's path.
@@ -39,8 +39,8 @@ pub struct Analysis {
 pub fn analyse(source: Source, settings: &Settings) -> Result<Analysis, Error> {
     let mut notes = source.notes.clone();
     let window_s = spectra::window_s(settings.window_s, &source)?;
-    let wheels = Wheels::of(&source);
-    let measured = spectra::measured(&source, window_s)?;
+    let wheels = PathGearFrequencies::of(&source);
+    let measured = spectra::measure_all(&source, window_s)?;
     let rms: Vec<f64> = measured.iter().map(|channel| channel.rms).collect();
     let monitored = monitor::monitor(settings, &source, &wheels.shafts(), &rms, &mut notes)?;
     let episodes = monitor::episodes(&source, &monitored)?;

@@ -209,7 +209,7 @@ fn displayed(unit: &str) -> String {
 /// The model that is given, otherwise the one that the recording's TOML names.
 fn model(file: &Path, inputs: &Inputs, waves: &Waves) -> Result<Option<RobotModel>, Error> {
     let named = waves.about.as_ref().and_then(|about| about.model.as_ref());
-    let beside = named.map(|name| presets::beside(file, name.as_ref()));
+    let beside = named.map(|name| presets::resolve_model_path(file, name.as_ref()));
     inputs.model.clone().or(beside).map(|name| model_at(&name)).transpose()
 }
 
@@ -219,7 +219,7 @@ fn model_at(name: &Path) -> Result<RobotModel, Error> {
 
 /// The records over time with the rate and the channels of the first one; the others are reported.
 fn alike(file: &Path, waves: Waves, notes: &mut Vec<String>) -> Result<(f64, Vec<Record>), Error> {
-    let mut faults = Faults::of(file.display().to_string());
+    let mut faults = Faults::new(file.display().to_string());
     let rate = |record: &Record| match record.grid {
         Grid::Time { rate_hz, .. } => Some(rate_hz),
         Grid::Length { .. } => None,
@@ -269,14 +269,14 @@ fn piece(
         Grid::Time { start_s, .. } => start_s,
         Grid::Length { .. } => 0.0,
     };
-    let motion = Motion::of(inputs, &record.beside, record.len(), rate_hz, model, notes);
+    let motion = Motion::of(inputs, &record.auxiliary, record.len(), rate_hz, model, notes);
     let taken = record.channels.into_iter().map(|wave| wave.values).collect();
     Piece { start_s, at_s: start_s.max(end_s), samples: Samples::held(taken), motion }
 }
 
 fn refuse_empty(file: &Path, channels: &[Channel], pieces: &[Piece]) -> Result<(), Error> {
     let samples: usize = pieces.iter().map(Piece::len).sum();
-    let mut faults = Faults::of(file.display().to_string());
+    let mut faults = Faults::new(file.display().to_string());
     for channel in channels.iter().filter(|channel| channel.missing == samples) {
         let fault = Fault::new(&channel.name, "contains no sample");
         faults.push(fault.expected("numbers").help("choose other columns: --column"));

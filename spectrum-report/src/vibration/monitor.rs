@@ -1,13 +1,13 @@
 //! Runs the vibration monitor on the recording and groups its verdicts by spectral line.
 
 use recording::model::RobotModel;
-use spectrum::offline::{Averaging, Event, MonitorResult, MonitorRun, line_near};
+use spectrum::offline::{Event, MonitorResult, MonitorRun, SpectrumAverager, line_near};
 use spectrum::welch::{Detrend, SegmentPower, Segments, Spectrum};
-use spectrum::{Axis, Class, Mode, State, Verdict, Watch, WatchConfig, Wheel};
+use spectrum::{Axis, Class, GearFrequency, Mode, MonitorConfig, State, Verdict, VibrationMonitor};
 
 use super::Settings;
 use super::input::Source;
-use super::samples::Gaps;
+use super::samples::GapHandling;
 use crate::error::Error;
 use crate::parallel;
 
@@ -17,10 +17,10 @@ const LINGER_S: f64 = 0.5;
 const MEASURED_S: f64 = 0.25;
 
 /// Input and results of one monitor.
-pub(super) struct Monitored {
+pub(super) struct MonitoredGroup {
     /// Its channels.
     pub(super) group: Vec<usize>,
-    pub(super) watch: Watch,
+    pub(super) watch: VibrationMonitor,
     pub(super) result: MonitorResult,
     /// The minimum amplitude that it reports, in the group's unit.
     pub(super) least: f64,
@@ -49,7 +49,7 @@ pub struct Episode {
     pub verdict: Verdict,
 }
 
-impl Monitored {
+impl MonitoredGroup {
     /// The channel of a verdict.
     pub(super) fn channel(&self, axis: Axis) -> usize {
         self.group.get(axis.channel()).or(self.group.last()).copied().unwrap_or(0)
@@ -61,10 +61,10 @@ impl Monitored {
 pub(super) fn monitor(
     settings: &Settings,
     source: &Source,
-    wheels: &[Wheel],
+    wheels: &[GearFrequency],
     rms: &[f64],
     notes: &mut Vec<String>,
-) -> Result<Vec<Monitored>, Error> {
+) -> Result<Vec<MonitoredGroup>, Error> {
     let rate_least_hz = settings.rate_least_hz;
     if source.rate_hz < rate_least_hz {
         let rate_hz = source.rate_hz;
@@ -75,8 +75,8 @@ pub(super) fn monitor(
     }
     let monitored = |group: &Vec<usize>| monitor_group(group, settings, source, wheels, rms);
     let all = parallel::map(&source.groups(), monitored);
-    let all = all.into_iter().collect::<Result<Vec<Monitored>, Error>>()?;
-    for Monitored { result, .. } in &all {
+    let all = all.into_iter().collect::<Result<Vec<MonitoredGroup>, Error>>()?;
+    for MonitoredGroup { result, .. } in &all {
         if result.still_learning {
             let seconds = report::significant(source.seconds(), 3);
             let note = format!(
@@ -98,17 +98,18 @@ fn monitor_group(
     group: &[usize],
     settings: &Settings,
     source: &Source,
-    wheels: &[Wheel],
+    wheels: &[GearFrequency],
     rms: &[f64],
-) -> Result<Monitored, Error> {
-    let least = settings.amplitude_least.unwrap_or_else(|| least(settings, source, group, rms));
-    let usual = WatchConfig::default();
-    let config = WatchConfig {
+) -> Result<MonitoredGroup, Error> {
+    let least =
+        settings.amplitude_least.unwrap_or_else(|| least_amplitude(settings, source, group, rms));
+    let usual = MonitorConfig::default();
+    let config = MonitorConfig {
         rate_hz: source.rate_hz,
         channels: group.len(),
         band_hz: settings.band_hz,
         modes: source.model.as_ref().map(modes).unwrap_or_default(),
-        wheels: wheels.to_vec(),
+        gear_frequencies: wheels.to_vec(),
         least_amplitude_n: least,
         least_amplitude_nm: if settings.amplitude_least.is_some() { least } else { 0.1 * least },
         mains_hz: settings.mains_hz,
@@ -116,21 +117,23 @@ fn monitor_group(
         learn_s: (0.25 * source.seconds()).clamp(0.5, usual.learn_s),
         ..usual
     };
-    let mut watch = Watch::new(config).map_err(Error::input)?;
+    let mut watch = VibrationMonitor::new(config).map_err(Error::input)?;
     let mut run = MonitorRun::new(&mut watch, source.rate_hz);
     for piece in &source.pieces {
         let state = |sample| piece.motion.state(sample, source.teeth);
         run.begin(piece.at_s, group.len());
-        piece.samples.parts(Gaps::Missing, group, 0..piece.len(), |part| run.push(part, state))?;
+        piece
+            .samples
+            .parts(GapHandling::Missing, group, 0..piece.len(), |part| run.push(part, state))?;
         run.end(state);
     }
     let result = run.finish();
-    Ok(Monitored { group: group.to_vec(), watch, result, least })
+    Ok(MonitoredGroup { group: group.to_vec(), watch, result, least })
 }
 
 /// The minimum amplitude, by the unit or relative to the signal.
-fn least(settings: &Settings, source: &Source, group: &[usize], rms: &[f64]) -> f64 {
-    let defaults = WatchConfig::default();
+fn least_amplitude(settings: &Settings, source: &Source, group: &[usize], rms: &[f64]) -> f64 {
+    let defaults = MonitorConfig::default();
     match group.first().map(|at| source.channels[*at].unit.as_str()) {
         Some("N") => defaults.least_amplitude_n,
         Some("Nm") => defaults.least_amplitude_nm,
@@ -151,7 +154,7 @@ fn modes(model: &RobotModel) -> Vec<Mode> {
 }
 
 /// The course of every line: alarms first, then by amplitude.
-pub(super) fn episodes(source: &Source, all: &[Monitored]) -> Result<Vec<Episode>, Error> {
+pub(super) fn episodes(source: &Source, all: &[MonitoredGroup]) -> Result<Vec<Episode>, Error> {
     let mut episodes = Vec::new();
     for monitored in all {
         let mut lines: Vec<u32> = Vec::new();
@@ -177,7 +180,7 @@ pub(super) fn episodes(source: &Source, all: &[Monitored]) -> Result<Vec<Episode
 
 fn episode(
     source: &Source,
-    monitored: &Monitored,
+    monitored: &MonitoredGroup,
     events: &[&Event],
 ) -> Result<Option<Episode>, Error> {
     let alive = || events.iter().filter(|event| event.verdict.state != State::Over);
@@ -235,11 +238,11 @@ impl Episode {
         }
         let whole =
             Segments { detrend: Detrend::Linear, ..Segments::new(rate_hz, length.min(4 * window)) };
-        let mut averaging = Averaging::new(whole);
+        let mut averaging = SpectrumAverager::new(whole);
         averaging.begin(length).map_err(Error::input)?;
         piece
             .samples
-            .parts(Gaps::Bridged, &[self.channel], from..to, |part| averaging.push(part))?;
+            .parts(GapHandling::Bridged, &[self.channel], from..to, |part| averaging.push(part))?;
         let mean = averaging.finish().map_err(Error::input)?.mean;
         let reach_hz = 3.0_f64.max(0.005 * self.frequency_hz);
         let near = line_near(&mean, self.frequency_hz, reach_hz);
@@ -251,7 +254,7 @@ impl Episode {
         let mut spectrum =
             Spectrum { frequency: segments.frequencies(), power: Vec::new(), averages: 1 };
         let mut largest = 0.0_f64;
-        piece.samples.parts(Gaps::Bridged, &[self.channel], from..to, |part| {
+        piece.samples.parts(GapHandling::Bridged, &[self.channel], from..to, |part| {
             segments.push(part, |_, power| {
                 spectrum.power.clear();
                 spectrum.power.extend_from_slice(power);

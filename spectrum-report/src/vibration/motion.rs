@@ -8,23 +8,23 @@ use physics::{JOINTS_MAX, JointKind, Joints};
 use recording::model::RobotModel;
 use recording::series::Channel;
 use spectrum::ProcessState;
-use spectrum::offline::{Standing, path_mm, speed_of_pulses, speed_on};
+use spectrum::offline::{LineConditions, feed_along_path, path_mm, speed_from_pulses};
 
 use super::input::Inputs;
 
 /// A quantity over the samples: empty if unknown, one value if constant, otherwise one per sample.
-type Course = Vec<f64>;
+type Series = Vec<f64>;
 
 /// Recorded quantities beside the waveforms, SI.
-type Beside = BTreeMap<Channel, Vec<f64>>;
+type RecordedColumns = BTreeMap<Channel, Vec<f64>>;
 
 /// The machine's motion during one piece.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     /// Rev/min.
-    spindle_rpm: Course,
+    spindle_rpm: Series,
     /// mm/s.
-    feed_mm_s: Course,
+    feed_mm_s: Series,
     /// Length of the path at each sample, mm; empty if unknown.
     pub(super) path_mm: Vec<f64>,
     /// How the path was determined, as text.
@@ -36,15 +36,15 @@ pub(super) struct Motion {
 impl Motion {
     pub(super) fn of(
         inputs: &Inputs,
-        beside: &Beside,
+        beside: &RecordedColumns,
         samples: usize,
         rate_hz: f64,
         model: Option<&RobotModel>,
         notes: &mut Vec<String>,
     ) -> Self {
-        let column = |channel: Channel| beside.get(&channel).map(|values| held(values));
+        let column = |channel: Channel| beside.get(&channel).map(|values| hold_last(values));
         let tacho = || {
-            let speed = speed_of_pulses(beside.get(&Channel::Tacho)?, rate_hz);
+            let speed = speed_from_pulses(beside.get(&Channel::Tacho)?, rate_hz);
             notes.push(if speed.is_empty() {
                 "the tacho shows no pulses".to_owned()
             } else {
@@ -72,7 +72,7 @@ impl Motion {
         } else if let Some((by, position_mm)) = motion.positions(beside, samples, model) {
             motion.path_by = by;
             motion.path_mm = path_mm(&position_mm, rate_hz);
-            motion.feed_mm_s = speed_on(&motion.path_mm, rate_hz);
+            motion.feed_mm_s = feed_along_path(&motion.path_mm, rate_hz);
         }
         motion
     }
@@ -80,7 +80,7 @@ impl Motion {
     /// The tool's positions, mm: measured, or by the model from the joints.
     fn positions(
         &self,
-        beside: &Beside,
+        beside: &RecordedColumns,
         samples: usize,
         model: Option<&RobotModel>,
     ) -> Option<(&'static str, Vec<[f64; 3]>)> {
@@ -128,7 +128,7 @@ impl Motion {
 
     /// State of the process for a line of the whole recording: while the spindle turned, and the
     /// tool moved.
-    pub(super) fn standing(&self, teeth: u32, uncertainty_hz: f64) -> Standing {
+    pub(super) fn line_conditions(&self, teeth: u32, uncertainty_hz: f64) -> LineConditions {
         let process = ProcessState {
             spindle_rpm: self.median_rpm().unwrap_or(0.0),
             teeth,
@@ -136,7 +136,7 @@ impl Motion {
             in_cut: None,
         };
         let spindle_rpm = range(&self.spindle_rpm).unwrap_or_default();
-        Standing { process, spindle_rpm, uncertainty_hz }
+        LineConditions { process, spindle_rpm, uncertainty_hz }
     }
 
     /// Least and largest feed while it moves, mm/s.
@@ -146,7 +146,7 @@ impl Motion {
 
     /// Revolutions of a joint per mm of path, in each of `parts` equal parts of the piece; `None`
     /// if joint or path is unknown.
-    pub(super) fn turns_per_mm(
+    pub(super) fn gear_frequencies(
         &self,
         joint: usize,
         parts: usize,
@@ -179,7 +179,7 @@ pub(super) fn turns(kind: JointKind) -> bool {
 }
 
 /// Missing samples take the previous value.
-fn held(values: &[f64]) -> Course {
+fn hold_last(values: &[f64]) -> Series {
     let mut last = values.iter().copied().find(|v| v.is_finite()).unwrap_or(0.0);
     let next = |v: &f64| {
         if v.is_finite() {
@@ -190,11 +190,11 @@ fn held(values: &[f64]) -> Course {
     values.iter().map(next).collect()
 }
 
-fn at(course: &Course, sample: usize) -> f64 {
+fn at(course: &Series, sample: usize) -> f64 {
     course.get(sample).or(course.last()).copied().unwrap_or(0.0)
 }
 
-fn integrated(feed_mm_s: &Course, samples: usize, rate_hz: f64) -> Vec<f64> {
+fn integrated(feed_mm_s: &Series, samples: usize, rate_hz: f64) -> Vec<f64> {
     let mut place_mm = 0.0;
     let step = |sample: usize| {
         let here = place_mm;
@@ -206,7 +206,7 @@ fn integrated(feed_mm_s: &Course, samples: usize, rate_hz: f64) -> Vec<f64> {
 
 /// Minimum and maximum of the middle four fifths of the positive values, which excludes starting
 /// and stopping.
-fn range(course: &Course) -> Option<[f64; 2]> {
+fn range(course: &Series) -> Option<[f64; 2]> {
     let mut moving: Vec<f64> = course.iter().copied().filter(|x| *x > 0.01).collect();
     moving.sort_by(f64::total_cmp);
     let last = moving.len().checked_sub(1)? as f64;

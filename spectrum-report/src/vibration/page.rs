@@ -1,6 +1,6 @@
 //! Vibrations of a recording as a page: time and cause, spectra over time and path, sensor status.
 
-use report::{Column, Number, Page, Table, Tone, count, fixed, significant};
+use report::{Column, Number, Page, Table, Tone, fixed, pluralise, significant};
 
 use super::analysis::Analysis;
 use super::input::Source;
@@ -117,7 +117,7 @@ fn numbers(analysis: &Analysis) -> Vec<Number> {
     let mut numbers = vec![
         Number::text("Lines with an alarm", alarms.to_string())
             .tone(tone)
-            .note(format!("of {}", count(analysis.episodes.len(), "line"))),
+            .note(format!("of {}", pluralise(analysis.episodes.len(), "line"))),
     ];
     if let Some(worst) = analysis.episodes.first() {
         let channel = &analysis.source.channels[worst.channel];
@@ -319,7 +319,7 @@ fn facts(analysis: &Analysis) -> Vec<(&'static str, String)> {
         "Spindle",
         rpm.map_or("not known".to_owned(), |rpm| {
             let teeth = if analysis.source.teeth > 0 {
-                format!(", {}", count(analysis.source.teeth as usize, "tooth"))
+                format!(", {}", pluralise(analysis.source.teeth as usize, "tooth"))
             } else {
                 String::new()
             };

@@ -2,16 +2,16 @@
 
 use physics::JOINTS_MAX;
 use recording::model::RobotModel;
-use spectrum::Wheel;
-use spectrum::offline::{Averaged, Line};
-use spectrum::spatial::{match_wheels, over_path};
+use spectrum::GearFrequency;
+use spectrum::offline::{AveragedSpectrum, Line};
+use spectrum::spatial::{match_gears, resample_over_path};
 use spectrum::welch::{Detrend, Segments, Spectrum, detrended};
 
 use super::Settings;
 use super::input::{Piece, Source};
 use super::monitor::Episode;
 use super::motion::{Motion, median, turns};
-use super::samples::Gaps;
+use super::samples::GapHandling;
 use super::spectra::ChannelSpectrum;
 use crate::error::Error;
 
@@ -39,7 +39,7 @@ pub struct PathSpectra {
     /// The spectrum of each channel.
     pub channels: Vec<ChannelPathSpectrum>,
     /// The gear shafts and meshes along the path.
-    pub wheels: Wheels,
+    pub wheels: PathGearFrequencies,
 }
 
 /// One channel's spectrum over the path.
@@ -57,23 +57,23 @@ pub struct PathLine {
     /// Frequency in cycles per mm, and amplitude.
     pub line: Line,
     /// The gear shaft or mesh that fits best.
-    pub wheel: Option<WheelMatch>,
+    pub wheel: Option<GearMatch>,
     /// The line in time that has this frequency over the path at the feed of its time, Hz.
     pub in_time_hz: Option<f64>,
 }
 
 /// The gear shaft or mesh that fits a line best.
 #[derive(Clone, Copy, Debug)]
-pub struct WheelMatch {
+pub struct GearMatch {
     /// Shaft or mesh.
-    pub wheel: Wheel,
+    pub wheel: GearFrequency,
     /// The line is this multiple of it.
     pub multiple: u32,
     /// Number of others that fit within the tolerance too.
     pub others: usize,
 }
 
-impl WheelMatch {
+impl GearMatch {
     /// As text: `joint 1, shaft 2`; `joint 1, 10 teeth of shaft 1`.
     pub(super) fn text(&self) -> String {
         let times =
@@ -89,16 +89,16 @@ impl WheelMatch {
 
 /// The gear shafts along this path, or why they are unknown.
 #[derive(Default)]
-pub struct Wheels {
+pub struct PathGearFrequencies {
     /// Shafts and meshes.
-    pub list: Vec<Wheel>,
+    pub list: Vec<GearFrequency>,
     /// Relative change of their speeds along the path; no unit.
     pub spread: f64,
     /// What is missing to determine them, as text.
     pub missing: Option<String>,
 }
 
-impl Wheels {
+impl PathGearFrequencies {
     pub(super) fn of(source: &Source) -> Self {
         let missing = |what: &str| Self { missing: Some(what.to_owned()), ..Self::default() };
         let Some(model) = &source.model else {
@@ -112,29 +112,29 @@ impl Wheels {
                 "no wheel is matched: the joints' speeds along the path are not known; record q1_deg … with the forces",
             );
         }
-        Self::along(source, model)
+        Self::for_path(source, model)
     }
 
     /// The shafts, as the monitor uses them.
-    pub(super) fn shafts(&self) -> Vec<Wheel> {
+    pub(super) fn shafts(&self) -> Vec<GearFrequency> {
         self.list.iter().filter(|wheel| wheel.teeth == 1).copied().collect()
     }
 
     /// The best match of a line.
-    fn matching(&self, cycles_per_mm: f64, tolerance: f64) -> Option<WheelMatch> {
-        let fitting = match_wheels(cycles_per_mm, &self.list, tolerance);
+    fn matching(&self, cycles_per_mm: f64, tolerance: f64) -> Option<GearMatch> {
+        let fitting = match_gears(cycles_per_mm, &self.list, tolerance);
         let (wheel, multiple) = *fitting.first()?;
-        Some(WheelMatch { wheel, multiple, others: fitting.len() - 1 })
+        Some(GearMatch { wheel, multiple, others: fitting.len() - 1 })
     }
 
-    fn along(source: &Source, model: &RobotModel) -> Self {
+    fn for_path(source: &Source, model: &RobotModel) -> Self {
         let mut wheels = Self::default();
         let mut turning = [0.0; JOINTS_MAX];
         for (at, joint) in model.file.joints.iter().enumerate().filter(|(_, j)| turns(j.kind)) {
             let found: Vec<f64> = source
                 .pieces
                 .iter()
-                .filter_map(|piece| piece.motion.turns_per_mm(at, PARTS, source.rate_hz))
+                .filter_map(|piece| piece.motion.gear_frequencies(at, PARTS, source.rate_hz))
                 .flatten()
                 .collect();
             let Some(turns_per_mm) = median(found.iter().copied()).filter(|turns| *turns > 1e-9)
@@ -149,13 +149,13 @@ impl Wheels {
                 *turns = turns_per_mm;
             }
         }
-        wheels.list = model.file.gear_cycles(&turning, Wheel::new).collect();
+        wheels.list = model.file.gear_cycles(&turning, GearFrequency::new).collect();
         wheels
     }
 }
 
 /// The pieces with a known path, its length and speed.
-struct Known<'a> {
+struct KnownPath<'a> {
     settings: &'a Settings,
     pieces: Vec<&'a Piece>,
     length_mm: f64,
@@ -164,7 +164,7 @@ struct Known<'a> {
     feed_mm_s: [f64; 2],
 }
 
-impl<'a> Known<'a> {
+impl<'a> KnownPath<'a> {
     /// `Err` states what is missing.
     fn of(settings: &'a Settings, source: &'a Source) -> Result<Self, String> {
         let known = |piece: &&Piece| piece.motion.path_mm.len() == piece.len() && piece.len() > 1;
@@ -206,20 +206,20 @@ impl<'a> Known<'a> {
     }
 
     /// A channel over the path.
-    fn averaged(&self, channel: usize, segments: &Segments) -> Result<Averaged, Error> {
+    fn averaged(&self, channel: usize, segments: &Segments) -> Result<AveragedSpectrum, Error> {
         let mut runs = Vec::new();
         for piece in
             self.pieces.iter().filter(|piece| length_mm(piece) >= self.settings.path_least_mm)
         {
             let mut samples = Vec::with_capacity(piece.len());
-            piece.samples.parts(Gaps::Bridged, &[channel], 0..piece.len(), |part| {
+            piece.samples.parts(GapHandling::Bridged, &[channel], 0..piece.len(), |part| {
                 samples.extend_from_slice(part);
             })?;
             let samples = detrended(&samples, Detrend::Constant);
-            let run = over_path(&piece.motion.path_mm, &samples, 1.0 / segments.rate);
+            let run = resample_over_path(&piece.motion.path_mm, &samples, 1.0 / segments.rate);
             runs.push(run.map_err(Error::input)?);
         }
-        Averaged::of(runs.iter().map(Vec::as_slice), segments).map_err(Error::input)
+        AveragedSpectrum::from_runs(runs.iter().map(Vec::as_slice), segments).map_err(Error::input)
     }
 }
 
@@ -232,11 +232,11 @@ fn length_mm(piece: &Piece) -> f64 {
 pub(super) fn of(
     settings: &Settings,
     source: &Source,
-    wheels: Wheels,
+    wheels: PathGearFrequencies,
     episodes: &[Episode],
     spectra: &[ChannelSpectrum],
 ) -> Result<Result<PathSpectra, String>, Error> {
-    let known = match Known::of(settings, source) {
+    let known = match KnownPath::of(settings, source) {
         Ok(known) => known,
         Err(missing) => return Ok(Err(missing)),
     };
@@ -282,7 +282,7 @@ pub(crate) struct ChannelLine {
 
 /// The lines over the path alone, with the default settings.
 pub(crate) fn lines_over_path(source: &Source) -> Result<Vec<ChannelLine>, Error> {
-    let spectra = of(&Settings::default(), source, Wheels::default(), &[], &[])?
+    let spectra = of(&Settings::default(), source, PathGearFrequencies::default(), &[], &[])?
         .map_err(|missing| Error::input(format!("{}: {missing}", source.file.display())))?;
     let (one_feed, mut lines) = (spectra.one_feed, Vec::new());
     for one in spectra.channels {

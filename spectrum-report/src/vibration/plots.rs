@@ -8,7 +8,7 @@ use super::analysis::Analysis;
 use super::input::Source;
 use super::monitor::Episode;
 use super::path::{ChannelPathSpectrum, PathSpectra};
-use super::samples::Gaps;
+use super::samples::GapHandling;
 use super::spectra::{ChannelSpectrum, segments};
 use super::text::density_unit;
 use crate::error::Error;
@@ -95,7 +95,7 @@ pub(super) fn waterfall(analysis: &Analysis, channel: usize) -> Result<Option<Sv
         let all = 0..piece.len();
         piece
             .samples
-            .parts(Gaps::Bridged, &[channel], all, |part| segments.push(part, &mut enter))?;
+            .parts(GapHandling::Bridged, &[channel], all, |part| segments.push(part, &mut enter))?;
     }
     fill_gaps(
         &mut cells,
@@ -166,7 +166,7 @@ pub(super) fn signal(analysis: &Analysis, channel: usize) -> Result<Svg, Error> 
     for piece in &analysis.source.pieces {
         let t_s = |i: usize| piece.at_s + i as f64 / analysis.source.rate_hz;
         let (mut at, mut open) = (0, Vec::with_capacity(group));
-        piece.samples.parts(Gaps::Missing, &[channel], 0..piece.len(), |part| {
+        piece.samples.parts(GapHandling::Missing, &[channel], 0..piece.len(), |part| {
             for x in part {
                 open.push((t_s(at), *x));
                 at += 1;

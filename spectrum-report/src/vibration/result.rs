@@ -7,7 +7,7 @@ use spectrum::{NearestLine, Verdict};
 
 use super::analysis::Analysis;
 use super::input::Source;
-use super::monitor::Monitored;
+use super::monitor::MonitoredGroup;
 use super::motion::{Motion, median};
 use super::path::PathSpectra;
 use super::text::{axis_of, density_unit};
@@ -265,7 +265,7 @@ impl Judged {
     fn of(verdict: &Verdict) -> Self {
         Self {
             class: verdict.class.name(),
-            rivals: verdict.rivals.iter().map(spectrum::Class::name).collect(),
+            rivals: verdict.alternatives.iter().map(spectrum::Class::name).collect(),
             suspect_alias: verdict.suspect_alias,
             mode: verdict.mode.map(|line| Near { order: line.order + 1, ..Near::of(line) }),
             harmonic: verdict.harmonic.map(Near::of),
@@ -385,7 +385,7 @@ fn path(source: &Source, spectra: &PathSpectra) -> Path {
             }),
         })
     });
-    let wheel = |wheel: &spectrum::Wheel| Wheel {
+    let wheel = |wheel: &spectrum::GearFrequency| Wheel {
         joint: wheel.joint,
         shaft: wheel.shaft,
         teeth: wheel.teeth,
@@ -405,7 +405,7 @@ fn path(source: &Source, spectra: &PathSpectra) -> Path {
 fn health(analysis: &Analysis) -> Vec<Finding> {
     let all =
         analysis.monitored.iter().flat_map(|one| one.result.findings.iter().map(move |f| (one, f)));
-    let finding = |(monitored, finding): (&Monitored, &spectrum::offline::Finding)| {
+    let finding = |(monitored, finding): (&MonitoredGroup, &spectrum::offline::FaultInterval)| {
         let name = |at: usize| {
             let channel = monitored.group.get(at).and_then(|at| analysis.source.channels.get(*at));
             channel.map(|channel| channel.name.clone())

@@ -11,7 +11,7 @@ const FRAMES: usize = 1 << 14;
 
 /// How missing samples are replaced.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Gaps {
+pub(super) enum GapHandling {
     /// NaN.
     Missing,
     /// A straight line across them.
@@ -34,7 +34,7 @@ pub(super) enum Samples {
 
 impl Samples {
     pub(super) fn held(taken: Vec<Vec<f64>>) -> Self {
-        let bridged = taken.iter().map(|samples| bridged(samples)).collect();
+        let bridged = taken.iter().map(|samples| interpolate_gaps(samples)).collect();
         Self::Held { taken, bridged }
     }
 
@@ -59,7 +59,7 @@ impl Samples {
     /// Passes the samples of some channels to `each`, part by part, interleaved by time.
     pub(super) fn parts(
         &self,
-        gaps: Gaps,
+        gaps: GapHandling,
         channels: &[usize],
         range: Range<usize>,
         each: impl FnMut(&[f64]),
@@ -67,11 +67,11 @@ impl Samples {
         match self {
             Self::Held { taken, bridged } => {
                 let channel = |at: &usize| match gaps {
-                    Gaps::Missing => taken[*at].as_slice(),
-                    Gaps::Bridged => bridged[*at].as_deref().unwrap_or(&taken[*at]),
+                    GapHandling::Missing => taken[*at].as_slice(),
+                    GapHandling::Bridged => bridged[*at].as_deref().unwrap_or(&taken[*at]),
                 };
                 let chosen: Vec<&[f64]> = channels.iter().map(channel).collect();
-                side_by_side(&chosen, range, each);
+                interleave(&chosen, range, each);
                 Ok(())
             }
             Self::Stored(stored) => Ok(stored.parts(channels, range, each)?),
@@ -79,7 +79,7 @@ impl Samples {
     }
 }
 
-fn side_by_side(channels: &[&[f64]], range: Range<usize>, mut each: impl FnMut(&[f64])) {
+fn interleave(channels: &[&[f64]], range: Range<usize>, mut each: impl FnMut(&[f64])) {
     if let [channel] = channels {
         channel[range].chunks(FRAMES).for_each(each);
         return;
@@ -94,7 +94,7 @@ fn side_by_side(channels: &[&[f64]], range: Range<usize>, mut each: impl FnMut(&
 }
 
 /// Linear interpolation over missing samples; `None` if there are none.
-fn bridged(samples: &[f64]) -> Option<Vec<f64>> {
+fn interpolate_gaps(samples: &[f64]) -> Option<Vec<f64>> {
     samples.iter().any(|x| x.is_nan()).then(|| {
         let mut even = samples.to_vec();
         let mut last: Option<usize> = None;
@@ -123,9 +123,9 @@ mod tests {
     #[test]
     fn gaps_are_bridged_by_straight_lines_and_ends_are_held() {
         let nan = f64::NAN;
-        assert_eq!(bridged(&[1.0, 2.0]), None);
-        let even = bridged(&[nan, 1.0, nan, nan, 4.0, nan]);
+        assert_eq!(interpolate_gaps(&[1.0, 2.0]), None);
+        let even = interpolate_gaps(&[nan, 1.0, nan, nan, 4.0, nan]);
         assert_eq!(even, Some(vec![1.0, 1.0, 2.0, 3.0, 4.0, 4.0]));
-        assert_eq!(bridged(&[nan, nan]), Some(vec![0.0, 0.0]));
+        assert_eq!(interpolate_gaps(&[nan, nan]), Some(vec![0.0, 0.0]));
     }
 }

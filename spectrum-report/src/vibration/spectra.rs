@@ -1,12 +1,12 @@
 //! Spectra of the whole recording: power density and lines of every channel.
 
-use spectrum::offline::{Averaged, Averaging, Line, Standing};
+use spectrum::offline::{AveragedSpectrum, Line, LineConditions, SpectrumAverager};
 use spectrum::welch::{Detrend, Scaling, Segments, Spectrum, Taper};
 use spectrum::{Axis, Class, State, Verdict};
 
 use super::input::{Piece, Source};
-use super::monitor::{Episode, Monitored};
-use super::samples::Gaps;
+use super::monitor::{Episode, MonitoredGroup};
+use super::samples::GapHandling;
 use crate::error::Error;
 use crate::parallel;
 
@@ -67,33 +67,42 @@ pub(super) fn segments(rate_hz: f64, window_s: f64) -> Segments {
 }
 
 /// Power density and rms of one channel.
-pub(super) struct Measured {
-    averaged: Averaged,
+pub(super) struct ChannelMeasurement {
+    averaged: AveragedSpectrum,
     pub(super) rms: f64,
 }
 
 /// Power density and rms of every channel, in one pass over the samples on each core.
-pub(super) fn measured(source: &Source, window_s: f64) -> Result<Vec<Measured>, Error> {
+pub(super) fn measure_all(
+    source: &Source,
+    window_s: f64,
+) -> Result<Vec<ChannelMeasurement>, Error> {
     let all: Vec<usize> = (0..source.channels.len()).collect();
     let shares: Vec<&[usize]> = all.chunks(all.len().div_ceil(parallel::cores()).max(1)).collect();
     let mut measured = Vec::new();
-    for share in parallel::map(&shares, |share| measured_of(source, share, window_s)) {
+    for share in parallel::map(&shares, |share| measure_channels(source, share, window_s)) {
         measured.extend(share?);
     }
     Ok(measured)
 }
 
 /// The same of some channels.
-fn measured_of(source: &Source, channels: &[usize], window_s: f64) -> Result<Vec<Measured>, Error> {
+fn measure_channels(
+    source: &Source,
+    channels: &[usize],
+    window_s: f64,
+) -> Result<Vec<ChannelMeasurement>, Error> {
     let segments = segments(source.rate_hz, window_s);
-    let mut averaging: Vec<Averaging> = channels.iter().map(|_| Averaging::new(segments)).collect();
-    let mut rms: Vec<Rms> = channels.iter().map(|_| Rms::of_seconds(source.rate_hz)).collect();
+    let mut averaging: Vec<SpectrumAverager> =
+        channels.iter().map(|_| SpectrumAverager::new(segments)).collect();
+    let mut rms: Vec<RmsOverSeconds> =
+        channels.iter().map(|_| RmsOverSeconds::of_seconds(source.rate_hz)).collect();
     let mut own = Vec::new();
     for piece in &source.pieces {
         for averaging in &mut averaging {
             averaging.begin(piece.len()).map_err(Error::input)?;
         }
-        piece.samples.parts(Gaps::Bridged, channels, 0..piece.len(), |part| {
+        piece.samples.parts(GapHandling::Bridged, channels, 0..piece.len(), |part| {
             for (at, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
                 own.clear();
                 own.extend(part.iter().skip(at).step_by(channels.len()));
@@ -101,23 +110,26 @@ fn measured_of(source: &Source, channels: &[usize], window_s: f64) -> Result<Vec
                 rms.push(&own);
             }
         })?;
-        rms.iter_mut().for_each(Rms::end);
+        rms.iter_mut().for_each(RmsOverSeconds::end);
     }
-    let finished = |(averaging, rms): (Averaging, Rms)| {
-        Ok(Measured { averaged: averaging.finish().map_err(Error::input)?, rms: rms.value() })
+    let finished = |(averaging, rms): (SpectrumAverager, RmsOverSeconds)| {
+        Ok(ChannelMeasurement {
+            averaged: averaging.finish().map_err(Error::input)?,
+            rms: rms.value(),
+        })
     };
     averaging.into_iter().zip(rms).map(finished).collect()
 }
 
 /// Root mean square around the mean of each second.
-struct Rms {
+struct RmsOverSeconds {
     second: usize,
     held: Vec<f64>,
     sum: f64,
     count: usize,
 }
 
-impl Rms {
+impl RmsOverSeconds {
     fn of_seconds(rate_hz: f64) -> Self {
         Self { second: (rate_hz as usize).max(2), held: Vec::new(), sum: 0.0, count: 0 }
     }
@@ -150,16 +162,17 @@ impl Rms {
 /// The spectra of all channels with their lines.
 pub(super) fn of(
     source: &Source,
-    measured: Vec<Measured>,
-    all: &[Monitored],
+    measured: Vec<ChannelMeasurement>,
+    all: &[MonitoredGroup],
     episodes: &[Episode],
 ) -> Vec<ChannelSpectrum> {
     let longest = source.pieces.iter().max_by_key(|piece| piece.len());
     let mut spectra = Vec::new();
-    for (channel, Measured { averaged, rms }) in measured.into_iter().enumerate() {
+    for (channel, ChannelMeasurement { averaged, rms }) in measured.into_iter().enumerate() {
         let resolution_hz = averaged.mean.frequency.get(1).copied().unwrap_or(0.0);
         let uncertainty_hz = LINE_PART * resolution_hz;
-        let standing = longest.map(|piece| piece.motion.standing(source.teeth, uncertainty_hz));
+        let standing =
+            longest.map(|piece| piece.motion.line_conditions(source.teeth, uncertainty_hz));
         let standing = standing.unwrap_or_default();
         let mut classified: Vec<ClassifiedLine> = averaged
             .lines()
@@ -178,8 +191,8 @@ fn classify(
     line: Line,
     channel: usize,
     resolution_hz: f64,
-    standing: &Standing,
-    all: &[Monitored],
+    standing: &LineConditions,
+    all: &[MonitoredGroup],
     episodes: &[Episode],
 ) -> ClassifiedLine {
     let near = |episode: &&Episode| {
@@ -197,7 +210,7 @@ fn classify(
         Some((monitored, Axis::of_channel(at)))
     });
     let verdict = place.map_or_else(unknown, |(monitored, axis)| {
-        monitored.watch.verdict_on(axis, line.frequency, standing)
+        monitored.watch.classify_steady_line(axis, line.frequency, standing)
     });
     ClassifiedLine { line, verdict, is_tracked: false }
 }

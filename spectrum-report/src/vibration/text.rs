@@ -1,6 +1,6 @@
 //! Vibrations of a recording as text.
 
-use report::{TextTable, capitalised, count, fixed, quantity, significant};
+use report::{TextTable, capitalised, fixed, pluralise, quantity, significant};
 use spectrum::{Advice, Class, Verdict};
 
 use super::analysis::Analysis;
@@ -45,7 +45,7 @@ fn class(class: Class) -> &'static str {
 
 /// A class and its alternatives: `chatter (or forced)`.
 pub(super) fn class_and_rivals(verdict: &Verdict) -> String {
-    let rivals: Vec<&str> = verdict.rivals.iter().map(Class::name).collect();
+    let rivals: Vec<&str> = verdict.alternatives.iter().map(Class::name).collect();
     let name = verdict.class.name().replace('_', " ");
     if rivals.is_empty() {
         name
@@ -68,7 +68,7 @@ pub(super) fn title(analysis: &Analysis) -> String {
     let f = hz(worst.frequency_hz);
     match worst.verdict.class {
         _ if worst.verdict.suspect_alias => format!("A line at {f} that may be an alias"),
-        Class::Chatter if worst.verdict.rivals.contains(Class::Forced) => {
+        Class::Chatter if worst.verdict.alternatives.contains(Class::Forced) => {
             format!("It rings at {f}")
         }
         Class::Chatter => format!("The cut rings at {f}"),
@@ -82,7 +82,7 @@ pub(super) fn title(analysis: &Analysis) -> String {
 /// The finding in a few sentences.
 pub(super) fn lead(analysis: &Analysis) -> String {
     let alarms: Vec<&Episode> = analysis.episodes.iter().filter(|e| e.is_alarm()).collect();
-    let Some(worst) = alarms.first() else { return calm(analysis) };
+    let Some(worst) = alarms.first() else { return no_vibration_text(analysis) };
     let mut sentences = vec![
         when_and_what(&analysis.source, worst),
         why(&analysis.source, &worst.verdict, worst.frequency_hz),
@@ -93,7 +93,7 @@ pub(super) fn lead(analysis: &Analysis) -> String {
     if worst.is_chatter() && !analysis.nearest_stable.is_empty() {
         sentences.push(format!("By modes and cutter: {}.", analysis.nearest_stable.join("; ")));
     }
-    if worst.verdict.rivals.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
+    if worst.verdict.alternatives.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
         sentences.push("With the spindle speed (--spindle-rpm, --teeth) forced vibration could be distinguished.".to_owned());
     }
     if alarms.len() > 1 {
@@ -149,7 +149,7 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
             format!("the model's nearest mode is at {}", hz(mode.frequency_hz))
         });
     }
-    let rivals: Vec<&str> = verdict.rivals.iter().map(class).collect();
+    let rivals: Vec<&str> = verdict.alternatives.iter().map(class).collect();
     let called = class(verdict.class);
     let but = if rivals.is_empty() {
         String::new()
@@ -164,12 +164,15 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
     }
 }
 
-fn calm(analysis: &Analysis) -> String {
+fn no_vibration_text(analysis: &Analysis) -> String {
     let reported = match analysis.episodes.len() {
         _ if !analysis.is_monitored() => "There are spectra only.".to_owned(),
         0 => "The monitor reported no line.".to_owned(),
         lines => {
-            format!("The monitor reported {}, none of which needs action.", count(lines, "line"))
+            format!(
+                "The monitor reported {}, none of which needs action.",
+                pluralise(lines, "line")
+            )
         }
     };
     let strongest = analysis

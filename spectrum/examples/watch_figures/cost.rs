@@ -5,7 +5,7 @@
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use rustix::time::{ClockId, clock_gettime};
-use spectrum::{Block, ConfigError, ProcessState, Watch, WatchConfig};
+use spectrum::{Block, ConfigError, MonitorConfig, ProcessState, VibrationMonitor};
 use std::hint::black_box;
 
 /// Processor time of this thread so far, s.
@@ -16,9 +16,9 @@ fn spent_s() -> f64 {
 
 /// Share of one core that 6 channels at 50 kHz take, whole chain: best of several runs of 4 s.
 fn share_of_a_core() -> Result<(f64, f64), ConfigError> {
-    let config = WatchConfig { rate_hz: 50_000.0, channels: 6, ..WatchConfig::default() };
-    let mut watch = Watch::new(config)?;
-    watch.process_state(ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..Default::default() });
+    let config = MonitorConfig { rate_hz: 50_000.0, channels: 6, ..MonitorConfig::default() };
+    let mut watch = VibrationMonitor::new(config)?;
+    watch.set_process_state(ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..Default::default() });
     let frames = 500_usize;
     let mut state = 1_u64;
     let samples: Vec<f64> = (0..frames * 6 * 20)

@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use spectrum::{Block, ConfigError, Mode, ProcessState, Verdict, Watch, WatchConfig};
+use spectrum::{Block, ConfigError, Mode, MonitorConfig, ProcessState, Verdict, VibrationMonitor};
 
 pub(crate) const CHANNELS: usize = 3;
 
@@ -19,7 +19,7 @@ pub(crate) enum Colour {
 }
 
 pub(crate) struct Rig {
-    pub(crate) watch: Watch,
+    pub(crate) watch: VibrationMonitor,
     pub(crate) rng: ChaCha8Rng,
     rate_hz: f64,
     sigma: f64,
@@ -50,10 +50,15 @@ impl Rig {
         threshold: f64,
     ) -> Result<Self, ConfigError> {
         let modes = [20.0, 35.0, 60.0, 67.0, 70.0, 72.0].map(Mode::at_hz).to_vec();
-        let config =
-            WatchConfig { rate_hz, channels: CHANNELS, modes, threshold, ..WatchConfig::default() };
+        let config = MonitorConfig {
+            rate_hz,
+            channels: CHANNELS,
+            modes,
+            threshold,
+            ..MonitorConfig::default()
+        };
         Ok(Self {
-            watch: Watch::new(config)?,
+            watch: VibrationMonitor::new(config)?,
             rng: ChaCha8Rng::seed_from_u64(seed),
             rate_hz,
             sigma: sigma * (rate_hz / 1000.0).sqrt(),
@@ -67,7 +72,7 @@ impl Rig {
 
     pub(crate) fn spindle(&mut self, rpm: f64) {
         let state = ProcessState { spindle_rpm: rpm, teeth: 2, ..ProcessState::default() };
-        self.watch.process_state(state);
+        self.watch.set_process_state(state);
     }
 
     pub(crate) fn uniform(&mut self, low: f64, high: f64) -> f64 {

@@ -1,15 +1,14 @@
 //! Complex linear least squares with covariance.
 //!
-//! By orthogonalisation of the columns (modified Gram-Schmidt, twice), which keeps the digits that
-//! normal equations would lose.
+//! By orthogonalisation of the columns (modified Gram-Schmidt, twice), which avoids the loss of
+//! digits of the normal equations.
 
 use realfft::num_complex::Complex;
 
-/// A column that keeps less than this share of its length after orthogonalisation is linearly
-/// dependent.
-const DEPENDENT: f64 = 1e-11;
+/// Relative length below which a column is linearly dependent after orthogonalisation.
+const DEPENDENCE_TOLERANCE: f64 = 1e-11;
 
-/// The solution, and its covariance for noise of unit variance per (complex) row.
+/// The solution, and its variance for noise of unit variance per (complex) row.
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     pub(super) unknowns: Vec<Complex<f64>>,
@@ -22,7 +21,7 @@ pub(super) fn solve(columns: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Op
     let n = columns.len();
     let mut q: Vec<Vec<Complex<f64>>> = Vec::with_capacity(n);
     let mut r = vec![vec![Complex::<f64>::default(); n]; n];
-    let mut rest = right.to_vec();
+    let mut residual = right.to_vec();
     let mut projected = vec![Complex::<f64>::default(); n];
     for (k, column) in columns.iter().enumerate() {
         let mut direction = column.clone();
@@ -35,27 +34,27 @@ pub(super) fn solve(columns: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Op
             }
         }
         let own = norm(&direction);
-        if !(own > DEPENDENT * length && own.is_finite()) {
+        if !(own > DEPENDENCE_TOLERANCE * length && own.is_finite()) {
             return None;
         }
         direction.iter_mut().for_each(|x| *x /= own);
         r[k][k] = own.into();
-        projected[k] = dot(&direction, &rest);
-        subtract(&mut rest, projected[k], &direction);
+        projected[k] = dot(&direction, &residual);
+        subtract(&mut residual, projected[k], &direction);
         q.push(direction);
     }
-    let unknowns = back_substituted(&r, &projected);
+    let unknowns = back_substitute(&r, &projected);
     let mut variance = vec![0.0; n];
     for j in 0..n {
         let mut unit = vec![Complex::default(); n];
         unit[j] = Complex::new(1.0, 0.0);
-        let column = back_substituted(&r, &unit);
+        let column = back_substitute(&r, &unit);
         variance.iter_mut().zip(&column).for_each(|(sum, x)| *sum += x.norm_sqr());
     }
     unknowns.iter().all(|x| x.is_finite()).then_some(Solution { unknowns, variance })
 }
 
-fn back_substituted(r: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Vec<Complex<f64>> {
+fn back_substitute(r: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Vec<Complex<f64>> {
     let mut x = right.to_vec();
     for k in (0..x.len()).rev() {
         let known: Complex<f64> = (k + 1..x.len()).map(|j| r[k][j] * x[j]).sum();

@@ -1,14 +1,15 @@
-//! Peaks of a receptance, the criteria for modes, and their width. No fit.
+//! Peaks of a receptance, the criteria for modes, and the half-power bandwidth. No fit.
 
-use super::Measured;
-use crate::floor::middle;
+use super::MeasuredReceptance;
+use crate::floor::median;
 use realfft::num_complex::Complex;
 
-/// Least ratio of a peak of the imaginary part to its surroundings.
-const PROMINENCE: f64 = 2.0;
-/// Extent of the surroundings: half widths, and at least this many bins.
-const SURROUNDINGS: usize = 8;
-const BINS_LEAST: usize = 12;
+/// Least ratio of a peak of the imaginary part to the median around it.
+const PROMINENCE_MIN: f64 = 2.0;
+/// Range of the median around a peak on either side: in half widths, and the smallest number of
+/// bins.
+const BACKGROUND_HALF_WIDTHS: usize = 8;
+const BACKGROUND_BINS_MIN: usize = 12;
 /// Limit on the number of peaks, the most prominent first.
 const PEAKS_MAX: usize = 64;
 
@@ -16,37 +17,38 @@ const PEAKS_MAX: usize = 64;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Peak {
     pub(super) frequency_hz: f64,
-    /// Half the width at half of the power, Hz, at least one bin.
+    /// Half-power half width, Hz, at least one bin.
     pub(super) half_width_hz: f64,
-    /// Whether the real part changes sign at the peak: with the peak and the coherence the third
-    /// sign.
+    /// Whether the real part changes sign at the peak: the third criterion, besides peak and
+    /// coherence.
     pub(super) changes_sign: bool,
-    /// The imaginary part over that of the surroundings.
+    /// The imaginary part over the median around it.
     pub(super) prominence: f64,
-    /// Acceleration per force there, up to a factor: of all modes of one damping and mass it is the same.
+    /// Acceleration per force at the peak, up to a factor; equal for all modes of equal damping and
+    /// mass.
     pub(super) accelerance: f64,
 }
 
 impl Peak {
-    /// Where the fit of its pole begins: frequency and half width, Hz.
-    pub(super) fn guess_hz(&self) -> Complex<f64> {
+    /// Start value of the pole: frequency and half width, Hz.
+    pub(super) fn start_value_hz(&self) -> Complex<f64> {
         Complex::new(self.frequency_hz, self.half_width_hz)
     }
 
-    /// Whether a mode at this frequency causes this peak.
+    /// Whether a mode at this frequency is within 1.5 half widths of the peak.
     pub(super) fn is_at(&self, frequency_hz: f64) -> bool {
         (frequency_hz - self.frequency_hz).abs() <= 1.5 * self.half_width_hz
     }
 }
 
-/// Peaks of the imaginary part within a band with sufficient coherence; first those with a sign
-/// change of the real part, each group by prominence.
-pub(super) fn coherent(
-    measured: &Measured<'_>,
+/// Peaks of the imaginary part within a band with sufficient coherence: first those with a sign
+/// change of the real part, then by descending prominence.
+pub(super) fn find_coherent_peaks(
+    measured: &MeasuredReceptance<'_>,
     band_hz: [f64; 2],
     least_coherence: f64,
 ) -> Vec<Peak> {
-    let Measured { frequency_hz, receptance, coherence, .. } = *measured;
+    let MeasuredReceptance { frequency_hz, receptance, coherence, .. } = *measured;
     let im = |i: usize| receptance[i].im.abs();
     let bin_hz = measured.bin_hz();
     let mut found: Vec<Peak> = Vec::new();
@@ -58,8 +60,8 @@ pub(super) fn coherent(
             continue;
         }
         let width = half_width(receptance, i);
-        let prominence = im(i) / surroundings(receptance, i, width);
-        if prominence >= PROMINENCE {
+        let prominence = im(i) / background_level(receptance, i, width);
+        if prominence >= PROMINENCE_MIN {
             found.push(Peak {
                 frequency_hz: *f_hz,
                 half_width_hz: width as f64 * bin_hz,
@@ -75,18 +77,18 @@ pub(super) fn coherent(
     found
 }
 
-/// The median size of the imaginary part around a peak.
-fn surroundings(receptance: &[Complex<f64>], peak: usize, width: usize) -> f64 {
-    let reach = (SURROUNDINGS * width).max(BINS_LEAST);
+/// The median of the absolute imaginary part around a peak.
+fn background_level(receptance: &[Complex<f64>], peak: usize, width: usize) -> f64 {
+    let reach = (BACKGROUND_HALF_WIDTHS * width).max(BACKGROUND_BINS_MIN);
     let (low, high) = (peak.saturating_sub(reach).max(1), (peak + reach + 1).min(receptance.len()));
     let mut beside: Vec<f64> = (low..high)
         .filter(|i| i.abs_diff(peak) > 2 * width)
         .map(|i| receptance[i].im.abs())
         .collect();
-    middle(&mut beside).max(f64::MIN_POSITIVE)
+    median(&mut beside).max(f64::MIN_POSITIVE)
 }
 
-/// Bins from a peak to half of its power, on the nearer side; at least 1.
+/// Number of bins from a peak to half of its power, on the nearer side; at least 1.
 fn half_width(receptance: &[Complex<f64>], peak: usize) -> usize {
     let half = 0.5 * receptance[peak].norm_sqr();
     let up = receptance[peak..].iter().take_while(|h| h.norm_sqr() > half).count();
@@ -100,15 +102,15 @@ fn changes_sign(receptance: &[Complex<f64>], peak: usize, width: usize) -> bool 
     run.windows(2).any(|pair| pair[0].re * pair[1].re <= 0.0)
 }
 
-/// Place of the frequency nearest to this one.
-pub(super) fn nearest(frequency_hz: &[f64], wanted_hz: f64) -> usize {
+/// Index of the nearest frequency.
+pub(super) fn nearest_bin(frequency_hz: &[f64], wanted_hz: f64) -> usize {
     let above = frequency_hz.partition_point(|f| *f < wanted_hz).min(frequency_hz.len().max(1) - 1);
     let off = |i: usize| frequency_hz.get(i).map_or(f64::INFINITY, |f| (f - wanted_hz).abs());
     if above > 0 && off(above - 1) < off(above) { above - 1 } else { above }
 }
 
-/// The full width of the peak near a bin at half of its power, by linear interpolation between the
-/// bins; `None` if the response rises again before.
+/// Half-power bandwidth of the peak near a bin, by linear interpolation between the bins; `None` if
+/// the response rises again before it has fallen to half its power.
 pub(super) fn half_power_hz(
     frequency_hz: &[f64],
     receptance: &[Complex<f64>],
@@ -123,7 +125,7 @@ pub(super) fn half_power_hz(
         top -= 1;
     }
     let half = 0.5 * power[top];
-    // One bin may rise by noise; a rise of a tenth of the peak is another mode.
+    // Noise may cause a small rise; a rise of a tenth of the peak is another mode.
     let crossing = |places: &mut dyn Iterator<Item = usize>| {
         let (mut last, mut least) = (top, power[top]);
         for i in places {

@@ -20,18 +20,18 @@ fn receptance(frequency_hz: &[f64], modes: &[Known], decay: f64) -> Vec<Complex<
     frequency_hz.iter().map(|f| modes.iter().map(|m| one(f, m)).sum()).collect()
 }
 
-fn measured<'a>(f: &'a [f64], h: &'a [Complex<f64>]) -> Measured<'a> {
-    Measured {
+fn measured<'a>(f: &'a [f64], h: &'a [Complex<f64>]) -> MeasuredReceptance<'a> {
+    MeasuredReceptance {
         frequency_hz: f,
         receptance: h,
         coherence: None,
         window_decay_per_s: 0.0,
-        between_hits_s: None,
+        hit_interval_s: None,
     }
 }
 
-fn normal(chance: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| chance.random::<f64>()).sum::<f64>() - 6.0
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
 }
 
 #[test]
@@ -39,7 +39,7 @@ fn modes_between_the_bins_are_found_with_damping_and_mass() {
     let known = [(293.3, 0.02, 1.0), (1071.7, 0.033, -3.0), (1610.2, 0.01, 0.5)];
     let f = grid(4000, 0.5);
     let h = receptance(&f, &known, 0.0);
-    let found = modes(&measured(&f, &h), [50.0, 1900.0], LEAST_COHERENCE);
+    let found = identify_modes(&measured(&f, &h), [50.0, 1900.0], COHERENCE_MIN);
     assert_eq!(found.len(), 3, "{found:?}");
     for (mode, (f_n, damping, mass)) in found.iter().zip(known) {
         assert!((mode.frequency_hz / f_n - 1.0).abs() < 1e-5, "{mode:?}");
@@ -50,7 +50,7 @@ fn modes_between_the_bins_are_found_with_damping_and_mass() {
         assert!((mode.damping_half_power.expect("a width") / damping - 1.0).abs() < 0.1);
         let stiffness = f64::abs(mass) * (TAU * f_n).powi(2);
         assert!((mode.stiffness_n_per_m() / stiffness - 1.0).abs() < 5e-3);
-        assert!(mode.by_signs);
+        assert!(mode.meets_all_criteria);
     }
 }
 
@@ -59,8 +59,8 @@ fn a_peak_without_coherence_is_no_mode() {
     let f = grid(2000, 0.5);
     let h = receptance(&f, &[(300.0, 0.02, 1.0)], 0.0);
     let with = |coherence: &[f64]| {
-        let measured = Measured { coherence: Some(coherence), ..measured(&f, &h) };
-        modes(&measured, [50.0, 900.0], LEAST_COHERENCE)
+        let measured = MeasuredReceptance { coherence: Some(coherence), ..measured(&f, &h) };
+        identify_modes(&measured, [50.0, 900.0], COHERENCE_MIN)
     };
     assert!(with(&[0.5; 2000]).is_empty());
     assert_eq!(with(&[0.9; 2000])[0].coherence, Some(0.9));
@@ -71,8 +71,8 @@ fn a_peak_without_coherence_is_no_mode() {
 fn the_windows_decay_is_taken_out_exactly() {
     let f = grid(2000, 0.5);
     let h = receptance(&f, &[(100.0, 0.004, 2.0), (300.0, 0.02, 1.0)], 6.0);
-    let measured = Measured { window_decay_per_s: 6.0, ..measured(&f, &h) };
-    let found = modes(&measured, [50.0, 900.0], LEAST_COHERENCE);
+    let measured = MeasuredReceptance { window_decay_per_s: 6.0, ..measured(&f, &h) };
+    let found = identify_modes(&measured, [50.0, 900.0], COHERENCE_MIN);
     for (mode, (f_n, damping)) in found.iter().zip([(100.0, 0.004), (300.0, 0.02)]) {
         assert!((mode.frequency_hz / f_n - 1.0).abs() < 1e-5, "{mode:?}");
         assert!((mode.damping / damping - 1.0).abs() < 5e-3, "{mode:?}");
@@ -86,7 +86,7 @@ fn the_robots_close_modes_are_distinguished_by_the_fit_of_a_single_peak() {
     let known = [(67.0, 0.03, 30.0), (72.0, 0.03, 35.0)];
     let f = grid(800, 0.25);
     let h = receptance(&f, &known, 0.0);
-    let found = modes(&measured(&f, &h), [40.0, 120.0], LEAST_COHERENCE);
+    let found = identify_modes(&measured(&f, &h), [40.0, 120.0], COHERENCE_MIN);
     assert_eq!(found.len(), 2, "{found:?}");
     for (mode, (f_n, damping, mass)) in found.iter().zip(known) {
         assert!((mode.frequency_hz / f_n - 1.0).abs() < 2e-3, "{mode:?}");
@@ -96,9 +96,9 @@ fn the_robots_close_modes_are_distinguished_by_the_fit_of_a_single_peak() {
 }
 
 /// A receptance with noise of the response sensor (white, as a part of the largest value) and of the force.
-fn noisy(h: &[Complex<f64>], level: f64, chance: &mut ChaCha8Rng) -> Vec<Complex<f64>> {
+fn noisy(h: &[Complex<f64>], level: f64, rng: &mut ChaCha8Rng) -> Vec<Complex<f64>> {
     let size = h.iter().skip(20).map(|h| h.norm()).fold(0.0, f64::max);
-    let mut draw = || Complex::new(normal(chance), normal(chance)) * (0.5_f64.sqrt() * level);
+    let mut draw = || Complex::new(normal(rng), normal(rng)) * (0.5_f64.sqrt() * level);
     h.iter().map(|h| h * (1.0 + draw()) + size * draw()).collect()
 }
 
@@ -109,7 +109,7 @@ fn covered(known: &[Known], level: f64, runs: u64) -> (f64, f64, usize, usize) {
     let (mut frequency, mut damping, mut seen, mut wrong) = (0, 0, 0, 0);
     for seed in 0..runs {
         let h = noisy(&clean, level, &mut ChaCha8Rng::seed_from_u64(seed));
-        for mode in modes(&measured(&f, &h), [15.0, 280.0], LEAST_COHERENCE) {
+        for mode in identify_modes(&measured(&f, &h), [15.0, 280.0], COHERENCE_MIN) {
             let near = |k: &&Known| (mode.frequency_hz / k.0 - 1.0).abs() < 0.04;
             let Some((f_n, zeta, _)) = known.iter().find(near) else {
                 wrong += 1;
@@ -148,7 +148,7 @@ fn noise_alone_is_no_mode() {
             let mut chance = ChaCha8Rng::seed_from_u64(seed);
             let mut draw = || Complex::new(normal(&mut chance), normal(&mut chance));
             let h: Vec<_> = f.iter().map(|f| draw() / (1.0 + f * f)).collect();
-            modes(&measured(&f, &h), [5.0, 280.0], LEAST_COHERENCE).len()
+            identify_modes(&measured(&f, &h), [5.0, 280.0], COHERENCE_MIN).len()
         })
         .sum();
     assert!(count <= 4, "{count} modes in 40 records of noise");
@@ -161,7 +161,7 @@ fn one_mode_with_noise_is_not_split() {
         let clean = receptance(&f, &[(70.0, zeta, 30.0)], 0.0);
         for seed in 0..60 {
             let h = noisy(&clean, 0.03, &mut ChaCha8Rng::seed_from_u64(seed));
-            let found = modes(&measured(&f, &h), [40.0, 120.0], LEAST_COHERENCE);
+            let found = identify_modes(&measured(&f, &h), [40.0, 120.0], COHERENCE_MIN);
             assert!(found.len() <= 1, "{zeta} {seed}: {found:?}");
         }
     }
@@ -172,7 +172,7 @@ proptest! {
     fn one_mode_is_fitted_whatever_its_damping(f_n in 60.0..400.0_f64, damping in 0.005..0.1_f64) {
         let f = grid(2000, 0.5);
         let h = receptance(&f, &[(f_n, damping, 1.0)], 0.0);
-        let found = modes(&measured(&f, &h), [20.0, 900.0], LEAST_COHERENCE);
+        let found = identify_modes(&measured(&f, &h), [20.0, 900.0], COHERENCE_MIN);
         prop_assert_eq!(found.len(), 1);
         prop_assert!((found[0].frequency_hz / f_n - 1.0).abs() < 1e-4, "{:?}", found);
         prop_assert!((found[0].damping / damping - 1.0).abs() < 1e-2, "{:?}", found);
@@ -189,7 +189,7 @@ proptest! {
         if let Some(h) = h.get_mut(hole) {
             *h = Complex::new(f64::NAN, f64::INFINITY);
         }
-        let found = modes(&measured(&f, &h), [0.0, f64::INFINITY], LEAST_COHERENCE);
+        let found = identify_modes(&measured(&f, &h), [0.0, f64::INFINITY], COHERENCE_MIN);
         prop_assert!(found.iter().all(|m| m.frequency_hz.is_finite() && m.damping > 0.0));
     }
 }

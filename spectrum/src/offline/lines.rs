@@ -1,60 +1,60 @@
-//! The lines of an averaged spectrum: narrow peaks above their surroundings.
+//! The lines of an averaged spectrum: narrow peaks above the noise floor around them.
 //!
-//! A peak counts if the ratio of its power to the medians around it exceeds the value that noise
+//! A peak is a line if the ratio of its power to the medians around it exceeds the value that noise
 //! with as many averages reaches once in a million bins (chi-squared, Wilson and Hilferty's
 //! approximation). Frequency: parabola through the logarithms; amplitude: power within the window's
 //! main lobe. Valid for Hann-windowed spectra of stationary signals.
 
 use crate::welch::{SegmentPower, Segments, Spectrum, SpectrumError};
 
-/// Bins on each side for the median of the floor.
-const AROUND: usize = 24;
-/// Bins on each side that contain a tone's power under a Hann window.
-const LOBE: usize = 3;
-/// However many averages there are, a peak below twice its surroundings is no line.
+/// Number of bins on each side for the median of the floor.
+const MEDIAN_BINS: usize = 24;
+/// Number of bins on each side that contain the power of a tone under a Hann window.
+const LOBE_BINS: usize = 3;
+/// Least ratio of a line's power to the floor, for any number of averages.
 const LEAST_RATIO: f64 = 2.0;
 /// Normal quantile of one in a million.
 const ONE_IN_A_MILLION: f64 = 4.753;
-/// The lowest bins contain the remainder of a trend.
+/// First bin used; lower ones contain the remainder of a trend.
 const FIRST_BIN: usize = 2;
-/// A peak with less than this share of a stronger one's power, over the square of their distance in
-/// bins, is leakage of it: from a tone that does not last the whole segment.
-const SPILT: f64 = 0.05;
+/// A peak with less than this share of the power of a stronger one, divided by the square of their
+/// distance in bins, is leakage, from a tone that does not last the whole segment.
+const LEAKAGE_PART: f64 = 0.05;
 
 /// A line of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Frequency, cycles per unit of the spectrum.
     pub frequency: f64,
-    /// Amplitude (not rms) of a tone with this power; smaller than the actual one if it lasts only
-    /// for part of the record.
+    /// Amplitude (not rms) of a tone with this power; smaller than the actual one if the tone lasts
+    /// only for a part of the record.
     pub amplitude: f64,
     /// Power over floor.
     pub ratio: f64,
 }
 
-/// A spectrum averaged over the segments of one run of samples or several.
+/// A spectrum averaged over the segments of one or several runs of samples.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Averaged {
+pub struct AveragedSpectrum {
     /// The mean of the segments.
     pub mean: Spectrum,
-    /// For each bin, sum and sum of squares over the segments of the power around it.
-    beside: Vec<[f64; 2]>,
+    /// For each bin, sum and sum of squares over the segments of the power of its neighbours.
+    neighbour_power: Vec<[f64; 2]>,
 }
 
-/// Accumulates an [`Averaged`] from runs of samples that come in parts.
-pub struct Averaging {
+/// Accumulates an [`AveragedSpectrum`] from runs of samples that arrive in parts.
+pub struct SpectrumAverager {
     plan: Segments,
     run: Option<SegmentPower>,
     longest: usize,
     count: usize,
     power: Vec<f64>,
-    beside: Vec<[f64; 2]>,
-    sums: Sums,
+    neighbour_power: Vec<[f64; 2]>,
+    sums: NeighbourSums,
 }
 
-impl Averaging {
-    /// No segments yet.
+impl SpectrumAverager {
+    /// An average of no segments yet.
     #[must_use]
     pub fn new(plan: Segments) -> Self {
         let bins = plan.length / 2 + 1;
@@ -64,12 +64,12 @@ impl Averaging {
             longest: 0,
             count: 0,
             power: vec![0.0; bins],
-            beside: vec![[0.0; 2]; bins],
-            sums: Sums::default(),
+            neighbour_power: vec![[0.0; 2]; bins],
+            sums: NeighbourSums::default(),
         }
     }
 
-    /// Begins a run with a number of samples. One that is shorter than a segment is ignored.
+    /// Begins a run of `samples` samples. A run shorter than a segment is ignored.
     ///
     /// # Errors
     /// Invalid segments.
@@ -80,13 +80,15 @@ impl Averaging {
         Ok(())
     }
 
-    /// Takes the next samples of the run.
+    /// Adds the next samples of the run.
     pub fn push(&mut self, samples: &[f64]) {
-        let Self { run: Some(run), count, power, beside, sums, .. } = self else { return };
+        let Self { run: Some(run), count, power, neighbour_power: beside, sums, .. } = self else {
+            return;
+        };
         run.push(samples, |_, of_segment| {
             *count += 1;
             power.iter_mut().zip(of_segment).for_each(|(sum, power)| *sum += power);
-            sums.beside(of_segment, beside);
+            sums.add_neighbour_power(of_segment, beside);
         });
     }
 
@@ -94,7 +96,7 @@ impl Averaging {
     ///
     /// # Errors
     /// No run was as long as a segment.
-    pub fn finish(self) -> Result<Averaged, SpectrumError> {
+    pub fn finish(self) -> Result<AveragedSpectrum, SpectrumError> {
         if self.count == 0 {
             return Err(SpectrumError::TooShort { samples: self.longest });
         }
@@ -104,21 +106,21 @@ impl Averaging {
             power: self.power.into_iter().map(|sum| sum / self.count as f64).collect(),
             averages: self.count,
         };
-        Ok(Averaged { mean, beside: self.beside })
+        Ok(AveragedSpectrum { mean, neighbour_power: self.neighbour_power })
     }
 }
 
-/// Sums of neighbouring bins.
+/// Sums of the power over neighbouring bins.
 #[derive(Default)]
-struct Sums {
-    /// Of 1, 2, 4, 8, 16 bins from each on.
+struct NeighbourSums {
+    /// Sums over 1, 2, 4, 8 and 16 bins, starting at each bin.
     of: [Vec<f64>; 5],
 }
 
-impl Sums {
-    /// Adds the power around each bin, and its square. Sums of 21 bins are composed of sums of 16,
-    /// 4 and 1, not differences of running sums, which would cancel near a strong line.
-    fn beside(&mut self, power: &[f64], to: &mut [[f64; 2]]) {
+impl NeighbourSums {
+    /// Adds the power of the neighbours of each bin, and its square. Sums of 21 bins are composed
+    /// of sums of 16, 4 and 1, because differences of running sums lose digits near a strong line.
+    fn add_neighbour_power(&mut self, power: &[f64], to: &mut [[f64; 2]]) {
         self.of[0].clear();
         self.of[0].extend_from_slice(power);
         for k in 1..self.of.len() {
@@ -131,12 +133,12 @@ impl Sums {
         let [ones, _, fours, _, sixteens] = &self.of;
         let side = |from: usize| sixteens[from] + fours[from + 16] + ones[from + 20];
         for at in candidates(power.len()) {
-            let reach = reach(power.len(), at);
-            let sum = if reach == AROUND {
-                side(at - AROUND) + side(at + LOBE + 1)
+            let reach = neighbour_bins(power.len(), at);
+            let sum = if reach == MEDIAN_BINS {
+                side(at - MEDIAN_BINS) + side(at + LOBE_BINS + 1)
             } else {
-                let left = &power[at - reach..at - LOBE];
-                left.iter().chain(&power[at + LOBE + 1..at + reach + 1]).sum()
+                let left = &power[at - reach..at - LOBE_BINS];
+                left.iter().chain(&power[at + LOBE_BINS + 1..at + reach + 1]).sum()
             };
             to[at][0] += sum;
             to[at][1] += sum * sum;
@@ -146,19 +148,19 @@ impl Sums {
 
 /// The bins in which a line may be found.
 fn candidates(bins: usize) -> std::ops::Range<usize> {
-    FIRST_BIN + LOBE + 2..bins.saturating_sub(LOBE + 2)
+    FIRST_BIN + LOBE_BINS + 2..bins.saturating_sub(LOBE_BINS + 2)
 }
 
-impl Averaged {
+impl AveragedSpectrum {
     /// Averages all segments of all runs; runs that are shorter than a segment are ignored.
     ///
     /// # Errors
     /// Invalid segments, or no run as long as one.
-    pub fn of<'a>(
+    pub fn from_runs<'a>(
         runs: impl IntoIterator<Item = &'a [f64]>,
         plan: &Segments,
     ) -> Result<Self, SpectrumError> {
-        let mut averaging = Averaging::new(*plan);
+        let mut averaging = SpectrumAverager::new(*plan);
         for run in runs {
             averaging.begin(run.len())?;
             averaging.push(run);
@@ -177,14 +179,14 @@ impl Averaged {
             if !is_peak {
                 continue;
             }
-            let line = measured(power, at, step, floor(power, at));
-            if line.ratio >= LEAST_RATIO && line.ratio >= least_ratio(self.averages_at(at)) {
+            let line = line_at_bin(power, at, step, floor(power, at));
+            if line.ratio >= LEAST_RATIO && line.ratio >= least_ratio(self.effective_averages(at)) {
                 found.push((at, line));
             }
         }
         let spilt = |at: usize, by: usize| {
             let bins = at.abs_diff(by) as f64;
-            power[by] > power[at] && power[at] * bins * bins < SPILT * power[by]
+            power[by] > power[at] && power[at] * bins * bins < LEAKAGE_PART * power[by]
         };
         let own = |at: usize| !found.iter().any(|(by, _)| spilt(at, *by));
         let mut lines: Vec<Line> =
@@ -195,62 +197,64 @@ impl Averaged {
 
     /// Effective number of segments for the noise around a bin: low if part of the recording is
     /// louder.
-    fn averages_at(&self, at: usize) -> f64 {
-        let [sum, squares] = self.beside[at];
+    fn effective_averages(&self, at: usize) -> f64 {
+        let [sum, squares] = self.neighbour_power[at];
         if squares > 0.0 { sum * sum / squares } else { 1.0 }
     }
 }
 
-/// The strongest peak within `reach` of a frequency, whether or not it exceeds its surroundings;
-/// `None` outside the spectrum.
+/// The strongest peak within `reach` of a frequency, whether or not it exceeds the floor; `None`
+/// outside the spectrum.
 #[must_use]
 pub fn line_near(spectrum: &Spectrum, frequency: f64, reach: f64) -> Option<Line> {
     let power = &spectrum.power;
     let step = *spectrum.frequency.get(1)?;
     let inside = |at: &usize| (*at as f64 * step - frequency).abs() <= reach + 0.5 * step;
-    let at = (1 + LOBE..power.len().saturating_sub(LOBE + 1))
+    let at = (1 + LOBE_BINS..power.len().saturating_sub(LOBE_BINS + 1))
         .filter(inside)
         .max_by(|a, b| power[*a].total_cmp(&power[*b]))?;
-    let floor = if at >= FIRST_BIN + LOBE + 2 && at + LOBE + 2 < power.len() {
+    let floor = if at >= FIRST_BIN + LOBE_BINS + 2 && at + LOBE_BINS + 2 < power.len() {
         floor(power, at)
     } else {
         0.0
     };
-    Some(measured(power, at, step, floor))
+    Some(line_at_bin(power, at, step, floor))
 }
 
-/// The line with its peak at a bin.
-fn measured(power: &[f64], at: usize, step: f64, floor: f64) -> Line {
-    let lobe = &power[at - LOBE..at + LOBE + 1];
+/// The line whose peak is at a bin.
+fn line_at_bin(power: &[f64], at: usize, step: f64, floor: f64) -> Line {
+    let lobe = &power[at - LOBE_BINS..at + LOBE_BINS + 1];
     let over = lobe.iter().map(|p| (p - floor).max(0.0)).sum::<f64>() * step;
     Line {
-        frequency: (at as f64 + offset(power, at)) * step,
+        frequency: (at as f64 + peak_offset(power, at)) * step,
         amplitude: (2.0 * over).sqrt(),
         ratio: power[at] / floor.max(1e-300),
     }
 }
 
-/// The floor at a bin: the geometric mean of the medians on both sides, equally wide, so that a
-/// slope has no effect; the larger of them if they are based on few bins.
+/// The noise floor at a bin: the geometric mean of the medians on both sides, equally wide, so that
+/// a slope of the spectrum has no effect; the larger median if they are based on few bins.
 fn floor(power: &[f64], at: usize) -> f64 {
-    let reach = reach(power.len(), at);
+    let reach = neighbour_bins(power.len(), at);
     let [left, right] =
-        [&power[at - reach..at - LOBE], &power[at + LOBE + 1..at + reach + 1]].map(|side| {
-            let mut side = side.to_vec();
-            let middle = side.len() / 2;
-            *side.select_nth_unstable_by(middle, f64::total_cmp).1
-        });
-    if reach < AROUND / 2 { left.max(right) } else { (left * right).sqrt() }
+        [&power[at - reach..at - LOBE_BINS], &power[at + LOBE_BINS + 1..at + reach + 1]].map(
+            |side| {
+                let mut side = side.to_vec();
+                let middle = side.len() / 2;
+                *side.select_nth_unstable_by(middle, f64::total_cmp).1
+            },
+        );
+    if reach < MEDIAN_BINS / 2 { left.max(right) } else { (left * right).sqrt() }
 }
 
 /// Number of bins on each side for the noise around a bin.
-fn reach(bins: usize, at: usize) -> usize {
-    AROUND.min(at - FIRST_BIN).min(bins - 1 - at)
+fn neighbour_bins(bins: usize, at: usize) -> usize {
+    MEDIAN_BINS.min(at - FIRST_BIN).min(bins - 1 - at)
 }
 
 /// Ratio of power to median that noise reaches once in a million bins, for a number of averages.
 ///
-/// Half-overlapping Hann segments count as 0.9 of as many independent ones, beyond the first.
+/// Each half-overlapping Hann segment beyond the first counts as 0.9 independent segments.
 fn least_ratio(averages: f64) -> f64 {
     let freedom = 2.0 * (1.0 + 0.9 * (averages.max(1.0) - 1.0));
     let spread = 2.0 / (9.0 * freedom);
@@ -259,7 +263,7 @@ fn least_ratio(averages: f64) -> f64 {
 }
 
 /// Position of the peak between the bins, in bins.
-fn offset(power: &[f64], at: usize) -> f64 {
+fn peak_offset(power: &[f64], at: usize) -> f64 {
     let log = |i: usize| power.get(i).map_or(f64::MIN_POSITIVE, |p| p.max(1e-300)).ln();
     let (left, mid, right) = (log(at - 1), log(at), log(at + 1));
     let bend = left - 2.0 * mid + right;

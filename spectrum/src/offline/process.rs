@@ -1,24 +1,24 @@
-//! State of the process from a recording: speed from tacho pulses, path from positions.
+//! Process state from a recording: spindle speed from tacho pulses, path length and feed from
+//! positions.
 
-/// A pulse begins above this part of the largest one's height over the middle of the signal: short pulses are caught by
-/// one sample or two, at different heights.
-const RISES: f64 = 0.4;
-/// And is over below this part.
-const FALLS: f64 = 0.2;
-/// After a pause of this many turns the spindle had stopped.
-const STOOD: f64 = 3.5;
-/// Speed is averaged over the pulses within this time: single turns are resolved in whole samples
-/// only.
+/// Trigger level of a pulse, relative to the height of the largest pulse over the median of the
+/// signal: short pulses are sampled once or twice, at different heights.
+const RISE_PART: f64 = 0.4;
+/// Reset level of a pulse, likewise.
+const FALL_PART: f64 = 0.2;
+/// A pulse interval longer than this many revolutions is a standstill.
+const STANDSTILL_TURNS: f64 = 3.5;
+/// Averaging time of the speed, s: single revolutions are resolved in whole samples only.
 const SPEED_S: f64 = 0.2;
-/// Positions are averaged over this time before their distances are added: a tracker's noise would lengthen the path.
+/// Averaging time of the positions, s: without it, the noise of a tracker would lengthen the path.
 const PATH_S: f64 = 0.1;
 
-/// Spindle speed at each sample, rev/min, from one pulse per revolution, up or down; missed pulses
-/// are bridged. 0 before the third pulse, and without a pulse for twice the time of a turn. Empty
+/// Spindle speed at each sample, rev/min, from one pulse per revolution of either polarity; missed
+/// pulses are bridged. 0 before the third pulse, and after two revolutions without a pulse. Empty
 /// without pulses.
 #[must_use]
-pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
-    let rises = rises(tacho);
+pub fn speed_from_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
+    let rises = rising_edges(tacho);
     if rises.len() < 3 {
         return Vec::new();
     }
@@ -30,7 +30,7 @@ pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
             first += 1;
         }
         let middle = median(&turns[first..=last]);
-        if turns[last] as f64 > STOOD * middle {
+        if turns[last] as f64 > STANDSTILL_TURNS * middle {
             first = last + 1;
             continue;
         }
@@ -39,14 +39,14 @@ pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
         let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
         let at = rises[last + 1];
         let until = (at + (2.0 * middle) as usize).min(tacho.len());
-        // The next pulse replaces it from then on.
+        // Overwritten from the next pulse on.
         speed[at..until].fill(rpm);
     }
     speed
 }
 
 /// The samples at which pulses begin.
-fn rises(tacho: &[f64]) -> Vec<usize> {
+fn rising_edges(tacho: &[f64]) -> Vec<usize> {
     let mut finite: Vec<f64> = tacho.iter().copied().filter(|x| x.is_finite()).collect();
     if finite.is_empty() {
         return Vec::new();
@@ -63,9 +63,9 @@ fn rises(tacho: &[f64]) -> Vec<usize> {
     let (mut is_high, mut rises) = (true, Vec::new());
     for (at, x) in tacho.iter().enumerate() {
         let part = (x - base) / height;
-        if is_high && part < FALLS {
+        if is_high && part < FALL_PART {
             is_high = false;
-        } else if !is_high && part > RISES {
+        } else if !is_high && part > RISE_PART {
             is_high = true;
             rises.push(at);
         }
@@ -79,7 +79,7 @@ fn median(turns: &[usize]) -> f64 {
     sorted.get(sorted.len() / 2).map_or(1.0, |turn| *turn as f64)
 }
 
-/// Length of the path up to each sample, mm, from positions in mm.
+/// Path length up to each sample, mm, from positions in mm.
 ///
 /// Means over 0.1 s are joined by straight lines; missing positions (NaN) are bridged. Empty if
 /// there are fewer than two such means.
@@ -119,9 +119,9 @@ pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
     (0..position_mm.len()).map(at).collect()
 }
 
-/// Feed at each sample, mm/s, from the path's length.
+/// Feed at each sample, mm/s, from the path length.
 #[must_use]
-pub fn speed_on(path_mm: &[f64], rate_hz: f64) -> Vec<f64> {
+pub fn feed_along_path(path_mm: &[f64], rate_hz: f64) -> Vec<f64> {
     let reach = ((0.5 * PATH_S * rate_hz) as usize).max(1);
     let at = |sample: usize| {
         let from = sample.saturating_sub(reach);

@@ -1,7 +1,7 @@
 //! Recordings with known tones, gaps, pulses and paths.
 
 use super::*;
-use crate::config::{Mode, WatchConfig};
+use crate::config::{Mode, MonitorConfig};
 use crate::verdict::{Class, State};
 use crate::welch::{Segments, welch};
 use rand::{RngExt, SeedableRng};
@@ -15,7 +15,7 @@ fn noise(samples: usize, sigma: f64, seed: u64) -> Vec<f64> {
 }
 
 fn lines_of(x: &[f64], rate_hz: f64, length: usize) -> Vec<Line> {
-    Averaged::of([x], &Segments::new(rate_hz, length)).expect("a spectrum").lines()
+    AveragedSpectrum::from_runs([x], &Segments::new(rate_hz, length)).expect("a spectrum").lines()
 }
 
 #[test]
@@ -76,13 +76,13 @@ fn noise_of_any_colour_and_a_short_burst_make_no_false_lines() {
 fn the_mean_over_one_run_is_welchs_and_short_runs_are_left_out() {
     let (x, short) = (noise(5000, 1.0, 12), noise(100, 9.0, 13));
     let plan = Segments::new(1000.0, 512);
-    let averaged = Averaged::of([x.as_slice(), &short], &plan).expect("a spectrum");
+    let averaged = AveragedSpectrum::from_runs([x.as_slice(), &short], &plan).expect("a spectrum");
     let known = welch(&x, &plan).expect("a spectrum");
     assert_eq!(averaged.mean.averages, known.averages);
     for (a, b) in averaged.mean.power.iter().zip(&known.power) {
         assert!((a / b - 1.0).abs() < 1e-12);
     }
-    assert!(Averaged::of([short.as_slice()], &plan).is_err());
+    assert!(AveragedSpectrum::from_runs([short.as_slice()], &plan).is_err());
 }
 
 #[test]
@@ -94,14 +94,14 @@ fn a_sensor_of_one_axis_is_heard_without_a_fault() {
         for (i, x) in x.iter_mut().enumerate().skip(6000) {
             *x += 6.0 * (TAU * 72.0 * i as f64 / rate_hz).sin();
         }
-        let config = WatchConfig {
+        let config = MonitorConfig {
             rate_hz,
             channels: count,
             modes: vec![Mode::at_hz(70.0)],
             band_hz: [10.0, 800.0],
-            ..WatchConfig::default()
+            ..MonitorConfig::default()
         };
-        let mut watch = Watch::new(config).expect("a good configuration");
+        let mut watch = VibrationMonitor::new(config).expect("a good configuration");
         let both: [&[f64]; 2] = [&quiet, &x];
         let channels = &both[2 - count..];
         let piece = Piece { start_s: 10.0, channels };
@@ -126,8 +126,9 @@ fn a_hole_between_pieces_restarts_the_windows_and_times_stay_true() {
     for (i, x) in second.iter_mut().enumerate().skip(2000) {
         *x += 8.0 * (TAU * 90.0 * i as f64 / rate_hz).sin();
     }
-    let mut watch = Watch::new(WatchConfig { rate_hz, channels: 1, ..WatchConfig::default() })
-        .expect("a good configuration");
+    let mut watch =
+        VibrationMonitor::new(MonitorConfig { rate_hz, channels: 1, ..MonitorConfig::default() })
+            .expect("a good configuration");
     let (a, b): ([&[f64]; 1], [&[f64]; 1]) = ([&first], [&second]);
     let pieces = [Piece { start_s: 0.0, channels: &a }, Piece { start_s: 1.0, channels: &b }];
     let result = run_monitor(&mut watch, rate_hz, &pieces, |_, _| ProcessState::default());
@@ -142,8 +143,9 @@ fn samples_that_were_not_taken_and_a_stuck_channel_are_found_with_their_time() {
     let mut x = noise(6000, 1.0, 8);
     x[3000] = f64::NAN;
     x[4000..].fill(2.5);
-    let mut watch = Watch::new(WatchConfig { rate_hz, channels: 1, ..WatchConfig::default() })
-        .expect("a good configuration");
+    let mut watch =
+        VibrationMonitor::new(MonitorConfig { rate_hz, channels: 1, ..MonitorConfig::default() })
+            .expect("a good configuration");
     let channels: [&[f64]; 1] = [&x];
     let piece = Piece { start_s: 0.0, channels: &channels };
     let result = run_monitor(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
@@ -154,10 +156,13 @@ fn samples_that_were_not_taken_and_a_stuck_channel_are_found_with_their_time() {
 
 #[test]
 fn a_permanent_line_is_judged_by_its_frequency() {
-    let config =
-        WatchConfig { rate_hz: 1000.0, modes: vec![Mode::at_hz(67.0)], ..WatchConfig::default() };
-    let mut watch = Watch::new(config).expect("a good configuration");
-    watch.process_state(ProcessState {
+    let config = MonitorConfig {
+        rate_hz: 1000.0,
+        modes: vec![Mode::at_hz(67.0)],
+        ..MonitorConfig::default()
+    };
+    let mut watch = VibrationMonitor::new(config).expect("a good configuration");
+    watch.set_process_state(ProcessState {
         spindle_rpm: 28_000.0,
         teeth: 2,
         ..ProcessState::default()
@@ -169,8 +174,8 @@ fn a_permanent_line_is_judged_by_its_frequency() {
     run_monitor(&mut watch, 1000.0, &[Piece { start_s: 0.0, channels: &channels }], |_, _| state);
     let at = |hz: f64| {
         let standing =
-            Standing { process: state, spindle_rpm: [28_000.0; 2], uncertainty_hz: 0.05 };
-        watch.verdict_on(Axis::Y, hz, &standing)
+            LineConditions { process: state, spindle_rpm: [28_000.0; 2], uncertainty_hz: 0.05 };
+        watch.classify_steady_line(Axis::Y, hz, &standing)
     };
     let alias = at(66.7);
     assert!(alias.suspect_alias && alias.class == Class::Forced, "{alias:?}");
@@ -179,25 +184,26 @@ fn a_permanent_line_is_judged_by_its_frequency() {
     assert!(!at(466.7).suspect_alias);
     let varied = |hz: f64| {
         let process = ProcessState { spindle_rpm: 1200.0, ..ProcessState::default() };
-        let standing = Standing { process, spindle_rpm: [1180.0, 1220.0], uncertainty_hz: 0.05 };
-        watch.verdict_on(Axis::Y, hz, &standing)
+        let standing =
+            LineConditions { process, spindle_rpm: [1180.0, 1220.0], uncertainty_hz: 0.05 };
+        watch.classify_steady_line(Axis::Y, hz, &standing)
     };
     assert_eq!(varied(80.9).class, Class::Forced, "within the range of its multiple");
     assert_eq!(varied(88.0).class, Class::Unknown);
     let high = varied(411.0);
-    assert!(high.class == Class::Unknown && high.rivals.contains(Class::Forced), "{high:?}");
+    assert!(high.class == Class::Unknown && high.alternatives.contains(Class::Forced), "{high:?}");
 }
 
 #[test]
 fn speed_is_read_from_pulses_and_ends_with_them() {
     let pulse = |i: usize| if i < 5000 && i % 50 < 5 { 3.0 } else { -0.5 };
     let tacho: Vec<f64> = (0..8000).map(pulse).collect();
-    let speed = speed_of_pulses(&tacho, 1000.0);
+    let speed = speed_from_pulses(&tacho, 1000.0);
     assert_eq!((speed[20], speed[200], speed[4999]), (0.0, 1200.0, 1200.0));
     assert_eq!(speed[7000], 0.0, "no pulse comes any more");
     let missed: Vec<f64> =
         tacho.iter().enumerate().map(|(i, x)| if i / 50 % 7 == 3 { -0.5 } else { -x }).collect();
-    let speed = speed_of_pulses(&missed, 1000.0);
+    let speed = speed_from_pulses(&missed, 1000.0);
     assert!(
         speed[400..4900].iter().all(|rpm| *rpm == 1200.0 || *rpm == 0.0),
         "pulses down, some missed"
@@ -205,13 +211,13 @@ fn speed_is_read_from_pulses_and_ends_with_them() {
     assert!(speed[400..4900].iter().filter(|rpm| **rpm == 0.0).count() < 100);
     let fast: Vec<f64> =
         (0..4000).map(|i| f64::from((f64::from(i) * 0.0467).fract() < 0.2)).collect();
-    let speed = speed_of_pulses(&fast, 10_000.0);
+    let speed = speed_from_pulses(&fast, 10_000.0);
     assert!(
         speed[2500..].iter().all(|rpm| (rpm / 28_020.0 - 1.0).abs() < 1e-3),
         "whole samples do not count"
     );
-    assert!(speed_of_pulses(&[1.0; 100], 1000.0).is_empty());
-    assert!(speed_of_pulses(&[f64::NAN; 100], 1000.0).is_empty());
+    assert!(speed_from_pulses(&[1.0; 100], 1000.0).is_empty());
+    assert!(speed_from_pulses(&[f64::NAN; 100], 1000.0).is_empty());
 }
 
 #[test]
@@ -230,7 +236,7 @@ fn a_trackers_noise_does_not_lengthen_the_path() {
     let path = path_mm(&position, 1000.0);
     assert!((path[19_999] - path[0] - 99.995).abs() < 0.3, "{}", path[19_999] - path[0]);
     assert!(path.windows(2).all(|pair| pair[1] >= pair[0]));
-    let feed = speed_on(&path, 1000.0);
+    let feed = feed_along_path(&path, 1000.0);
     assert!(feed.iter().all(|feed| (feed - 5.0).abs() < 0.3));
     assert!(path_mm(&[[0.0; 3]; 3], 1000.0).is_empty());
 }

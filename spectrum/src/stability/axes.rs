@@ -1,12 +1,12 @@
-//! The axes of a cut in the frame of the modes: along the feed, across it, up out of the work.
+//! The axes of a cut in the frame of the modes: along the feed, across it, up out of the workpiece.
 
 use super::StabilityError;
 use nalgebra::{Matrix3, Vector3};
 
-/// Less of the feed than this part in the plane is none.
+/// Least component of the feed perpendicular to the upward direction, relative to its length.
 const PARALLEL: f64 = 1e-6;
 
-/// Cut axes: x along the feed, z up out of the work (against the tool's own z), y = z × x.
+/// Cut axes: x along the feed, z up out of the workpiece (opposite to the tool's z), y = z × x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutAxes {
     /// Rows: the axes.
@@ -14,7 +14,7 @@ pub struct CutAxes {
 }
 
 impl CutAxes {
-    /// From the direction of feed and the upward direction, each of any length but 0; only the
+    /// From the feed direction and the upward direction, each of any length but 0; only the
     /// component of the feed perpendicular to `up` is used.
     ///
     /// # Errors
@@ -32,22 +32,22 @@ impl CutAxes {
         Ok(Self { rows: Matrix3::from_rows(&[x.transpose(), y.transpose(), z.transpose()]) })
     }
 
-    /// The feed turned about the upward axis, counterclockwise seen from above.
+    /// The axes with the feed rotated about the upward axis, counterclockwise seen from above.
     #[must_use]
-    pub fn turned(&self, angle_rad: f64) -> Self {
+    pub fn rotated(&self, angle_rad: f64) -> Self {
         let (sin, cos) = angle_rad.sin_cos();
         let turn = Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0);
         Self { rows: turn * self.rows }
     }
 
-    /// Direction of the feed, of unit length, in the frame of the modes.
+    /// Unit vector of the feed in the frame of the modes.
     #[must_use]
     pub fn feed(&self) -> [f64; 3] {
         self.rows.row(0).transpose().into()
     }
 
     /// A vector in cut axes.
-    pub(super) fn of(&self, vector: [f64; 3]) -> Vector3<f64> {
+    pub(super) fn in_cut_axes(&self, vector: [f64; 3]) -> Vector3<f64> {
         self.rows * Vector3::from(vector)
     }
 }

@@ -1,4 +1,5 @@
-//! The limit over spindle speed and over the direction of feed, and the nearest speed at which a depth is stable.
+//! Stability charts: the limit over spindle speed and over feed direction, and the nearest speed at
+//! which a depth is stable.
 
 use super::{Limit, Lobes, Stability, StabilityError};
 use std::f64::consts::TAU;
@@ -6,20 +7,20 @@ use std::f64::consts::TAU;
 /// Relative accuracy of the nearest stable speed.
 const SPEED_TOLERANCE: f64 = 1e-3;
 
-/// The limits at a spindle speed; `None` where they are above the largest depth of the chart.
+/// The limits at a spindle speed; `None`: above the largest depth of the chart.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Point {
+pub struct SpeedLimits {
     /// Spindle speed, rev/min.
     pub spindle_rpm: f64,
-    /// By the zeroth order.
+    /// By the zeroth-order solution.
     pub zeroth_order: Option<Limit>,
     /// By semi-discretisation.
     pub limit: Option<Limit>,
 }
 
-/// The limits with the feed turned.
+/// The limits for a rotated feed direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Turned {
+pub struct FeedDirectionLimits {
     /// The angle, rad, counterclockwise seen from above.
     pub angle_rad: f64,
     /// By semi-discretisation; `None` where it is above the largest depth.
@@ -28,24 +29,24 @@ pub struct Turned {
     pub mode_coupling: Option<Limit>,
 }
 
-impl Point {
+impl SpeedLimits {
     /// Whether a depth is below the limit by semi-discretisation.
     #[must_use]
-    pub fn holds(&self, depth_m: f64) -> bool {
+    pub fn is_stable_at(&self, depth_m: f64) -> bool {
         self.limit.is_none_or(|limit| depth_m < limit.depth_m)
     }
 }
 
-/// The limits at `count` spindle speeds, evenly from the first to the last, up to a depth.
+/// The limits at `points` equally spaced spindle speeds, up to a depth.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`] at the first speed.
-pub fn chart(
+pub fn limits_by_speed(
     stability: &Stability,
     from_to_rpm: [f64; 2],
     points: usize,
     depth_max_m: f64,
-) -> Result<Vec<Point>, StabilityError> {
+) -> Result<Vec<SpeedLimits>, StabilityError> {
     let lobes = stability.lobes(depth_max_m);
     let [from, to] = from_to_rpm;
     let step = (to - from) / points.saturating_sub(1).max(1) as f64;
@@ -58,19 +59,19 @@ fn point(
     lobes: &Lobes,
     spindle_rpm: f64,
     depth_max_m: f64,
-) -> Result<Point, StabilityError> {
+) -> Result<SpeedLimits, StabilityError> {
     let limit = stability.limit(spindle_rpm, depth_max_m)?;
-    Ok(Point { spindle_rpm, zeroth_order: lobes.limit(spindle_rpm), limit })
+    Ok(SpeedLimits { spindle_rpm, zeroth_order: lobes.limit(spindle_rpm), limit })
 }
 
-/// The spindle speed nearest to a given one at which a depth (below the chart's largest) is below
-/// the limit, within a chart; `None` if there is none.
+/// The spindle speed nearest to a given one, within a chart, at which a depth (below the chart's
+/// largest) is below the limit; `None` if there is none.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`].
 pub fn nearest_speed_rpm(
     stability: &Stability,
-    chart: &[Point],
+    chart: &[SpeedLimits],
     spindle_rpm: f64,
     depth_m: f64,
     depth_max_m: f64,
@@ -82,10 +83,11 @@ pub fn nearest_speed_rpm(
     if holds(spindle_rpm)? {
         return Ok(Some(spindle_rpm));
     }
-    let far = |point: &&Point| (point.spindle_rpm - spindle_rpm).abs();
-    let stable = chart.iter().filter(|point| point.holds(depth_m));
+    let far = |point: &&SpeedLimits| (point.spindle_rpm - spindle_rpm).abs();
+    let stable = chart.iter().filter(|point| point.is_stable_at(depth_m));
     let Some(found) = stable.min_by(|a, b| far(a).total_cmp(&far(b))) else { return Ok(None) };
-    // Between it and its unstable neighbour towards the given speed, or that speed itself.
+    // Bisection between this speed and its unstable neighbour towards the given speed, or the given
+    // speed itself.
     let towards = |rpm: &f64| (rpm - found.spindle_rpm) * (spindle_rpm - found.spindle_rpm) > 0.0;
     let others = chart.iter().map(|point| point.spindle_rpm).chain([spindle_rpm]).filter(towards);
     let near = |rpm: &f64| (rpm - found.spindle_rpm).abs();
@@ -98,22 +100,26 @@ pub fn nearest_speed_rpm(
     Ok(Some(stable))
 }
 
-/// The limits at a spindle speed with the feed rotated by `count` equal angles over a whole turn,
-/// starting at 0.
+/// The limits at a spindle speed for `angles` feed directions, equally spaced over a whole
+/// revolution, starting at 0.
 ///
 /// # Errors
 /// [`StabilityError::TooSlow`].
-pub fn turned(
+pub fn limits_by_feed_direction(
     stability: &Stability,
     spindle_rpm: f64,
     angles: usize,
     depth_max_m: f64,
-) -> Result<Vec<Turned>, StabilityError> {
+) -> Result<Vec<FeedDirectionLimits>, StabilityError> {
     let at = |k: usize| {
         let angle_rad = TAU * k as f64 / angles as f64;
-        let turned = stability.turned(angle_rad);
+        let turned = stability.with_feed_rotated(angle_rad);
         let limit = turned.limit(spindle_rpm, depth_max_m)?;
-        Ok(Turned { angle_rad, limit, mode_coupling: turned.lobes(depth_max_m).mode_coupling() })
+        Ok(FeedDirectionLimits {
+            angle_rad,
+            limit,
+            mode_coupling: turned.lobes(depth_max_m).mode_coupling(),
+        })
     };
     (0..angles).map(at).collect()
 }

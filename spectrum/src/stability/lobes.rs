@@ -1,44 +1,51 @@
-//! The frequency domain: lobes of the zeroth order, and mode coupling without regeneration.
+//! Frequency-domain solution: zeroth-order lobes, and mode coupling without regeneration.
 //!
-//! With W replaced by its mean W₀ a vibration at ω persists where `det(I − a (1 − e^(−iωτ)) Φ) = 0`, `Φ(iω) = G(iω) W₀` in the plane of
-//! the cut, G: receptance of the tip, `Σ u uᵀ / (k (1 − (ω/ω_n)² + 2iζω/ω_n))`. For an eigenvalue λ of Φ with positive real part this is
-//! `a = 1/(2 Re λ)`, at `ωτ = ψ + 2πj`, `ψ = 2 atan2(Re λ, −Im λ)`, j = 0, 1, … (Altintas and Budak 1995; `Λ` there is a multiple of 1/λ).
-//! Exact where W is constant (turning), near where many teeth cut at once; it misses flip lobes at small radial immersion.
+//! With W replaced by its mean W₀ a vibration at ω persists where `det(I − a (1 − e^(−iωτ)) Φ) =
+//! 0`, `Φ(iω) = G(iω) W₀` in the plane of the cut, G: receptance of the tip, `Σ u uᵀ / (k (1 −
+//! (ω/ω_n)² + 2iζω/ω_n))`. For an eigenvalue λ of Φ with positive real part this is `a = 1/(2 Re
+//! λ)`, at `ωτ = ψ + 2πj`, `ψ = 2 atan2(Re λ, −Im λ)`, j = 0, 1, … (Altintas and Budak 1995; `Λ`
+//! there is a multiple of 1/λ). Exact for constant W (turning), accurate if many teeth cut at once;
+//! flip lobes at small radial immersion are not predicted.
 //!
-//! Mode coupling: where a tooth does not meet the surface that vibration left (a fresh surface, a thread), the chip follows the displacement
-//! itself, `F = a W₀ r`, and the modal stiffness becomes `K − a UᵀW₀U`, which is not symmetric. A vibration persists where
-//! `det(I − a Φ) = 0`: `a = 1/λ` at an ω where λ is real and positive; at ω = 0 the tool dives in instead of swinging. For two modes without
-//! damping, `A_ij = u_iᵀ W₀ u_j`, `m_i = k_i/ω_i²`, the squared frequencies are the eigenvalues of `diag(ω²) − a [A_ij/m_i]`, complex where
-//! `(ω₁² − ω₂² − a (A₁₁/m₁ − A₂₂/m₂))² + 4 a² A₁₂ A₂₁/(m₁ m₂) < 0`: only where `A₁₂ A₂₁ < 0`, and from the depth
-//! `a = (ω₁² − ω₂²)/(A₁₁/m₁ − A₂₂/m₂ ± 2 sqrt(−A₁₂ A₂₁/(m₁ m₂)))` on, the smaller positive one. Turning the feed turns W₀ against the modes and so
-//! changes all four `A_ij` (Tlusty; Pan, Zhang, Zhu and Wang 2006 for one direction of force; here for any cut, with damping).
+//! Mode coupling: where a tooth does not cut a surface with vibration marks (a new surface, a
+//! thread), the chip thickness depends on the displacement itself, `F = a W₀ r`, and the modal
+//! stiffness becomes `K − a UᵀW₀U`, which is not symmetric. A vibration persists where `det(I − a
+//! Φ) = 0`: `a = 1/λ` at an ω where λ is real and positive; at ω = 0 the instability is static (the
+//! tool is pulled into the workpiece). For two modes without damping, `A_ij = u_iᵀ W₀ u_j`, `m_i =
+//! k_i/ω_i²`, the squared frequencies are the eigenvalues of `diag(ω²) − a [A_ij/m_i]`, complex
+//! where `(ω₁² − ω₂² − a (A₁₁/m₁ − A₂₂/m₂))² + 4 a² A₁₂ A₂₁/(m₁ m₂) < 0`: only where `A₁₂ A₂₁ < 0`,
+//! and from the depth `a = (ω₁² − ω₂²)/(A₁₁/m₁ − A₂₂/m₂ ± 2 sqrt(−A₁₂ A₂₁/(m₁ m₂)))` on, the
+//! smaller positive one. Rotating the feed direction rotates W₀ relative to the modes and thereby
+//! changes all four `A_ij` (Tlusty; Pan, Zhang, Zhu and Wang 2006 for one direction of force; here
+//! for any cut, with damping).
 
-use super::{Cutter, Limit, Swing, in_plane};
+use super::{Cutter, Limit, TipMode, in_plane};
 use crate::Complex;
 use nalgebra::{Matrix2, Matrix3x2};
 use std::f64::consts::TAU;
 
-/// Frequencies from a twentieth of the lowest mode to the top, evenly over their logarithm.
-const SWEPT: u32 = 1500;
-/// Frequencies around each mode: number of half widths (ζ times the frequency) to either side, and
-/// frequencies per half width.
-const WIDTHS: i32 = 30;
-const PER_WIDTH: i32 = 12;
-/// Halvings that refine a crossing between two frequencies.
+/// Number of frequencies from a twentieth of the lowest mode to the upper limit, logarithmically
+/// spaced.
+const SWEEP_FREQUENCIES: u32 = 1500;
+/// Additional frequencies around each mode: number of half widths (ζ times the frequency) on either
+/// side, and frequencies per half width.
+const HALF_WIDTHS: i32 = 30;
+const PER_HALF_WIDTH: i32 = 12;
+/// Bisection steps between two frequencies.
 const HALVINGS: usize = 40;
 
-/// Eigenvalues of Φ at a frequency; each follows on from the one of the frequency before.
+/// Eigenvalues of Φ at a frequency, in the order of continuous branches.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     omega_rad_s: f64,
     eigenvalues: [Complex<f64>; 2],
 }
 
-/// The loop from displacement to force and back, swept over frequency.
+/// The loop gain from displacement to force and back, swept over frequency.
 #[derive(Clone, Debug)]
 pub struct Lobes {
-    /// Each mode with its part of Φ at unit receptance.
-    parts: Vec<(Swing, Matrix2<f64>)>,
+    /// Each mode with its contribution to Φ at unit receptance.
+    parts: Vec<(TipMode, Matrix2<f64>)>,
     cutter: Cutter,
     depth_max_m: f64,
     sweep: Vec<Sample>,
@@ -46,12 +53,12 @@ pub struct Lobes {
 
 impl Lobes {
     pub(super) fn new(
-        swings: &[Swing],
+        swings: &[TipMode],
         mean: &Matrix3x2<f64>,
         cutter: Cutter,
         depth_max_m: f64,
     ) -> Self {
-        let part = |swing: &Swing| {
+        let part = |swing: &TipMode| {
             (*swing, in_plane() * swing.direction * (swing.direction.transpose() * mean))
         };
         let parts = swings.iter().map(part).collect();
@@ -59,13 +66,14 @@ impl Lobes {
         let mut before = lobes.eigenvalues(0.0);
         lobes.sweep.push(Sample { omega_rad_s: 0.0, eigenvalues: before });
         for omega_rad_s in lobes.frequencies_rad_s() {
-            before = follow(before, lobes.eigenvalues(omega_rad_s));
+            before = match_eigenvalues(before, lobes.eigenvalues(omega_rad_s));
             lobes.sweep.push(Sample { omega_rad_s, eigenvalues: before });
         }
         lobes
     }
 
-    /// The limit at a spindle speed: the lowest of all lobes; `None` where they are all above the largest depth.
+    /// The limit at a spindle speed: the lowest of all lobes; `None` if all are above the largest
+    /// depth.
     #[must_use]
     pub fn limit(&self, spindle_rpm: f64) -> Option<Limit> {
         let delay_s = self.cutter.delay_s(spindle_rpm);
@@ -74,10 +82,10 @@ impl Lobes {
             (omega_rad_s * delay_s - phase) / TAU
         };
         let mut best = Limit { depth_m: self.depth_max_m, frequency_hz: f64::NAN };
-        for (low, high, branch) in self.spans() {
+        for (low, high, branch) in self.intervals() {
             let (a, b) = (low.eigenvalues[branch], high.eigenvalues[branch]);
-            // Not deeper than the lowest known limit: a = 1/(2 Re λ), with a margin for the curve
-            // between the two.
+            // Skips intervals without a lobe below the lowest limit so far: a = 1/(2 Re λ), with a
+            // margin for the curvature between the two samples.
             if a.re <= 0.0 || b.re <= 0.0 || 2.2 * a.re.max(b.re) * best.depth_m < 1.0 {
                 continue;
             }
@@ -86,7 +94,9 @@ impl Lobes {
             for number in first..=from.max(to).floor() as i64 {
                 let number = number as f64;
                 let (omega_rad_s, value) =
-                    self.refined(low, high, branch, |omega, value| lobe(omega, value) - number);
+                    self.refine_crossing(low, high, branch, |omega, value| {
+                        lobe(omega, value) - number
+                    });
                 let depth_m = 0.5 / value.re;
                 if depth_m < best.depth_m && depth_m > 0.0 {
                     best = Limit { depth_m, frequency_hz: omega_rad_s / TAU };
@@ -96,8 +106,9 @@ impl Lobes {
         best.frequency_hz.is_finite().then_some(best)
     }
 
-    /// The limit of mode coupling without regeneration, at any spindle speed: the least depth at which the modes swing together, or (at 0 Hz) the tool
-    /// dives into the work; `None` where it is above the largest depth.
+    /// The limit of mode coupling without regeneration, for any spindle speed: the smallest depth
+    /// of a coupled vibration, or (at 0 Hz) of a static instability; `None` if it is above the
+    /// largest depth.
     #[must_use]
     pub fn mode_coupling(&self) -> Option<Limit> {
         let mut best = Limit { depth_m: self.depth_max_m, frequency_hz: f64::NAN };
@@ -110,29 +121,29 @@ impl Lobes {
         for value in self.eigenvalues(0.0).into_iter().filter(|value| value.im == 0.0) {
             keep(value, 0.0);
         }
-        for (low, high, branch) in self.spans().filter(|(low, ..)| low.omega_rad_s > 0.0) {
+        for (low, high, branch) in self.intervals().filter(|(low, ..)| low.omega_rad_s > 0.0) {
             if low.eigenvalues[branch].im * high.eigenvalues[branch].im < 0.0 {
-                let (omega, value) = self.refined(low, high, branch, |_, value| value.im);
+                let (omega, value) = self.refine_crossing(low, high, branch, |_, value| value.im);
                 keep(value, omega);
             }
         }
         best.frequency_hz.is_finite().then_some(best)
     }
 
-    /// The least limit of all spindle speeds, m; infinite where there is none.
-    pub(super) fn least_m(&self) -> f64 {
+    /// The smallest limit of all spindle speeds, m; infinite if there is none.
+    pub(super) fn min_depth_m(&self) -> f64 {
         let all = self.sweep.iter().flat_map(|sample| sample.eigenvalues);
         0.5 / all.map(|value| value.re).fold(0.0, f64::max)
     }
 
-    /// Neighbours of the sweep, for each of the two eigenvalues.
-    fn spans(&self) -> impl Iterator<Item = (Sample, Sample, usize)> {
+    /// Pairs of consecutive samples of the sweep, for each of the two eigenvalues.
+    fn intervals(&self) -> impl Iterator<Item = (Sample, Sample, usize)> {
         let pairs = self.sweep.windows(2).filter_map(|pair| Some((*pair.first()?, *pair.get(1)?)));
         pairs.flat_map(|(low, high)| [(low, high, 0), (low, high, 1)])
     }
 
-    /// Where a function of frequency and eigenvalue crosses 0 between two samples.
-    fn refined(
+    /// Zero of a function of frequency and eigenvalue between two samples, by bisection.
+    fn refine_crossing(
         &self,
         low: Sample,
         high: Sample,
@@ -144,7 +155,7 @@ impl Lobes {
         let rises = at(&high) > at(&low);
         for _ in 0..HALVINGS {
             let omega_rad_s = 0.5 * (low.omega_rad_s + high.omega_rad_s);
-            let eigenvalues = follow(low.eigenvalues, self.eigenvalues(omega_rad_s));
+            let eigenvalues = match_eigenvalues(low.eigenvalues, self.eigenvalues(omega_rad_s));
             let middle = Sample { omega_rad_s, eigenvalues };
             if (at(&middle) > 0.0) == rises { high = middle } else { low = middle }
         }
@@ -163,7 +174,7 @@ impl Lobes {
         [half + root, half - root]
     }
 
-    /// Frequencies of the sweep, up to one beyond which no lobe is below the largest depth.
+    /// Frequencies of the sweep; beyond the last one, no lobe is below the largest depth.
     fn frequencies_rad_s(&self) -> Vec<f64> {
         let all = || self.parts.iter().map(|(swing, _)| swing.omega_rad_s);
         let (lowest, highest) = (all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max));
@@ -173,17 +184,17 @@ impl Lobes {
                 .map(|(swing, part)| swing.receptance(omega).norm() * part.norm())
                 .sum()
         };
-        // An eigenvalue is at most as large as the norm; a = 1/(2 Re λ).
+        // The modulus of an eigenvalue does not exceed the norm; a = 1/(2 Re λ).
         let mut top = 3.0 * highest;
         while 2.0 * gain(top) * self.depth_max_m > 1.0 {
             top *= 1.5;
         }
         let bottom = 0.05 * lowest;
-        let step = (top / bottom).ln() / f64::from(SWEPT);
-        let even = (0..=SWEPT).map(|k| bottom * (step * f64::from(k)).exp());
+        let step = (top / bottom).ln() / f64::from(SWEEP_FREQUENCIES);
+        let even = (0..=SWEEP_FREQUENCIES).map(|k| bottom * (step * f64::from(k)).exp());
         let about = self.parts.iter().flat_map(|(swing, _)| {
-            let half_width = swing.damping_ratio * swing.omega_rad_s / f64::from(PER_WIDTH);
-            let reach = WIDTHS * PER_WIDTH;
+            let half_width = swing.damping_ratio * swing.omega_rad_s / f64::from(PER_HALF_WIDTH);
+            let reach = HALF_WIDTHS * PER_HALF_WIDTH;
             (-reach..=reach).map(move |k| swing.omega_rad_s + f64::from(k) * half_width)
         });
         let mut all: Vec<f64> = even.chain(about).filter(|omega| *omega > 0.0).collect();
@@ -193,8 +204,8 @@ impl Lobes {
     }
 }
 
-/// Two eigenvalues in the order in which they follow on from two others.
-fn follow(before: [Complex<f64>; 2], [a, b]: [Complex<f64>; 2]) -> [Complex<f64>; 2] {
+/// Two eigenvalues, ordered such that each is the continuation of the previous one of its branch.
+fn match_eigenvalues(before: [Complex<f64>; 2], [a, b]: [Complex<f64>; 2]) -> [Complex<f64>; 2] {
     let straight = (a - before[0]).norm() + (b - before[1]).norm();
     let crossed = (b - before[0]).norm() + (a - before[1]).norm();
     if crossed < straight { [b, a] } else { [a, b] }

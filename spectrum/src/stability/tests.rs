@@ -1,6 +1,6 @@
 //! Limits compared with closed forms, with an independent integration in time, and with each other.
 
-use super::peer::Peer;
+use super::time_domain_reference::TimeDomainReference;
 use super::*;
 use nalgebra::DMatrix;
 use proptest::prelude::*;
@@ -60,7 +60,8 @@ fn assert_as_the_peer(modes: &[FlexibleMode], cutter: Cutter, speeds_rpm: [f64; 
         let Some(Limit { depth_m, .. }) = stability.limit(rpm, 0.1).unwrap() else {
             panic!("a limit at {rpm} rpm is expected")
         };
-        let growth = |part: f64| Peer::new(modes, cutter, rpm, part * depth_m).growth(300);
+        let growth =
+            |part: f64| TimeDomainReference::new(modes, cutter, rpm, part * depth_m).growth(300);
         let (below, above) = (growth(0.99), growth(1.01));
         assert!(below < 0.0 && above > 0.0, "{rpm} rpm, {depth_m} m: {below}, {above}");
         for part in [0.5, 0.8, 0.9, 0.95] {
@@ -98,7 +99,7 @@ fn two_modes_are_within_one_percent_of_the_integration_in_time() {
 #[test]
 fn small_immersion_has_flip_lobes_that_the_zeroth_order_misses() {
     let stability = stability(&one_mode(), two_teeth(0.05));
-    let points = chart(&stability, [10_000.0, 25_000.0], 61, 0.05).unwrap();
+    let points = limits_by_speed(&stability, [10_000.0, 25_000.0], 61, 0.05).unwrap();
     let flips = points.iter().filter(|point| {
         let Some(limit) = point.limit else { return false };
         let at = stability.multiplier(point.spindle_rpm, limit.depth_m).unwrap();
@@ -126,8 +127,8 @@ fn the_least_limit_in_turning_is_the_closed_form() {
     let [FlexibleMode { stiffness_n_per_m: k, damping_ratio: zeta, frequency_hz, .. }] = one_mode();
     // Along the feed the chip pushes with K_rc.
     let least_m = 2.0 * k * zeta * (1.0 + zeta) / 2e8;
-    let points = chart(&turning(), [9000.0, 20_000.0], 221, 1.0).unwrap();
-    let least = |limit: &dyn Fn(&Point) -> Option<Limit>| {
+    let points = limits_by_speed(&turning(), [9000.0, 20_000.0], 221, 1.0).unwrap();
+    let least = |limit: &dyn Fn(&SpeedLimits) -> Option<Limit>| {
         let limits = points.iter().filter_map(limit);
         limits.min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap()
     };
@@ -143,8 +144,8 @@ fn a_pocket_stands_where_the_work_turns_once_in_a_whole_number_of_swings() {
     let stability = turning();
     for swings in [3.0, 4.0, 5.0] {
         let rpm = 60.0 * 922.0 / swings;
-        let points = chart(&stability, [0.9 * rpm, 1.1 * rpm], 41, 1.0).unwrap();
-        let depth = |point: &&Point| point.limit.unwrap().depth_m;
+        let points = limits_by_speed(&stability, [0.9 * rpm, 1.1 * rpm], 41, 1.0).unwrap();
+        let depth = |point: &&SpeedLimits| point.limit.unwrap().depth_m;
         let deepest = points.iter().max_by(|a, b| depth(a).total_cmp(&depth(b))).unwrap();
         assert!((deepest.spindle_rpm / rpm - 1.0).abs() < 0.03, "{swings} swings: {deepest:?}");
     }
@@ -155,7 +156,9 @@ fn both_methods_agree_where_the_force_is_constant() {
     // Products of sines and cosines of four teeth over half a turn add up to constants.
     let constant = Cutter { teeth: 4, ..three_teeth(0.0, PI) };
     let mut other_hz = 0;
-    for point in chart(&stability(&two_modes(), constant), [3000.0, 18_000.0], 31, 0.5).unwrap() {
+    for point in
+        limits_by_speed(&stability(&two_modes(), constant), [3000.0, 18_000.0], 31, 0.5).unwrap()
+    {
         let (zeroth, limit) = (point.zeroth_order.unwrap(), point.limit.unwrap());
         let [a, b] = [zeroth.depth_m, limit.depth_m];
         assert!((a / b - 1.0).abs() < 0.01, "{} rpm: {a} m, {b} m", point.spindle_rpm);
@@ -168,14 +171,14 @@ fn both_methods_agree_where_the_force_is_constant() {
 
 /// Eigenvalues of the second-order system without delay: `q'' = −2ζω q' − ω² q + ω²/k uᵀ a W₀ r`.
 fn coupled(stability: &Stability, depth_m: f64) -> Vec<Complex<f64>> {
-    let (n, mean) = (stability.swings.len(), stability.mean_bite());
+    let (n, mean) = (stability.tip_modes.len(), stability.mean_coefficients());
     let mut system = DMatrix::zeros(2 * n, 2 * n);
-    for (i, swing) in stability.swings.iter().enumerate() {
+    for (i, swing) in stability.tip_modes.iter().enumerate() {
         let omega = swing.omega_rad_s;
         system[(i, n + i)] = 1.0;
         system[(n + i, i)] -= omega * omega;
         system[(n + i, n + i)] = -2.0 * swing.damping_ratio * omega;
-        for (j, other) in stability.swings.iter().enumerate() {
+        for (j, other) in stability.tip_modes.iter().enumerate() {
             let force = swing.direction.transpose() * mean * other.direction.xy();
             system[(n + i, j)] += omega * omega / swing.stiffness_n_per_m * depth_m * force[(0, 0)];
         }
@@ -262,7 +265,7 @@ proptest! {
                 }
             }
         }
-        let off = Bite::new(&cutter, depth_m).of_all_teeth(from, span) - sum / f64::from(n * n);
+        let off = DirectionalCoefficients::new(&cutter, depth_m).mean_over_teeth(from, span) - sum / f64::from(n * n);
         prop_assert!(off.norm() < 0.01 * 6e8, "{off}");
     }
 }
@@ -271,8 +274,8 @@ proptest! {
 fn mode_coupling_without_damping_has_the_depth_of_the_formula() {
     let modes = arm(0.6, 1e-6);
     let stability = stability(&modes, three_teeth(0.0, PI));
-    let mean = stability.mean_bite();
-    let [u, v] = [stability.swings[0].direction, stability.swings[1].direction];
+    let mean = stability.mean_coefficients();
+    let [u, v] = [stability.tip_modes[0].direction, stability.tip_modes[1].direction];
     let [m_1, m_2] = modes.map(|m| m.stiffness_n_per_m / (TAU * m.frequency_hz).powi(2));
     let a =
         |left: Vector3<f64>, right: Vector3<f64>| (left.transpose() * mean * right.xy())[(0, 0)];
@@ -289,7 +292,7 @@ fn mode_coupling_without_damping_has_the_depth_of_the_formula() {
 #[test]
 fn the_direction_of_feed_decides_about_mode_coupling() {
     let stability = stability(&arm(0.0, 0.01), three_teeth(0.0, 0.5 * PI));
-    let all = turned(&stability, 9000.0, 36, 0.02).unwrap();
+    let all = limits_by_feed_direction(&stability, 9000.0, 36, 0.02).unwrap();
     let depths: Vec<f64> =
         all.iter().map(|one| one.mode_coupling.map_or(f64::INFINITY, |l| l.depth_m)).collect();
     let (least, most) =
@@ -305,7 +308,8 @@ fn the_direction_of_feed_decides_about_mode_coupling() {
 #[test]
 fn in_a_slot_the_mean_force_turns_with_the_tool_and_the_direction_of_feed_plays_no_part() {
     let stability = stability(&arm(0.3, 0.01), three_teeth(0.0, PI));
-    let depth = |angle: f64| stability.turned(angle).lobes(0.1).mode_coupling().unwrap().depth_m;
+    let depth =
+        |angle: f64| stability.with_feed_rotated(angle).lobes(0.1).mode_coupling().unwrap().depth_m;
     for angle in [0.4, 1.3, 2.9, 4.4] {
         assert!((depth(angle) / depth(0.0) - 1.0).abs() < 1e-9, "{angle}");
     }
@@ -315,7 +319,7 @@ fn in_a_slot_the_mean_force_turns_with_the_tool_and_the_direction_of_feed_plays_
 fn the_nearest_stable_speed_is_stable_and_the_way_to_it_is_not() {
     let stability = stability(&one_mode(), two_teeth(1.0));
     let depth_m = 3e-3;
-    let points = chart(&stability, [8000.0, 25_000.0], 171, 0.01).unwrap();
+    let points = limits_by_speed(&stability, [8000.0, 25_000.0], 171, 0.01).unwrap();
     let from_rpm = 11_500.0;
     let found = nearest_speed_rpm(&stability, &points, from_rpm, depth_m, 0.01).unwrap().unwrap();
     let holds = |rpm: f64| stability.multiplier(rpm, depth_m).unwrap().norm() < 1.0;

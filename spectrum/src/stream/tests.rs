@@ -2,8 +2,8 @@
 
 use super::*;
 
-fn stream() -> Stream {
-    Stream::new(&WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() })
+fn stream() -> SensorStream {
+    SensorStream::new(&MonitorConfig { rate_hz: 1000.0, ..MonitorConfig::default() })
 }
 
 /// A block of a sender with counts: 10 samples of 3 channels, 1 kHz.
@@ -13,9 +13,9 @@ fn sent(session: u64, seq: u64) -> Block<'static> {
 }
 
 /// Takes a block whole, samples and all.
-fn take(stream: &mut Stream, block: &Block<'_>) -> Admission {
+fn take(stream: &mut SensorStream, block: &Block<'_>) -> BlockAdmission {
     let admission = stream.admit(block);
-    if admission != Admission::Refused {
+    if admission != BlockAdmission::Rejected {
         stream.advance(10);
     }
     admission
@@ -29,22 +29,22 @@ fn block(seq: u64, t_ns: u64, samples: &[f64]) -> Block<'_> {
 fn blocks_in_order_are_taken_and_a_jump_is_a_gap() {
     let mut stream = stream();
     let samples = [0.0; 30];
-    assert_eq!(stream.admit(&block(7, 0, &samples)), Admission::Next);
-    assert_eq!(stream.admit(&block(8, 10_000_000, &samples)), Admission::Next);
-    assert_eq!(stream.admit(&block(11, 40_000_000, &samples)), Admission::Anew);
+    assert_eq!(stream.admit(&block(7, 0, &samples)), BlockAdmission::Continuous);
+    assert_eq!(stream.admit(&block(8, 10_000_000, &samples)), BlockAdmission::Continuous);
+    assert_eq!(stream.admit(&block(11, 40_000_000, &samples)), BlockAdmission::Restarted);
     assert_eq!((stream.health().gaps, stream.health().lost_blocks), (1, 2));
     assert!(stream.health().stream.contains(Fault::Gap));
-    assert_eq!(stream.admit(&block(12, 90_000_000, &samples)), Admission::Anew);
+    assert_eq!(stream.admit(&block(12, 90_000_000, &samples)), BlockAdmission::Restarted);
 }
 
 #[test]
 fn a_wrong_rate_or_shape_is_refused_and_named() {
     let mut stream = stream();
     let wrong = Block { rate_hz: 2000.0, ..block(0, 0, &[0.0; 3]) };
-    assert_eq!(stream.admit(&wrong), Admission::Refused);
-    assert_eq!(stream.admit(&block(0, 0, &[0.0; 4])), Admission::Refused);
+    assert_eq!(stream.admit(&wrong), BlockAdmission::Rejected);
+    assert_eq!(stream.admit(&block(0, 0, &[0.0; 4])), BlockAdmission::Rejected);
     let nan = Block { rate_hz: f64::NAN, ..block(0, 0, &[0.0; 3]) };
-    assert_eq!(stream.admit(&nan), Admission::Refused);
+    assert_eq!(stream.admit(&nan), BlockAdmission::Rejected);
     let health = stream.health();
     assert_eq!(health.refused_blocks, 3);
     assert!(health.stream.contains(Fault::WrongRate) && health.stream.contains(Fault::WrongShape));
@@ -67,7 +67,7 @@ fn one_silent_channel_among_noisy_ones_is_dead() {
     for i in 0..1500 {
         let x = (0.7 * f64::from(i)).sin();
         for (channel, sample) in [x, 1e-9 * x, x].into_iter().enumerate() {
-            stream.sample(channel, sample);
+            stream.check_sample(channel, sample);
         }
         stream.advance(1);
     }
@@ -81,8 +81,8 @@ fn another_session_restarts_the_counts_without_a_gap() {
     for seq in 500..700 {
         take(&mut stream, &sent(1, seq));
     }
-    assert_eq!(take(&mut stream, &sent(2, 1)), Admission::Anew);
-    assert_eq!(take(&mut stream, &sent(2, 2)), Admission::Next);
+    assert_eq!(take(&mut stream, &sent(2, 1)), BlockAdmission::Restarted);
+    assert_eq!(take(&mut stream, &sent(2, 2)), BlockAdmission::Continuous);
     let health = stream.health();
     assert_eq!(
         (health.restarts, health.gaps, health.lost_blocks, health.lost_samples),
@@ -118,8 +118,8 @@ fn a_sender_that_restarts_its_count_silently_is_not_refused_for_ever() {
         take(&mut stream, &sent(7, seq));
     }
     let again = |seq: u64| Block { t_ns: 5_200_000_000 + seq * 10_000_000, ..sent(7, seq) };
-    assert_eq!(take(&mut stream, &again(1)), Admission::Anew);
-    assert_eq!(take(&mut stream, &again(2)), Admission::Next);
+    assert_eq!(take(&mut stream, &again(1)), BlockAdmission::Restarted);
+    assert_eq!(take(&mut stream, &again(2)), BlockAdmission::Continuous);
     assert_eq!((stream.health().gaps, stream.health().lost_blocks), (1, 0));
 }
 
@@ -128,10 +128,10 @@ fn samples_that_are_missing_between_numbered_blocks_are_counted() {
     let mut stream = stream();
     take(&mut stream, &sent(7, 1));
     let short = Block { samples_before: Some(23), ..sent(7, 2) };
-    assert_eq!(take(&mut stream, &short), Admission::Anew);
+    assert_eq!(take(&mut stream, &short), BlockAdmission::Restarted);
     assert_eq!((stream.health().gaps, stream.health().lost_samples), (1, 3));
     let lost = Block { samples_before: Some(83), ..sent(7, 8) };
-    assert_eq!(take(&mut stream, &lost), Admission::Anew);
+    assert_eq!(take(&mut stream, &lost), BlockAdmission::Restarted);
     let health = stream.health();
     assert_eq!((health.gaps, health.lost_blocks, health.lost_samples), (2, 5, 53));
 }
@@ -140,7 +140,7 @@ fn samples_that_are_missing_between_numbered_blocks_are_counted() {
 fn time_that_jumps_back_is_a_gap() {
     let mut stream = stream();
     take(&mut stream, &sent(7, 100));
-    assert_eq!(take(&mut stream, &Block { t_ns: 0, ..sent(7, 101) }), Admission::Anew);
+    assert_eq!(take(&mut stream, &Block { t_ns: 0, ..sent(7, 101) }), BlockAdmission::Restarted);
 }
 
 #[test]
@@ -150,12 +150,12 @@ fn zero_for_a_while_is_dead_and_any_other_constant_stuck_until_it_moves() {
         for i in 0..milliseconds {
             let x = (0.7 * f64::from(i)).sin();
             for (channel, sample) in [x, y(i), x].into_iter().enumerate() {
-                stream.sample(channel, sample);
+                stream.check_sample(channel, sample);
             }
             stream.advance(1);
         }
         let said = stream.health().channel[1];
-        (said.iter().collect::<Vec<_>>(), stream.is_held(1), stream.take_recovered())
+        (said.iter().collect::<Vec<_>>(), stream.is_suspended(1), stream.take_recovered())
     };
     let moving = |i: u32| (1.1 * f64::from(i)).cos();
     assert_eq!(run(2000, &moving), (vec![], false, 0));
@@ -167,12 +167,12 @@ fn zero_for_a_while_is_dead_and_any_other_constant_stuck_until_it_moves() {
 
 #[test]
 fn a_quiet_moment_beside_a_loud_force_is_not_dead() {
-    let config = WatchConfig { rate_hz: 1000.0, channels: 6, ..WatchConfig::default() };
-    let mut stream = Stream::new(&config);
+    let config = MonitorConfig { rate_hz: 1000.0, channels: 6, ..MonitorConfig::default() };
+    let mut stream = SensorStream::new(&config);
     for i in 0..1500 {
         let x = (0.7 * f64::from(i)).sin();
         for channel in 0..6 {
-            stream.sample(channel, if channel < 3 { 2000.0 * x } else { 1e-3 * x });
+            stream.check_sample(channel, if channel < 3 { 2000.0 * x } else { 1e-3 * x });
         }
         stream.advance(1);
     }

@@ -1,16 +1,17 @@
-//! Height parameters of a profile, whole, by segments, by sampling lengths; the mean width of its elements.
+//! Height parameters of a profile, of its segments and of its sampling lengths; mean width of its
+//! elements.
 //!
 //! ISO 21920-2 (formerly ISO 4287): the same formulas give P, W and R parameters, depending on the
 //! profile.
 
 use super::{SurfaceError, check};
 
-/// The sampling lengths that the standard's default evaluation takes.
-const SECTIONS: usize = 5;
+/// Number of sampling lengths of the standard's default evaluation.
+const SAMPLING_LENGTHS: usize = 5;
 
 /// Parameters of a profile about its mean, in the profile's unit where they have one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Parameters {
+pub struct HeightParameters {
     /// Arithmetic mean deviation (Pa, Ra, Wa).
     pub mean_deviation: f64,
     /// Root mean square (Pq, Rq, Wq).
@@ -23,13 +24,13 @@ pub struct Parameters {
     pub valley: f64,
     /// Skewness (Psk, Rsk, Wsk): negative where plateaus have deep grooves. 0 for a flat profile.
     pub skewness: f64,
-    /// Kurtosis (Pku, Rku, Wku): 3 for heights of chance. 0 for a flat profile.
+    /// Kurtosis (Pku, Rku, Wku): 3 for normally distributed heights. 0 for a flat profile.
     pub kurtosis: f64,
 }
 
 /// Parameters of one profile.
 #[must_use]
-pub fn parameters(heights: &[f64]) -> Parameters {
+pub fn height_parameters(heights: &[f64]) -> HeightParameters {
     let n = heights.len().max(1) as f64;
     let mean = heights.iter().sum::<f64>() / n;
     let moment = |power: i32| heights.iter().map(|z| (z - mean).powi(power)).sum::<f64>() / n;
@@ -38,7 +39,7 @@ pub fn parameters(heights: &[f64]) -> Parameters {
         above().fold((0.0_f64, 0.0_f64), |(peak, valley), z| (peak.max(z), valley.max(-z)));
     let rms = moment(2).sqrt();
     let shape = |power: i32| if rms > 0.0 { moment(power) / rms.powi(power) } else { 0.0 };
-    Parameters {
+    HeightParameters {
         mean_deviation: above().map(f64::abs).sum::<f64>() / n,
         rms,
         total_height: peak + valley,
@@ -54,11 +55,11 @@ pub fn parameters(heights: &[f64]) -> Parameters {
 ///
 /// # Errors
 /// An invalid segment length, or one longer than the profile.
-pub fn by_segments(
+pub fn parameters_by_segment(
     heights: &[f64],
     spacing_mm: f64,
     segment_mm: f64,
-) -> Result<Vec<Parameters>, SurfaceError> {
+) -> Result<Vec<HeightParameters>, SurfaceError> {
     check(heights, spacing_mm)?;
     if !(segment_mm > spacing_mm && segment_mm.is_finite()) {
         return Err(SurfaceError::Length { what: "segment", value_mm: segment_mm });
@@ -67,21 +68,25 @@ pub fn by_segments(
     if points > heights.len() {
         return Err(SurfaceError::TooShort { points: heights.len(), expected: points });
     }
-    Ok(heights.chunks_exact(points).map(parameters).collect())
+    Ok(heights.chunks_exact(points).map(height_parameters).collect())
 }
 
-/// Rz: the mean total height of the sampling lengths in the profile's middle, and their number:
-/// five if they fit, as in the standards; `None` if not even one fits.
+/// Rz: the mean total height of the sampling lengths in the middle of the profile, and their
+/// number: five if they fit, as in the standards; `None` if the profile is shorter than one.
 #[must_use]
-pub fn section_height(roughness: &[f64], spacing_mm: f64, cut_off_mm: f64) -> Option<(f64, usize)> {
+pub fn mean_section_height(
+    roughness: &[f64],
+    spacing_mm: f64,
+    cut_off_mm: f64,
+) -> Option<(f64, usize)> {
     let points = (cut_off_mm / spacing_mm).round() as usize;
-    let sections = roughness.len().checked_div(points)?.min(SECTIONS);
+    let sections = roughness.len().checked_div(points)?.min(SAMPLING_LENGTHS);
     if sections == 0 {
         return None;
     }
     let start = (roughness.len() - sections * points) / 2;
     let inner = &roughness[start..start + sections * points];
-    let heights = inner.chunks_exact(points).map(|section| parameters(section).total_height);
+    let heights = inner.chunks_exact(points).map(|section| height_parameters(section).total_height);
     Some((heights.sum::<f64>() / sections as f64, sections))
 }
 

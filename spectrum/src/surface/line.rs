@@ -1,16 +1,16 @@
-//! Spectra of a profile over cycles per mm, and their lines.
+//! Spectra of a profile in cycles per mm, and their lines.
 
-use crate::offline::{self, Averaged};
+use crate::offline::{self, AveragedSpectrum};
 use crate::welch::{Scaling, Segments, Spectrum, SpectrumError, Taper, welch};
 
-/// Standard deviation of a line's position by the parabola alone, bins.
+/// Standard deviation of a line's position due to the parabolic interpolation, bins.
 const PARABOLA_BINS: f64 = 0.02;
-/// Probability that a long profile of noise alone shows any line.
-const FALSE_LINES: f64 = 0.05;
-/// What is weaker than this part of the strongest line is no matter.
-const WEAKEST: f64 = 0.01;
+/// Probability of any line in a long profile of noise.
+const FALSE_ALARM_PROBABILITY: f64 = 0.05;
+/// Least amplitude of a line relative to the strongest one.
+const AMPLITUDE_PART_MIN: f64 = 0.01;
 
-/// A line of a profile's spectrum: a wave that repeats.
+/// A line of a profile's spectrum: a periodic wave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
     /// Cycles per mm.
@@ -21,7 +21,8 @@ pub struct Line {
     pub amplitude: f64,
     /// Ratio of its power to the floor around it.
     pub over_floor: f64,
-    /// Where it is a multiple of a stronger line: that line's place in the list, and which multiple.
+    /// For a multiple of a stronger line: index of that line in the list, and order of the
+    /// multiple.
     pub multiple_of: Option<(usize, u32)>,
 }
 
@@ -32,7 +33,7 @@ impl Line {
         1.0 / self.cycles_per_mm
     }
 
-    /// How far it may be from where it reads and still be the same: two standard uncertainties, and half a bin of a
+    /// Tolerance of its position, cycles per mm: two standard uncertainties plus half a bin of a
     /// profile of this length.
     #[must_use]
     pub fn tolerance(&self, length_mm: f64) -> f64 {
@@ -40,11 +41,10 @@ impl Line {
     }
 }
 
-/// One-sided power over cycles per mm of a whole profile, without window: its sum is `R_q²` (mean taken
-/// out).
+/// One-sided power spectrum of a whole profile, without window: its sum is `R_q²` (mean removed).
 ///
 /// # Errors
-/// A profile too short.
+/// The profile is too short.
 pub fn power_spectrum(heights: &[f64], spacing_mm: f64) -> Result<Spectrum, SpectrumError> {
     let plan = Segments {
         taper: Taper::Boxcar,
@@ -59,10 +59,10 @@ pub fn power_spectrum(heights: &[f64], spacing_mm: f64) -> Result<Spectrum, Spec
 /// of the profile are not distinguished from form.
 ///
 /// # Errors
-/// A profile too short.
+/// The profile is too short.
 pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumError> {
     let plan = Segments::new(1.0 / spacing_mm, heights.len().max(2));
-    let spectrum = Averaged::of([heights], &plan)?;
+    let spectrum = AveragedSpectrum::from_runs([heights], &plan)?;
     let length_mm = heights.len() as f64 * spacing_mm;
     let bins = |ratio: f64| (PARABOLA_BINS * PARABOLA_BINS + 0.5 / ratio).sqrt();
     let own = |line: &offline::Line| Line {
@@ -73,19 +73,20 @@ pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumErro
         multiple_of: None,
     };
     // A bin of noise over the middle of its neighbours spreads exponentially, and a long profile has many bins.
-    let least = (spectrum.mean.power.len() as f64 / FALSE_LINES).ln() / std::f64::consts::LN_2;
+    let least =
+        (spectrum.mean.power.len() as f64 / FALSE_ALARM_PROBABILITY).ln() / std::f64::consts::LN_2;
     let all = spectrum.lines();
-    let weakest = all.first().map_or(0.0, |line| WEAKEST * line.amplitude);
+    let weakest = all.first().map_or(0.0, |line| AMPLITUDE_PART_MIN * line.amplitude);
     let counts = |line: &&offline::Line| line.ratio >= least && line.amplitude >= weakest;
     let mut found: Vec<Line> = all.iter().filter(counts).map(own).collect();
     for i in 1..found.len() {
-        found[i].multiple_of = multiple(&found[..i], &found[i], length_mm);
+        found[i].multiple_of = find_multiple(&found[..i], &found[i], length_mm);
     }
     Ok(found)
 }
 
 /// The stronger line that this one is a whole multiple of, the lowest multiple first.
-fn multiple(stronger: &[Line], line: &Line, length_mm: f64) -> Option<(usize, u32)> {
+fn find_multiple(stronger: &[Line], line: &Line, length_mm: f64) -> Option<(usize, u32)> {
     let fits = |of: &Line| {
         let order = (line.cycles_per_mm / of.cycles_per_mm).round();
         let off = (line.cycles_per_mm - order * of.cycles_per_mm).abs();

@@ -68,8 +68,8 @@ fn waviness_and_roughness_are_parted_and_add_up() {
         .enumerate()
         .map(|(i, z)| z + 0.7e-3 * i as f64)
         .collect();
-    let surface = part(&z, 0.001, &Parting::at_mm(0.25)).expect("a surface");
-    let inner = |v: &[f64]| parameters(&v[1000..9000]);
+    let surface = separate(&z, 0.001, &SeparationSettings::at_mm(0.25)).expect("a surface");
+    let inner = |v: &[f64]| height_parameters(&v[1000..9000]);
     assert!((inner(&surface.roughness).rms - 0.5 / 2.0_f64.sqrt()).abs() < 0.05);
     assert!((inner(&surface.waviness).total_height - 8.0).abs() < 0.6);
     let line = detrended(&z, Detrend::Linear);
@@ -79,20 +79,21 @@ fn waviness_and_roughness_are_parted_and_add_up() {
     }
     assert_eq!(surface.evaluated, 125..9875, "half a cut-off is left away at each end");
     assert!(!surface.ends_kept() && (surface.evaluated_mm() - 9.75).abs() < 1e-9);
-    let short = part(&z[..400], 0.001, &Parting::at_mm(0.25)).expect("a surface");
+    let short = separate(&z[..400], 0.001, &SeparationSettings::at_mm(0.25)).expect("a surface");
     assert!(short.ends_kept(), "what is too short keeps its ends, and says so");
 }
 
 #[test]
 fn the_short_cut_off_takes_the_instruments_noise() {
     let z = waves(20_000, 0.000_25, &[(0.2, 1.0), (0.001, 0.2)]);
-    let parting = Parting { short_cut_off_mm: Some(0.0025), ..Parting::at_mm(0.8) };
-    let surface = part(&z, 0.000_25, &parting).expect("a surface");
-    let rms = parameters(&surface.roughness[surface.evaluated.clone()]).rms;
+    let parting =
+        SeparationSettings { short_cut_off_mm: Some(0.0025), ..SeparationSettings::at_mm(0.8) };
+    let surface = separate(&z, 0.000_25, &parting).expect("a surface");
+    let rms = height_parameters(&surface.roughness[surface.evaluated.clone()]).rms;
     let kept = 1.0 - gaussian_transmission(0.2, 0.8);
     assert!((rms - kept / 2.0_f64.sqrt()).abs() < 2e-3, "{rms}");
-    let turned = Parting { short_cut_off_mm: Some(0.8), ..parting };
-    assert!(matches!(part(&z, 0.000_25, &turned), Err(SurfaceError::CutOffs { .. })));
+    let turned = SeparationSettings { short_cut_off_mm: Some(0.8), ..parting };
+    assert!(matches!(separate(&z, 0.000_25, &turned), Err(SurfaceError::CutOffs { .. })));
 }
 
 #[test]
@@ -103,16 +104,16 @@ fn each_degree_of_form_takes_its_own_polynomial_and_no_more() {
             (0..=highest).map(|k| (k as f64 + 1.0) * x.powi(k as i32)).sum::<f64>()
         };
         let z: Vec<f64> = (0..1001).map(|i| polynomial(i, degree)).collect();
-        let left = without_form(&z, degree).expect("a form");
+        let left = remove_form(&z, degree).expect("a form");
         assert!(left.iter().all(|z| z.abs() < 1e-10), "{degree}");
         let more: Vec<f64> = (0..1001).map(|i| polynomial(i, degree + 1)).collect();
-        let left = without_form(&more, degree).expect("a form");
-        assert!(parameters(&left).rms > 1e-3, "{degree}");
+        let left = remove_form(&more, degree).expect("a form");
+        assert!(height_parameters(&left).rms > 1e-3, "{degree}");
     }
     let bent = noise(500, 4, 0.9);
-    let (line, ours) = (detrended(&bent, Detrend::Linear), without_form(&bent, 1).expect("a form"));
+    let (line, ours) = (detrended(&bent, Detrend::Linear), remove_form(&bent, 1).expect("a form"));
     assert!(line.iter().zip(&ours).all(|(a, b)| (a - b).abs() < 1e-10));
-    assert!(matches!(without_form(&bent, 6), Err(SurfaceError::Form { degree: 6 })));
+    assert!(matches!(remove_form(&bent, 6), Err(SurfaceError::Form { degree: 6 })));
 }
 
 #[test]
@@ -120,13 +121,13 @@ fn parseval_gives_the_same_rms() {
     for n in [500, 501] {
         let z: Vec<f64> = (0..n).map(|i| (f64::from(i * i) * 0.01).sin() + 0.3).collect();
         let power: f64 = power_spectrum(&z, 0.01).expect("a spectrum").power.iter().sum();
-        assert!((power.sqrt() - parameters(&z).rms).abs() < 1e-12);
+        assert!((power.sqrt() - height_parameters(&z).rms).abs() < 1e-12);
     }
 }
 
 #[test]
 fn a_sines_parameters_are_the_textbooks() {
-    let p = parameters(&waves(10_000, 0.001, &[(0.1, 3.0)]));
+    let p = height_parameters(&waves(10_000, 0.001, &[(0.1, 3.0)]));
     for (name, found, known) in [
         ("Ra", p.mean_deviation, 6.0 / std::f64::consts::PI),
         ("Rq", p.rms, 3.0 / 2.0_f64.sqrt()),
@@ -138,7 +139,7 @@ fn a_sines_parameters_are_the_textbooks() {
     ] {
         assert!((found - known).abs() < 2e-3 * (1.0 + known), "{name}: {found}");
     }
-    let flat = parameters(&[0.5; 9]);
+    let flat = height_parameters(&[0.5; 9]);
     assert_eq!((flat.rms, flat.skewness, flat.kurtosis, flat.total_height), (0.0, 0.0, 0.0, 0.0));
 }
 
@@ -147,12 +148,12 @@ fn rz_is_the_mean_over_five_sampling_lengths_or_as_many_as_there_are() {
     let mut z = waves(4800, 0.001, &[(0.1, 1.0)]);
     // One deep scratch counts in one of five sections, and wholly in Rt.
     z[2400] -= 9.0;
-    let rt = parameters(&z).total_height;
-    let (rz, sections) = section_height(&z, 0.001, 0.8).expect("sections");
+    let rt = height_parameters(&z).total_height;
+    let (rz, sections) = mean_section_height(&z, 0.001, 0.8).expect("sections");
     assert_eq!(sections, 5);
     assert!((rz - (4.0 * 2.0 + rt) / 5.0).abs() < 0.01, "{rz} of {rt}");
-    assert_eq!(section_height(&z[..1700], 0.001, 0.8).map(|(_, n)| n), Some(2));
-    assert_eq!(section_height(&z[..700], 0.001, 0.8), None);
+    assert_eq!(mean_section_height(&z[..1700], 0.001, 0.8).map(|(_, n)| n), Some(2));
+    assert_eq!(mean_section_height(&z[..700], 0.001, 0.8), None);
 }
 
 #[test]
@@ -206,15 +207,15 @@ fn noise_white_or_red_shows_lines_rarely() {
 
 #[test]
 fn impossible_profiles_are_refused_with_a_reason() {
-    let at = |cut_off_mm| Parting::at_mm(cut_off_mm);
-    assert!(matches!(part(&[0.0; 4], 0.1, &at(1.0)), Err(SurfaceError::TooShort { .. })));
+    let at = |cut_off_mm| SeparationSettings::at_mm(cut_off_mm);
+    assert!(matches!(separate(&[0.0; 4], 0.1, &at(1.0)), Err(SurfaceError::TooShort { .. })));
     assert!(matches!(
-        part(&[f64::NAN; 9], 0.1, &at(1.0)),
+        separate(&[f64::NAN; 9], 0.1, &at(1.0)),
         Err(SurfaceError::NotFinite { index: 0 })
     ));
-    assert!(part(&[0.0; 9], 0.0, &at(1.0)).is_err());
-    assert!(part(&[0.0; 9], 0.1, &at(0.05)).is_err());
-    assert!(by_segments(&[0.0; 9], 0.1, 5.0).is_err());
+    assert!(separate(&[0.0; 9], 0.0, &at(1.0)).is_err());
+    assert!(separate(&[0.0; 9], 0.1, &at(0.05)).is_err());
+    assert!(parameters_by_segment(&[0.0; 9], 0.1, 5.0).is_err());
 }
 
 proptest! {
@@ -238,12 +239,12 @@ proptest! {
         cut_off in 1e-6..1e3_f64,
         degree in 0..8_usize,
     ) {
-        let parting = Parting { form_degree: degree, short_cut_off_mm: Some(cut_off / 9.0), cut_off_mm: cut_off };
-        if let Ok(surface) = part(&z, spacing, &parting) {
+        let parting = SeparationSettings { form_degree: degree, short_cut_off_mm: Some(cut_off / 9.0), cut_off_mm: cut_off };
+        if let Ok(surface) = separate(&z, spacing, &parting) {
             let inner = &surface.roughness[surface.evaluated.clone()];
-            prop_assert!(parameters(inner).rms.is_finite());
-            let _ = (section_height(inner, spacing, cut_off), lines(inner, spacing));
+            prop_assert!(height_parameters(inner).rms.is_finite());
+            let _ = (mean_section_height(inner, spacing, cut_off), lines(inner, spacing));
         }
-        let _ = (lines(&z, spacing), element_width_mm(&z, spacing, 0.1), by_segments(&z, spacing, cut_off));
+        let _ = (lines(&z, spacing), element_width_mm(&z, spacing, 0.1), parameters_by_segment(&z, spacing, cut_off));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::frf::Estimator;
-use crate::modal::{FittedMode, LEAST_COHERENCE, Measured, modes};
+use crate::modal::{COHERENCE_MIN, FittedMode, MeasuredReceptance, identify_modes};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -60,20 +60,24 @@ pub(super) fn config() -> TapConfig {
     TapConfig { rate_hz: RATE_HZ, response: Response::Acceleration, block_s: None, windows: true }
 }
 
-pub(super) fn one(force: &[f64], response: &[f64], config: &TapConfig) -> Result<Tap, TapError> {
-    tap(&[TapRecord { force, response }], config)
+pub(super) fn one(
+    force: &[f64],
+    response: &[f64],
+    config: &TapConfig,
+) -> Result<TapTest, TapError> {
+    evaluate_tap_test(&[TapRecord { force, response }], config)
 }
 
-pub(super) fn found(tap: &Tap, band_hz: [f64; 2]) -> Vec<FittedMode> {
+pub(super) fn found(tap: &TapTest, band_hz: [f64; 2]) -> Vec<FittedMode> {
     let receptance = tap.frf.per_force(Estimator::H1, Response::Displacement);
-    let measured = Measured {
+    let measured = MeasuredReceptance {
         frequency_hz: &tap.frf.frequency_hz,
         receptance: &receptance,
         coherence: tap.frf.coherence.as_deref(),
         window_decay_per_s: tap.frf.window_decay_per_s,
-        between_hits_s: tap.between_hits_s(),
+        hit_interval_s: tap.min_hit_interval_s(),
     };
-    modes(&measured, band_hz, LEAST_COHERENCE)
+    identify_modes(&measured, band_hz, COHERENCE_MIN)
 }
 
 const ROBOT: [Known; 3] = [(21.0, 0.03, 60.0), (67.0, 0.025, 40.0), (120.0, 0.015, 25.0)];
@@ -91,7 +95,7 @@ fn every_hit_is_found_with_its_force_and_contact() {
     {
         assert!((hit.at as f64 / RATE_HZ - at_s).abs() < 0.001, "{hit:?}");
         assert!((hit.peak_n / peak_n - 1.0).abs() < 0.05, "{hit:?}: the offset is taken out");
-        assert!((hit.contact_s - 0.0025).abs() < 0.001 && hit.refused.is_none(), "{hit:?}");
+        assert!((hit.contact_s - 0.0025).abs() < 0.001 && hit.rejection.is_none(), "{hit:?}");
     }
     assert_eq!((tap.frf.hits, tap.blocks.len()), (4, 4));
     assert!((tap.block_s - 2.2).abs() < 0.2, "{}", tap.block_s);
@@ -123,14 +127,14 @@ fn bad_hits_are_refused_with_the_reason_and_the_good_ones_stay() {
     let end = (6.6 * RATE_HZ) as usize;
     response[end] = f64::NAN;
     let tap = one(&force, &response, &config()).expect("hits");
-    let why: Vec<_> = tap.hits.iter().map(|hit| hit.refused).collect();
+    let why: Vec<_> = tap.hits.iter().map(|hit| hit.rejection).collect();
     assert!(why[0].is_none(), "{why:?}");
-    let Some(Refused::Double { after_s, part }) = why[1] else { panic!("{why:?}") };
+    let Some(HitRejection::DoubleHit { after_s, part }) = why[1] else { panic!("{why:?}") };
     assert!((after_s - 0.038).abs() < 0.001 && (part - 0.225).abs() < 0.02, "{why:?}");
-    assert!(matches!(why[2], Some(Refused::ForceOverload(3..))), "{why:?}");
-    assert_eq!(why[3], Some(Refused::Hole));
+    assert!(matches!(why[2], Some(HitRejection::ForceOverload(3..))), "{why:?}");
+    assert_eq!(why[3], Some(HitRejection::MissingSamples));
     assert!(why[4].is_none(), "{why:?}");
-    assert!(matches!(why[5], Some(Refused::Short { .. })), "{why:?}");
+    assert!(matches!(why[5], Some(HitRejection::Truncated { .. })), "{why:?}");
     assert_eq!((why.len(), tap.frf.hits), (6, 2));
     let words = why[1].expect("refused").to_string();
     assert!(words.starts_with("struck twice: again with 23 %"), "{words}");
@@ -146,11 +150,11 @@ fn an_overloaded_response_is_refused_and_a_coarse_converter_is_no_overload() {
     let rounded: Vec<f64> = response.iter().map(|x| coarse(x, top / 256.0)).collect();
     let rounded_force: Vec<f64> = force.iter().map(|f| coarse(f, 310.0 / 256.0)).collect();
     let tap = one(&rounded_force, &rounded, &config()).expect("hits");
-    assert!(tap.hits.iter().all(|hit| hit.refused.is_none()), "{:?}", tap.hits);
+    assert!(tap.hits.iter().all(|hit| hit.rejection.is_none()), "{:?}", tap.hits);
     let cut: Vec<f64> = rounded.iter().map(|x| x.min(0.6 * top)).collect();
     let refused = one(&rounded_force, &cut, &config());
-    let Err(TapError::NoneLeft { found: 3, first }) = refused else { panic!("{refused:?}") };
-    assert!(matches!(first, Refused::ResponseOverload(3..)), "{first:?}");
+    let Err(TapError::NoUsableHit { found: 3, first }) = refused else { panic!("{refused:?}") };
+    assert!(matches!(first, HitRejection::ResponseOverload(3..)), "{first:?}");
 }
 
 #[test]
@@ -163,7 +167,7 @@ fn a_record_without_a_hit_says_what_it_saw() {
     assert!(matches!(one(&[1.0; 9], &[0.0; 8], &config()), Err(TapError::Unequal { .. })));
     let bad = TapConfig { rate_hz: 0.0, ..config() };
     assert!(matches!(one(&[0.0; 9], &[0.0; 9], &bad), Err(TapError::Frf(_))));
-    assert!(tap(&[], &config()).is_err());
+    assert!(evaluate_tap_test(&[], &config()).is_err());
 }
 
 #[test]

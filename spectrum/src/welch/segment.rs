@@ -1,5 +1,5 @@
-//! The segments of a record: division and weighting, and their power one after another from samples
-//! that come in parts.
+//! Segments of a record: division, weighting and transform, and their power for samples that arrive
+//! in parts.
 
 use std::sync::Arc;
 
@@ -10,10 +10,10 @@ use super::{Detrend, Scaling, Segments, SpectrumError, Taper};
 use crate::transform::line_through;
 use crate::window::{density_scale, hann};
 
-/// Segments planned for a record of a length.
-pub(super) struct Plan {
+/// Plan of the segments for a record of a given length.
+pub(super) struct SegmentPlan {
     pub(super) length: usize,
-    /// From the begin of a segment to that of the next.
+    /// Samples from the start of a segment to that of the next.
     pub(super) step: usize,
     /// Factor from squares to one-sided power, for bins with a mirror image.
     pub(super) scale: f64,
@@ -22,7 +22,7 @@ pub(super) struct Plan {
     fft: Arc<dyn RealToComplex<f64>>,
 }
 
-impl Plan {
+impl SegmentPlan {
     pub(super) fn new(samples: usize, segments: &Segments) -> Result<Self, SpectrumError> {
         let length = segments.length.min(samples);
         if samples < 2 {
@@ -51,7 +51,8 @@ impl Plan {
         })
     }
 
-    /// The plain spectrum of a segment; `input` is overwritten. As planned, so that it cannot fail.
+    /// Computes the complex spectrum of a segment in `buffers.output`. The lengths are those of the
+    /// plan, so that no error is possible.
     pub(super) fn transform(&self, segment: &[f64], buffers: &mut Buffers) {
         let (mean, slope) = match self.detrend {
             Detrend::None => (0.0, 0.0),
@@ -77,42 +78,42 @@ impl Plan {
         }
     }
 
-    /// Whether a bin has no mirror image to be counted in: the first, and an even length's last.
+    /// Whether a bin has no mirror image: the first, and for an even length the last.
     pub(super) fn is_single(&self, bin: usize) -> bool {
         bin == 0 || (self.length.is_multiple_of(2) && bin == self.length / 2)
     }
 }
 
-/// What a transform works in; the spectrum is `output`.
+/// Buffers of a transform; the spectrum is `output`.
 pub(super) struct Buffers {
     input: Vec<f64>,
     pub(super) output: Vec<Complex<f64>>,
     scratch: Vec<Complex<f64>>,
 }
 
-/// The power of a record's segments, one after another, from samples that come in parts of any
-/// length.
+/// The power of the segments of a record, one after another, for samples that arrive in parts of
+/// any length.
 pub struct SegmentPower {
-    plan: Plan,
+    plan: SegmentPlan,
     buffers: Buffers,
     rate: f64,
     /// Samples of the segment that is not complete yet.
-    held: Vec<f64>,
+    pending: Vec<f64>,
     power: Vec<f64>,
     done: usize,
 }
 
 impl SegmentPower {
-    /// Plans for a record with a number of samples.
+    /// Plans for a record of `samples` samples.
     ///
     /// # Errors
     /// A record that is too short, or invalid segments.
     pub fn new(samples: usize, segments: &Segments) -> Result<Self, SpectrumError> {
-        let plan = Plan::new(samples, segments)?;
+        let plan = SegmentPlan::new(samples, segments)?;
         Ok(Self {
             buffers: plan.buffers(),
             rate: segments.rate,
-            held: Vec::with_capacity(plan.length),
+            pending: Vec::with_capacity(plan.length),
             power: vec![0.0; plan.length / 2 + 1],
             plan,
             done: 0,
@@ -129,21 +130,22 @@ impl SegmentPower {
     /// Adds the next samples; passes the time (or position) of the middle of every completed
     /// segment, and its power, to `each`.
     pub fn push(&mut self, mut samples: &[f64], mut each: impl FnMut(f64, &[f64])) {
-        while let Some((part, rest)) = samples.split_at_checked(self.plan.length - self.held.len())
+        while let Some((part, rest)) =
+            samples.split_at_checked(self.plan.length - self.pending.len())
         {
-            self.held.extend_from_slice(part);
+            self.pending.extend_from_slice(part);
             samples = rest;
             self.complete();
             let start = (self.done * self.plan.step) as f64 / self.rate;
             each(start + 0.5 * self.plan.length as f64 / self.rate, &self.power);
             self.done += 1;
-            self.held.drain(..self.plan.step);
+            self.pending.drain(..self.plan.step);
         }
-        self.held.extend_from_slice(samples);
+        self.pending.extend_from_slice(samples);
     }
 
     fn complete(&mut self) {
-        self.plan.transform(&self.held, &mut self.buffers);
+        self.plan.transform(&self.pending, &mut self.buffers);
         for (bin, (power, value)) in self.power.iter_mut().zip(&self.buffers.output).enumerate() {
             let scale = self.plan.scale * if self.plan.is_single(bin) { 0.5 } else { 1.0 };
             *power = value.norm_sqr() * scale;

@@ -7,10 +7,10 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tests::clients::skipped;
-use tests::egm::{EgmRobot, Rig, STOPPED, bridge, config, heard, joints, socket, target};
-use tests::gauge::Gauge;
-use tests::place::Place;
+use tests::egm::{BridgeRig, EgmRobot, STOPPED, bridge, config, heard, joints, socket, target};
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::rate_check::RateCheck;
 
 const CYCLE: Duration = Duration::from_millis(4);
 const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
@@ -27,8 +27,8 @@ const EXACT_DEG: f64 = 1e-9;
 struct Cell {
     daemon: Process,
     bridge: Process,
-    rig: Rig,
-    place: Place,
+    rig: BridgeRig,
+    place: TestDirectory,
 }
 
 impl Cell {
@@ -38,12 +38,17 @@ impl Cell {
         let application = socket();
         let config = config(accuracy, "joints", application.local_addr().ok(), "");
         let (bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
-        assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
-        Self { daemon, bridge, rig: Rig { robot: EgmRobot::new(at, &POSE), application }, place }
+        assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+        Self {
+            daemon,
+            bridge,
+            rig: BridgeRig { robot: EgmRobot::new(at, &POSE), application },
+            place,
+        }
     }
 
     /// Cycles at rest; every one is answered, and no correction steps. The last correction, degrees.
-    fn stand(&mut self, cycles: usize, gauge: &mut Gauge) -> [f64; 6] {
+    fn stand(&mut self, cycles: usize, gauge: &mut RateCheck) -> [f64; 6] {
         let mut correction = [0.0; 6];
         for cycle in 0..cycles {
             let told = self.rig.cycle(&POSE);
@@ -61,7 +66,7 @@ impl Cell {
 
     /// The same until there is a correction and it is constant: on a busy machine a late answer is
     /// blended in, which takes longer.
-    fn settle(&mut self, gauge: &mut Gauge) -> [f64; 6] {
+    fn settle(&mut self, gauge: &mut RateCheck) -> [f64; 6] {
         let mut before = self.stand(100, gauge);
         for _ in 0..50 {
             let now = self.stand(100, gauge);
@@ -102,7 +107,7 @@ fn followed(python: &Path) -> usize {
     // the load of the machine.
     let config = config("off", "joints", Some(free), "[timing]\nanswer_within_ms = 100.0\n");
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
-    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let (port, cycles) = (free.port().to_string(), (BEGINNING + JUDGED).to_string());
     let script = peer("egm_application.py");
     let mut application = Process::start(
@@ -110,7 +115,7 @@ fn followed(python: &Path) -> usize {
         &[script.to_str().unwrap(), &port, &cycles],
         &place,
     );
-    assert!(application.says("listening", LIMIT), "{:#?}", application.lines());
+    assert!(application.wait_for_output("listening", LIMIT), "{:#?}", application.lines());
 
     let mut robot = EgmRobot::new(at, &POSE);
     let (mut missed, mut uneven) = (0, 0);
@@ -140,12 +145,12 @@ fn followed(python: &Path) -> usize {
 
 /// Number of the peer's targets which, corrected by `trued correct`, differ from the robot motion
 /// seen by the peer's own decoder.
-fn judge(place: &Place, said: &[String], counted: &[String]) -> usize {
+fn judge(place: &TestDirectory, lines: &[String], counted: &[String]) -> usize {
     let numbers = |line: &String| {
         let numbers = line.strip_prefix("cycle ")?.split(' ').map(|number| number.parse().unwrap());
         Some(numbers.collect::<Vec<f64>>())
     };
-    let rows: Vec<Vec<f64>> = said.iter().filter_map(numbers).collect();
+    let rows: Vec<Vec<f64>> = lines.iter().filter_map(numbers).collect();
     assert_eq!(rows.len(), BEGINNING + JUDGED);
     assert!(rows.windows(2).all(|two| two[1][0] - two[0][0] == 1.0), "one after the other");
     let targets: Vec<Vec<f64>> = rows.iter().map(|row| row[1..7].to_vec()).collect();
@@ -170,14 +175,14 @@ fn judge(place: &Place, said: &[String], counted: &[String]) -> usize {
 #[test]
 fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in_again() {
     let mut cell = Cell::start(SLOW, "off");
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     let stood = cell.settle(&mut gauge);
     assert!(largest(&stood) > 0.05, "{stood:?}");
     cell.daemon.kill();
     let after = cell.stand(400, &mut gauge);
     assert_eq!(largest(&after), 0.0, "the application's own target, to the bit: {after:?}");
     cell.daemon = daemon(&cell.place);
-    assert!(cell.bridge.says("connected to the daemon, process", LIMIT));
+    assert!(cell.bridge.wait_for_output("connected to the daemon, process", LIMIT));
     let again = cell.settle(&mut gauge);
     let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(off < 1e-6, "{again:?} after {stood:?}");
@@ -186,8 +191,8 @@ fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in
 #[test]
 fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
     let mut cell = Cell::start(WIDE, "on");
-    assert!(cell.bridge.says("trued must not correct it as well", LIMIT));
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    assert!(cell.bridge.wait_for_output("trued must not correct it as well", LIMIT));
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     assert_eq!(largest(&cell.stand(100, &mut gauge)), 0.0);
     let own = count(&ended(&mut cell.bridge), "answers with a new correction");
     assert!(own > 0, "the daemon sees every target all the same: {:#?}", cell.bridge.lines());
@@ -196,7 +201,7 @@ fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
 #[test]
 fn a_stop_takes_its_correction_from_a_robot_that_was_moved_to_its_target_and_from_no_other() {
     let mut cell = Cell::start(SLOW, "off");
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     assert!(largest(&cell.stand(400, &mut gauge)) > 0.05);
     cell.rig.robot.mci_state = STOPPED;
     assert!(largest(&cell.stand(5, &mut gauge)) > 0.05);
@@ -211,7 +216,7 @@ fn a_stop_takes_its_correction_from_a_robot_that_was_moved_to_its_target_and_fro
         std::thread::sleep(CYCLE);
     }
     cell.rig.robot.mci_state = tests::egm::RUNNING;
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     let first = cell.stand(1, &mut gauge);
     assert!(largest(&first) < 1e-3, "{first:?}");
     assert!(largest(&cell.stand(800, &mut gauge)) > 0.05);
@@ -220,7 +225,7 @@ fn a_stop_takes_its_correction_from_a_robot_that_was_moved_to_its_target_and_fro
 #[test]
 fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_without_a_step() {
     let mut cell = Cell::start(SLOW, "off");
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     let stood = cell.stand(400, &mut gauge);
     cell.rig.robot.socket.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
     for _ in 0..300 {
@@ -244,7 +249,7 @@ fn across_a_path_the_robot_receives_y_and_z_at_its_slower_rate() {
     let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 48.0\nstale_ms = 1000.0\n"));
     let _daemon = daemon(&place);
     let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
-    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let mut robot = EgmRobot::new(at, &POSE);
     robot.socket.set_read_timeout(Some(CYCLE)).unwrap();
     let (mut told, start) = (Vec::new(), Instant::now());
@@ -291,7 +296,7 @@ fn a_seventh_axis_is_corrected_by_the_model_and_other_external_axes_pass() {
     let tables = config("off", "joints", application.local_addr().ok(), "");
     let tables = tables.replace("[application]", "seventh_after = 2\n[application]");
     let (bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
-    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let [first, second, third, rest @ ..] = SEVEN_POSE;
     let axes: Vec<f64> = [first, second].into_iter().chain(rest).collect();
     let mut robot = EgmRobot::new(at, &axes);
@@ -324,7 +329,7 @@ fn a_seventh_axis_is_corrected_by_the_model_and_other_external_axes_pass() {
 #[test]
 fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
     let mut cell = Cell::start(SLOW, "off");
-    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     let stood = cell.stand(400, &mut gauge);
     assert!(largest(&stood) > 0.05, "{stood:?}");
     // For a moment, and for long enough that the correction has ramped to zero.

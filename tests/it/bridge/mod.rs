@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Duration;
 use tests::clients::{root, skipped};
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 use tests::python::environment;
 
@@ -44,8 +44,8 @@ fn peer(name: &str) -> PathBuf {
 }
 
 /// A place whose cell has these tables only.
-fn place(tables: &str) -> Place {
-    let place = Place::new("full", "");
+fn place(tables: &str) -> TestDirectory {
+    let place = TestDirectory::new("full", "");
     let model = place.file("model.toml");
     let cell = format!(
         "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"full\"\n{tables}",
@@ -55,16 +55,16 @@ fn place(tables: &str) -> Place {
     place
 }
 
-fn daemon(place: &Place) -> Process {
+fn daemon(place: &TestDirectory) -> Process {
     let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:#?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:#?}", daemon.lines());
     daemon
 }
 
 /// Ends a bridge and waits for its last output.
 fn ended(bridge: &mut Process) -> Vec<String> {
     assert!(bridge.end().success(), "{:#?}", bridge.lines());
-    assert!(bridge.says("answers to the robot: ", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.wait_for_output("answers to the robot: ", LIMIT), "{:#?}", bridge.lines());
     // The output arrives at once, its last line last.
     std::thread::sleep(Duration::from_millis(200));
     bridge.lines()
@@ -78,7 +78,7 @@ fn count(lines: &[String], what: &str) -> u64 {
 }
 
 /// Result of `trued correct` for these joints, degrees, 4 ms apart.
-fn corrected(place: &Place, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
+fn corrected(place: &TestDirectory, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let joints = path[0].len();
     let names: Vec<String> = (1..=joints).map(|i| format!("q{i}_deg")).collect();
     let mut csv = format!("t_s,{}\n", names.join(","));

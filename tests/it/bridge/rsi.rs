@@ -5,7 +5,7 @@ use crate::TRUED;
 use std::net::UdpSocket;
 use tests::clients::figures;
 use tests::egm::bridge;
-use tests::place::Place;
+use tests::place::TestDirectory;
 
 const CYCLES: &str = "10000";
 /// What a correction may move by from one telegram to the next, deg: the envelope's rate for the longest step of a ramp, 0.1 s.
@@ -44,7 +44,7 @@ const BRIDGE: &str = "schema = \"trued.bridge-rsi/1\"\ncell = \"cell.toml\"\nabs
 
 /// The emulator sends its axes with two decimals, too few to determine the direction of slow ones:
 /// the model has no backlash.
-fn without_play(place: &Place) {
+fn without_play(place: &TestDirectory) {
     let model = std::fs::read_to_string(place.file("model.toml")).unwrap();
     let has_play =
         |effect: &&str| ["backlash", "hysteresis"].iter().any(|kind| effect.contains(kind));
@@ -65,7 +65,7 @@ fn an_independent_controller_finds_no_fault_in_ten_thousand_answers_and_no_jump_
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     place.write("ethernet.xml", &ethernet(port));
     let (bridge, _) = bridge(TRUED, &[], "rsi", &place, BRIDGE);
-    assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+    assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let mut controller = std::process::Command::new(python);
     controller.arg(peer("rsi_controller.py")).arg(place.file("ethernet.xml")).arg(CYCLES);
     controller.arg(bridge.id().to_string()).current_dir(place.root());

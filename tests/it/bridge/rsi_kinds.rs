@@ -10,7 +10,7 @@ use recording::model::RobotModel;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
 use tests::egm::{bridge, heard, socket};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
 
 const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
@@ -22,7 +22,7 @@ const CYCLES: &str = "[cycle]\nperiod_ms = 4.0\nstale_ms = 200.0\n";
 const WRITTEN: f64 = 5e-6;
 
 struct Controller {
-    place: Place,
+    place: TestDirectory,
     _daemon: Process,
     bridge: Process,
     at: SocketAddr,
@@ -43,7 +43,7 @@ impl Controller {
         );
         let daemon = daemon(&place);
         let (bridge, at) = bridge(TRUED, &[], "rsi", &place, &text);
-        assert!(bridge.says("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
+        assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
         Self { place, _daemon: daemon, bridge, at, socket: socket(), ipoc: 1000, late: 0 }
     }
 

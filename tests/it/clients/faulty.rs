@@ -9,12 +9,12 @@ use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use tests::chance::Chance;
 use tests::clients::{Language, Prefix, root};
-use tests::loop_records::{Judged, judge};
-use tests::place::{CELL, Place};
+use tests::loop_records::{Evaluation, judge};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
-use trued_client::{Answer, AskError, Monitor, Response};
+use tests::rng::TestRng;
+use trued_client::{Answer, Monitor, RequestError, Response};
 
 /// The loop in Rust.
 const FAULTY_LOOP: &str = env!("CARGO_BIN_EXE_faulty-loop");
@@ -29,7 +29,7 @@ const REQUEST: Duration = Duration::from_millis(300);
 /// Envelopes of the cell: position, velocity, jerk of a correction, mrad and s.
 const ENVELOPES: [[f64; 3]; 3] = [[20.0, 10.0, 5000.0], [2.0, 5.0, 500.0], [20.0, 50.0, 5000.0]];
 
-fn configure(place: &Place, envelope: [f64; 3], mode: &str) {
+fn configure(place: &TestDirectory, envelope: [f64; 3], mode: &str) {
     let [position, velocity, jerk] = envelope;
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"{mode}\"\n\
@@ -40,22 +40,22 @@ fn configure(place: &Place, envelope: [f64; 3], mode: &str) {
 }
 
 /// The daemon, and its faults while a loop runs.
-struct Struck<'a> {
-    place: &'a Place,
+struct FaultyDaemon<'a> {
+    place: &'a TestDirectory,
     daemon: Process,
-    chance: Chance,
+    chance: TestRng,
     /// Requests that the daemon carried out.
     bypassed: u32,
     swapped: u32,
 }
 
-impl<'a> Struck<'a> {
-    fn start(place: &'a Place, seed: u64) -> Self {
+impl<'a> FaultyDaemon<'a> {
+    fn start(place: &'a TestDirectory, seed: u64) -> Self {
         configure(place, ENVELOPES[0], "full");
         let daemon = Process::daemon(TRUED, place);
-        assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+        assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
         let _ = place.model("other.toml", "irb1600-6-145");
-        Self { place, daemon, chance: Chance::new(seed), bypassed: 0, swapped: 0 }
+        Self { place, daemon, chance: TestRng::new(seed), bypassed: 0, swapped: 0 }
     }
 
     fn restart(&mut self, envelope: [f64; 3], mode: &str) {
@@ -63,7 +63,7 @@ impl<'a> Struck<'a> {
         std::thread::sleep(Duration::from_millis(self.chance.below(200)));
         configure(self.place, envelope, mode);
         self.daemon = Process::daemon(TRUED, self.place);
-        assert!(self.daemon.says("ready", LIMIT), "{:?}", self.daemon.lines());
+        assert!(self.daemon.wait_for_output("ready", LIMIT), "{:?}", self.daemon.lines());
     }
 
     fn strike(&mut self) {
@@ -93,7 +93,7 @@ impl<'a> Struck<'a> {
     }
 
     /// 1 if the daemon carried out the request.
-    fn asks(&self, what: impl FnOnce(&mut Monitor) -> Result<Response, AskError>) -> u32 {
+    fn asks(&self, what: impl FnOnce(&mut Monitor) -> Result<Response, RequestError>) -> u32 {
         let mut monitor = Monitor::connect_to(&self.place.cell(), REQUEST).ok();
         let answer = monitor.as_mut().and_then(|monitor| what(monitor).ok());
         u32::from(answer.is_some_and(|response| response.answer() == Ok(Answer::Done)))
@@ -101,11 +101,11 @@ impl<'a> Struck<'a> {
 }
 
 /// A loop in one language, under faults; returns its evaluation.
-fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Judged {
+fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Evaluation {
     let asked = std::env::var("TRUED_LOOP_CYCLES").ok();
     let cycles = asked.map_or(CYCLES, |cycles| cycles.parse().expect("a number of cycles"));
-    let place = Place::new("full", "");
-    let mut struck = Struck::start(&place, seed);
+    let place = TestDirectory::new("full", "");
+    let mut struck = FaultyDaemon::start(&place, seed);
     let file = place.file("records");
     let mut arguments: Vec<PathBuf> = script.into_iter().collect();
     arguments.push(CELL.into());
@@ -133,8 +133,8 @@ fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Judged {
     judged
 }
 
-fn check(name: &str, judged: &Judged) {
-    let Judged { cycles, largest_rad, corrected_at_the_end: at_the_end, broken } = judged;
+fn check(name: &str, judged: &Evaluation) {
+    let Evaluation { cycles, largest_rad, corrected_at_the_end: at_the_end, broken } = judged;
     println!(
         "{name}: {cycles} cycles, up to {largest_rad:e} rad, corrected in {at_the_end} of the last"
     );

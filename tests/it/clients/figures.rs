@@ -19,7 +19,7 @@ fn said_by(program: &Path, targets: &str, arguments: &[&Path]) -> BTreeMap<Strin
     println!("{}: {said:?}", program.display());
     said.retain(|name, _| !name.starts_with("round_trip"));
     assert!(daemon.end().success());
-    assert_eq!(place.left(), Vec::<String>::new(), "a client that left leaves nothing");
+    assert_eq!(place.remaining_names(), Vec::<String>::new(), "a client that left leaves nothing");
     said
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 use tests::clients::{Language, Prefix, has, skipped};
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 
 use crate::TRUED;
@@ -30,22 +30,22 @@ fn scratch() -> &'static Path {
 }
 
 /// The daemon that takes its time from the commands: the same commands get the same bits.
-fn lockstep(tables: &str) -> (Place, Process) {
+fn lockstep(tables: &str) -> (TestDirectory, Process) {
     started("full", tables, &["--lockstep"])
 }
 
 /// A daemon that is ready.
-fn started(mode: &str, tables: &str, arguments: &[&str]) -> (Place, Process) {
-    let place = Place::new(mode, tables);
+fn started(mode: &str, tables: &str, arguments: &[&str]) -> (TestDirectory, Process) {
+    let place = TestDirectory::new(mode, tables);
     let config = place.file("cell.toml");
     let run = ["run", "--config", config.to_str().unwrap()];
     let daemon = Process::start(TRUED, &[&run, arguments].concat(), &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     (place, daemon)
 }
 
 /// A program of that place's cell.
-fn beside(place: &Place, program: &Path) -> Command {
+fn beside(place: &TestDirectory, program: &Path) -> Command {
     let mut command = Command::new(program);
     command.env(shm_schema::RUNTIME_DIR_ENV, place.root()).arg(CELL);
     command

@@ -10,11 +10,11 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use tests::clients::Prefix;
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 
 /// A program that prints each change of its state.
-struct Told {
+struct ProcessOutput {
     name: String,
     process: Process,
     heard: usize,
@@ -23,7 +23,7 @@ struct Told {
 /// Events of a busy machine in between, and their end.
 const BUSY: [&str; 2] = ["daemon_silent", "message_lost"];
 
-impl Told {
+impl ProcessOutput {
     /// The next change is that one; names are compared as every language writes them.
     fn next(&mut self, kind: &str) {
         let mut line = self.line(kind);
@@ -71,9 +71,9 @@ fn everyone(prefix: &Prefix) -> Vec<(String, PathBuf, Vec<PathBuf>)> {
     all
 }
 
-fn daemon(place: &Place) -> Process {
+fn daemon(place: &TestDirectory) -> Process {
     let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     daemon
 }
 
@@ -115,10 +115,10 @@ fn as_ours(dir: &Path) {
 fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
     let prefix = Prefix::install("outage");
     for (name, program, mut arguments) in everyone(&prefix) {
-        let place = Place::new("shadow", "");
+        let place = TestDirectory::new("shadow", "");
         arguments.push(CELL.into());
         let process = Process::start(program.to_str().unwrap(), &arguments, &place);
-        let mut told = Told { name, process, heard: 0 };
+        let mut told = ProcessOutput { name, process, heard: 0 };
         told.next("no_daemon");
         let mut first = daemon(&place);
         told.next("ok");
@@ -151,7 +151,7 @@ fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
 
 #[test]
 fn connecting_says_at_once_what_no_waiting_will_mend() {
-    let place = Place::new("shadow", "");
+    let place = TestDirectory::new("shadow", "");
     let daemon = daemon(&place);
     daemon.signal(Signal::STOP);
     let dir = place.cell().dir().to_path_buf();

@@ -29,10 +29,10 @@ fn a_chained_controller_passes_corrected_positions_on_and_ramps_out_when_the_dae
 
     let (place, mut daemon) = started("full", "[cycle]\nstale_ms = 100.0\n", &[]);
     let mut driven = Process::start(program.to_str().unwrap(), &[tests::place::CELL], &place);
-    assert!(driven.says("corrected", LIMIT), "{:?}", driven.lines());
+    assert!(driven.wait_for_output("corrected", LIMIT), "{:?}", driven.lines());
     daemon.kill();
-    assert!(driven.says("out", LIMIT), "{:?}", driven.lines());
-    assert!(driven.let_go().success());
+    assert!(driven.wait_for_output("out", LIMIT), "{:?}", driven.lines());
+    assert!(driven.close_input().success());
     let lines = driven.lines().join("\n");
     let figure = |name: &str| -> f64 {
         let line = lines.lines().find_map(|line| line.strip_prefix(name)).expect("a figure");

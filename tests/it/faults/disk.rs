@@ -8,10 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use tests::clients::skipped;
-use tests::hang::Hang;
-use tests::pair::{JAM, Pair, recorder};
-use tests::place::Place;
+use tests::hang::BlockedWrites;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::served_cell::{AWAIT_LIMIT, ServedCell, recorder};
 use trued_client::{Health, Monitor, Status};
 
 /// `RecorderState`, as the status carries it.
@@ -25,19 +25,19 @@ fn scratch() -> &'static Path {
 
 fn until(monitor: &mut Monitor, what: &str, holds: impl Fn(&Status) -> bool) -> Duration {
     let start = Instant::now();
-    let seen = wait_for(JAM, || monitor.status().is_some_and(|status| holds(&status)));
+    let seen = wait_for(AWAIT_LIMIT, || monitor.status().is_some_and(|status| holds(&status)));
     assert!(seen, "{what}: {:?}", monitor.status());
     start.elapsed()
 }
 
 /// A daemon in a separate mount namespace, whose recordings are written to a disk of that size;
 /// `None` if the system refuses one.
-fn on_a_small_disk(place: &Place, kilobytes: u32) -> Option<Process> {
+fn on_a_small_disk(place: &TestDirectory, kilobytes: u32) -> Option<Process> {
     on_a_disk(place, &format!("size={kilobytes}k"))
 }
 
 /// The same with any options of its mount.
-fn on_a_disk(place: &Place, options: &str) -> Option<Process> {
+fn on_a_disk(place: &TestDirectory, options: &str) -> Option<Process> {
     let disk = place.file("box");
     fs::create_dir(&disk).unwrap();
     let words =
@@ -49,7 +49,9 @@ fn on_a_disk(place: &Place, options: &str) -> Option<Process> {
     command.args(["--mount", "sh", "-c", &words, "sh"]);
     command.arg(&disk).arg(TRUED).arg(place.file("cell.toml"));
     let mut daemon = Process::spawn(&mut command, place);
-    wait_for(JAM, || !daemon.is_running() || daemon.lines().iter().any(|line| line == "ready"));
+    wait_for(AWAIT_LIMIT, || {
+        !daemon.is_running() || daemon.lines().iter().any(|line| line == "ready")
+    });
     daemon.is_running().then_some(daemon)
 }
 
@@ -64,7 +66,7 @@ fn boxes(disk: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is_room() {
-    let place = Place::new("full", &recorder("box"));
+    let place = TestDirectory::new("full", &recorder("box"));
     // A repair copies: besides the truncated megabyte and its copy there is space for the file that
     // is being written.
     let Some(daemon) = on_a_small_disk(&place, 4096) else {
@@ -74,9 +76,9 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
     // The disk as seen by the daemon.
     let disk = format!("/proc/{}/root{}", daemon.id(), place.file("box").display());
     let disk = PathBuf::from(disk);
-    let mut pair = Pair::with(PROGRAMS, place, daemon);
-    pair.back();
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    let mut pair = ServedCell::with(PROGRAMS, place, daemon);
+    pair.wait_answered();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     until(&mut monitor, "it records", |status| status.recorder == RECORDING);
     fs::write(disk.join("filler"), vec![1; 3 << 20]).unwrap();
     until(&mut monitor, "the disk is full", |status| status.recorder == FAILED);
@@ -86,10 +88,10 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
             && status.health() == Ok(Health::Degraded)
             && status.message.as_str().contains("nothing is recorded")
     });
-    pair.back();
+    pair.wait_answered();
     assert_eq!(boxes(&disk).len(), begun, "tries that fail leave nothing behind");
     for kept in boxes(&disk) {
-        assert!(recording::blackbox::read(&kept).is_ok(), "{}", kept.display());
+        assert!(recording::mcap_recording::read(&kept).is_ok(), "{}", kept.display());
     }
     fs::remove_file(disk.join("filler")).unwrap();
     let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
@@ -97,31 +99,33 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
     // Files truncated by the full disk are repaired by the running daemon.
     let current = boxes(&disk).pop().unwrap();
     let is_whole =
-        |path: &PathBuf| *path == current || recording::blackbox::is_closed(path).unwrap();
-    assert!(wait_for(JAM, || boxes(&disk).iter().all(is_whole)), "{:?}", boxes(&disk));
+        |path: &PathBuf| *path == current || recording::mcap_recording::is_closed(path).unwrap();
+    assert!(wait_for(AWAIT_LIMIT, || boxes(&disk).iter().all(is_whole)), "{:?}", boxes(&disk));
     let newest = boxes(&disk).pop().unwrap();
-    assert!(wait_for(JAM, || tests::pair::last_recorded_ns(newest.parent().unwrap()) > 0));
+    assert!(wait_for(AWAIT_LIMIT, || tests::served_cell::last_recorded_ns(
+        newest.parent().unwrap()
+    ) > 0));
     drop(monitor);
     pair.end();
 }
 
 #[test]
 fn a_read_only_folder_costs_records_that_are_counted_and_is_written_when_it_may_be() {
-    let place = Place::new("full", &recorder("box"));
+    let place = TestDirectory::new("full", &recorder("box"));
     let Some(daemon) = on_a_disk(&place, "ro,size=8m") else {
         let why = "no mount namespace of its own may be made";
         return skipped(scratch(), "a read-only folder", why);
     };
     let disk = PathBuf::from(format!("/proc/{}/root{}", daemon.id(), place.file("box").display()));
-    let mut pair = Pair::with(PROGRAMS, place, daemon);
-    pair.back();
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    let mut pair = ServedCell::with(PROGRAMS, place, daemon);
+    pair.wait_answered();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     until(&mut monitor, "that nothing is recorded is counted and said", |status| {
         status.recorder == FAILED
             && status.recorder_dropped > 100
             && status.health() == Ok(Health::Degraded)
     });
-    pair.back();
+    pair.wait_answered();
     assert_eq!(boxes(&disk), Vec::<PathBuf>::new());
     let pid = pair.daemon.id().to_string();
     let mut enter = Command::new("nsenter");
@@ -134,13 +138,13 @@ fn a_read_only_folder_costs_records_that_are_counted_and_is_written_when_it_may_
     let time = until(&mut monitor, "it records", |status| status.recorder == RECORDING);
     println!("recording {time:?} after the folder may be written");
     drop(monitor);
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }
 
 /// Its writes block; `None` if tracing is not permitted.
-fn hung(daemon: &Process, seconds: u64) -> Option<Hang> {
-    Hang::start(daemon, "recorder", Duration::from_secs(seconds))
+fn hung(daemon: &Process, seconds: u64) -> Option<BlockedWrites> {
+    BlockedWrites::start(daemon, "recorder", Duration::from_secs(seconds))
 }
 
 #[test]
@@ -149,16 +153,16 @@ fn a_recorder_that_hangs_is_reported_and_blocks_nothing() {
     let Some(hang) = hung(&pair.daemon, 4) else {
         return skipped(scratch(), "a recorder that hangs", "no `strace` that may trace");
     };
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     until(&mut monitor, "that it does not respond is told", |status| {
         status.recorder == DROPPING && status.health() == Ok(Health::Degraded)
     });
-    pair.back();
+    pair.wait_answered();
     hang.end();
     let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
     println!("recording again after {time:?}");
     drop(monitor);
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }
 
@@ -168,14 +172,18 @@ fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_reports_it() {
     let Some(hang) = hung(&pair.daemon, 60) else {
         return skipped(scratch(), "an end while the disk hangs", "no `strace` that may trace");
     };
-    assert!(pair.cell.let_go().success());
+    assert!(pair.cell.close_input().success());
     let start = Instant::now();
     pair.daemon.signal(Signal::TERM);
-    assert!(pair.daemon.says("it does not respond", 3 * JAM), "{:#?}", pair.daemon.lines());
+    assert!(
+        pair.daemon.wait_for_output("it does not respond", 3 * AWAIT_LIMIT),
+        "{:#?}",
+        pair.daemon.lines()
+    );
     println!("gave up after {:?}", start.elapsed());
     hang.kill();
     assert_eq!(pair.daemon.wait().code(), Some(3));
-    assert_eq!(pair.place.left(), Vec::<String>::new());
+    assert_eq!(pair.place.remaining_names(), Vec::<String>::new());
     pair.unbroken();
 }
 
@@ -199,7 +207,7 @@ kill -9 $cell";
 
 #[test]
 fn full_shared_memory_refuses_new_clients_and_ends_no_process() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     // Seen from within, the place is hidden by the small memory.
     let config = scratch().join(format!("full-{}.toml", std::process::id()));
     let model = tests::place::MODEL;
@@ -214,7 +222,7 @@ fn full_shared_memory_refuses_new_clients_and_ends_no_process() {
     }
     command.args(["--mount", "sh", "-c", FILLED, "sh", TRUED, PROGRAMS.rig]).arg(&config);
     let mut shell = Process::spawn(&mut command, &place);
-    let begun = || shell.says("room again", JAM);
+    let begun = || shell.wait_for_output("room again", AWAIT_LIMIT);
     if !begun() {
         assert!(!shell.is_running(), "{:#?}", shell.lines());
         return skipped(
@@ -223,12 +231,12 @@ fn full_shared_memory_refuses_new_clients_and_ends_no_process() {
             "no mount namespace of its own may be made",
         );
     }
-    assert!(shell.says("Connected", JAM), "{:#?}", shell.lines());
+    assert!(shell.wait_for_output("Connected", AWAIT_LIMIT), "{:#?}", shell.lines());
     let said = shell.lines();
     let place_of = |words: &str| said.iter().position(|line| line.starts_with(words));
     assert!(place_of("Connected") > place_of("room again"), "not before there was room: {said:#?}");
     std::thread::sleep(Duration::from_millis(300));
-    shell.let_go();
+    shell.close_input();
     let said = shell.lines();
     assert!(said.iter().any(|line| line == "daemon 0"), "{said:#?}");
     assert!(

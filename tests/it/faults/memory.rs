@@ -10,16 +10,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 use tests::clients::skipped;
-use tests::pair::{JAM, Pair, Who};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
+use tests::served_cell::{AWAIT_LIMIT, CellProcess, ServedCell};
 
 const SYSTEM_FAILED: Option<i32> = Some(3);
 /// Another user.
 const SOMEBODY: u32 = 65_534;
 
 /// The cell's memory.
-fn memory(place: &Place) -> Vec<PathBuf> {
+fn memory(place: &TestDirectory) -> Vec<PathBuf> {
     let prefix = place.cell().shared_memory_prefix();
     let entries = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
     let ours = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with(&prefix);
@@ -54,9 +54,9 @@ fn files_removed_or_changed_under_a_running_daemon_are_created_again() {
     for (what, tear) in tears {
         tear();
         std::thread::sleep(std::time::Duration::from_millis(100));
-        println!("{what}: answered after {:?}", pair.back());
-        pair.start_anew(Who::Monitor);
-        let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, JAM);
+        println!("{what}: answered after {:?}", pair.wait_answered());
+        pair.restart(CellProcess::Monitor);
+        let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, AWAIT_LIMIT);
         assert!(joined.is_some(), "{what}: a late reader gets in: {:#?}", pair.daemon.lines());
     }
     let mut second = Process::daemon(TRUED, &pair.place);
@@ -68,14 +68,14 @@ fn files_removed_or_changed_under_a_running_daemon_are_created_again() {
 fn memory_removed_under_a_running_cell_costs_it_nothing_and_a_late_reader_gets_in() {
     let mut pair = at_work();
     memory(&pair.place).iter().for_each(|path| fs::remove_file(path).unwrap());
-    pair.back();
+    pair.wait_answered();
     let lost = pair.cell.lines().iter().any(|line| line.starts_with("Lost"));
     assert!(!lost, "{:#?}", pair.cell.lines());
-    pair.start_anew(Who::Monitor);
-    let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, JAM);
+    pair.restart(CellProcess::Monitor);
+    let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, AWAIT_LIMIT);
     println!("a late reader is in after {joined:?}");
     assert!(joined.is_some(), "{:#?}", pair.daemon.lines());
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }
 
@@ -89,7 +89,7 @@ fn memory_removed_while_a_new_epoch_is_joined_leaves_no_cell_unanswered() {
         while torn.elapsed() < Duration::from_millis(60 + 10 * round) {
             memory(&pair.place).iter().for_each(|path| drop(fs::remove_file(path)));
         }
-        pair.back();
+        pair.wait_answered();
         std::thread::sleep(Duration::from_millis(400));
     }
     pair.end();
@@ -101,13 +101,13 @@ fn a_daemon_whose_cell_another_one_took_ends_and_leaves_it_alone() {
     pair.daemon.signal(Signal::STOP);
     fs::remove_dir_all(pair.place.cell().dir()).unwrap();
     let second = Process::daemon(TRUED, &pair.place);
-    assert!(second.says("ready", JAM), "{:#?}", second.lines());
+    assert!(second.wait_for_output("ready", AWAIT_LIMIT), "{:#?}", second.lines());
     pair.daemon.signal(Signal::CONT);
     let mut first = std::mem::replace(&mut pair.daemon, second);
     assert_eq!(first.wait().code(), SYSTEM_FAILED, "{:#?}", first.lines());
     let words = first.lines().join("\n");
     assert!(words.contains(&format!("process {}", pair.daemon.id())), "{words}");
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }
 
@@ -127,15 +127,15 @@ fn incomplete_remains_of_a_crash_do_not_delay_the_next_start() {
         fs::write(path, "").unwrap();
     }
     fs::write(pair.place.cell().dir().join("current.new"), "trued.cur").unwrap();
-    pair.start_anew(Who::Daemon);
-    pair.start_anew(Who::Cell);
-    println!("answered after {:?}", pair.back());
+    pair.restart(CellProcess::Daemon);
+    pair.restart(CellProcess::Cell);
+    println!("answered after {:?}", pair.wait_answered());
     pair.end();
 }
 
 #[test]
 fn a_cell_of_another_user_is_refused_and_reported() {
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     let dir = place.cell().dir().to_path_buf();
     fs::create_dir(&dir).unwrap();
     fs::set_permissions(&dir, mode(0o777)).unwrap();
@@ -159,7 +159,7 @@ fn memory_that_somebody_else_left_is_no_obstacle() {
     if !is_root("memory that another user left behind") {
         return;
     }
-    let place = Place::new("full", "");
+    let place = TestDirectory::new("full", "");
     for path in [place.root().to_path_buf(), place.file("")] {
         chown(path, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
     }
@@ -172,26 +172,26 @@ fn memory_that_somebody_else_left_is_no_obstacle() {
     let config = place.file("cell.toml").display().to_string();
     let mut daemon = run_as(TRUED, &["run", "--config", &config]);
     let mut cell = run_as(PROGRAMS.rig, &[]);
-    let answered = wait_for(JAM, || cell.answered_since(0, daemon.id()));
+    let answered = wait_for(AWAIT_LIMIT, || cell.answered_since(0, daemon.id()));
     assert!(answered, "{:#?} {:#?}", daemon.lines(), cell.lines());
     assert!(Path::new(&left).exists(), "the test's own premise");
-    assert!(cell.let_go().success() && daemon.end().success());
+    assert!(cell.close_input().success() && daemon.end().success());
     fs::remove_file(&left).unwrap();
-    assert_eq!(place.left(), Vec::<String>::new());
+    assert_eq!(place.remaining_names(), Vec::<String>::new());
 }
 
 #[test]
 fn two_daemons_that_start_at_once_are_one_that_serves_and_one_that_is_refused() {
     for _ in 0..4 {
-        let place = Place::new("full", &tests::pair::recorder("box"));
+        let place = TestDirectory::new("full", &tests::served_cell::recorder("box"));
         let mut both = [0, 1].map(|_| Process::daemon(TRUED, &place));
-        assert!(wait_for(JAM, || both.iter_mut().any(|daemon| !daemon.is_running())));
+        assert!(wait_for(AWAIT_LIMIT, || both.iter_mut().any(|daemon| !daemon.is_running())));
         let refused = usize::from(both[0].is_running());
         assert_eq!(both[refused].wait().code(), SYSTEM_FAILED, "{:#?}", both[refused].lines());
         let [first, second] = both;
         let serves = if refused == 0 { second } else { first };
-        let mut pair = Pair::with(PROGRAMS, place, serves);
-        pair.back();
+        let mut pair = ServedCell::with(PROGRAMS, place, serves);
+        pair.wait_answered();
         pair.end();
     }
 }

@@ -17,23 +17,23 @@ mod table;
 
 use crate::PROGRAMS;
 use std::time::{Duration, Instant};
-use tests::chance::Chance;
-use tests::pair::Pair;
+use tests::rng::TestRng;
+use tests::served_cell::ServedCell;
 use trued_client::monotonic_ns;
 
 /// A pair that is at work, the correction in.
-fn at_work() -> Pair<'static> {
-    let mut pair = Pair::start(PROGRAMS);
-    pair.back();
+fn at_work() -> ServedCell<'static> {
+    let mut pair = ServedCell::start(PROGRAMS);
+    pair.wait_answered();
     pair
 }
 
 /// Random numbers whose seed is printed.
-fn chance() -> Chance {
+fn chance() -> TestRng {
     let asked = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
     let seed = asked.unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
-    Chance::new(seed)
+    TestRng::new(seed)
 }
 
 /// Waits until the condition holds.

@@ -7,7 +7,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
-use tests::pair::JAM;
+use tests::served_cell::AWAIT_LIMIT;
 use trued_client::{Answer, Monitor};
 
 #[test]
@@ -23,7 +23,7 @@ fn a_model_that_is_being_written_is_never_taken_by_half() {
     let over = Arc::new(AtomicBool::new(false));
     let (end, to) = (over.clone(), path.clone());
     let writer = std::thread::spawn(move || {
-        let mut seed = tests::chance::Chance::new(7);
+        let mut seed = tests::rng::TestRng::new(7);
         while !end.load(Relaxed) {
             if seed.below(3) == 0 {
                 // As an editor does that renames.
@@ -39,13 +39,13 @@ fn a_model_that_is_being_written_is_never_taken_by_half() {
             std::thread::sleep(Duration::from_millis(seed.below(150)));
         }
     });
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
-    let known = super::wait_for(JAM, || monitor.status().is_some());
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
+    let known = super::wait_for(AWAIT_LIMIT, || monitor.status().is_some());
     assert!(known, "a status");
     let hash = monitor.status().unwrap().model_hash;
     let (mut done, start) = (0, Instant::now());
     while start.elapsed() < Duration::from_secs(4) {
-        let said = monitor.reload(Some(&path), JAM).unwrap();
+        let said = monitor.reload(Some(&path), AWAIT_LIMIT).unwrap();
         done += u32::from(said.answer() == Ok(Answer::Done));
         std::thread::sleep(Duration::from_millis(50));
         assert_eq!(monitor.status().unwrap().model_hash, hash, "half a model: {}", said.message);
@@ -55,7 +55,7 @@ fn a_model_that_is_being_written_is_never_taken_by_half() {
     println!("{done} reloads done while the file was written");
     assert!(done > 0);
     drop(monitor);
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }
 
@@ -64,14 +64,14 @@ fn a_pipe_or_a_device_as_a_model_is_refused_at_once() {
     let mut pair = at_work();
     let pipe = pair.place.file("pipe.toml");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     for path in [pipe.as_path(), "/dev/zero".as_ref(), pair.place.root()] {
-        let said = monitor.reload(Some(path), JAM).unwrap();
+        let said = monitor.reload(Some(path), AWAIT_LIMIT).unwrap();
         assert_eq!(said.answer(), Ok(Answer::Refused), "{}", said.message);
         assert!(said.message.as_str().contains("expected a file"), "{}", said.message);
     }
-    assert_eq!(monitor.ping(JAM).unwrap().answer(), Ok(Answer::Done));
+    assert_eq!(monitor.ping(AWAIT_LIMIT).unwrap().answer(), Ok(Answer::Done));
     drop(monitor);
-    pair.back();
+    pair.wait_answered();
     pair.end();
 }

@@ -2,26 +2,26 @@
 
 use super::chance;
 use crate::TRUED;
-use tests::pair::{JAM, recorder};
-use tests::place::Place;
+use tests::message_corruptor::MessageCorruptor;
+use tests::place::TestDirectory;
 use tests::process::Process;
-use tests::scribbler::Scribbler;
+use tests::served_cell::{AWAIT_LIMIT, recorder};
 
 const MESSAGES: u64 = 1500;
 
 #[test]
 fn a_client_that_writes_into_its_sent_messages_breaks_no_bound() {
-    let place = Place::new("full", &recorder("box"));
+    let place = TestDirectory::new("full", &recorder("box"));
     let mut daemon = Process::daemon(TRUED, &place);
-    assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let mut chance = chance();
-    let mut client = Scribbler::join(&place, &daemon, chance.bits());
-    let [said, written] = client.scribble(&daemon, MESSAGES, chance);
+    let mut client = MessageCorruptor::join(&place, &daemon, chance.next_u64());
+    let [said, written] = client.corrupt_messages(&daemon, MESSAGES, chance);
     println!("{said} answers looked at, {written} words written into {MESSAGES} messages");
     assert!(said > 100 && written > MESSAGES);
     assert!(daemon.is_running(), "{:#?}", daemon.lines());
-    println!("corrected again after {:?}", client.corrected_again());
+    println!("corrected again after {:?}", client.wait_corrected());
     drop(client);
     assert!(daemon.end().success(), "{:#?}", daemon.lines());
-    assert_eq!(place.left(), Vec::<String>::new());
+    assert_eq!(place.remaining_names(), Vec::<String>::new());
 }

@@ -7,9 +7,9 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::time::Duration;
 use tests::cell_loop::{JOINTS, TICK_NS, path};
-use tests::chance::Chance;
 use tests::loop_records;
-use trued_client::{Client, NotSent, Setpoint, monotonic_ns};
+use tests::rng::TestRng;
+use trued_client::{Client, SendError, Setpoint, monotonic_ns};
 
 type Fault = Box<dyn std::error::Error>;
 
@@ -19,7 +19,7 @@ const PATIENCE: Duration = Duration::from_micros(500);
 
 /// The faults of the loop itself, one cycle after the other.
 struct Faults {
-    chance: Chance,
+    chance: TestRng,
     clock_ns: u64,
     phase_ns: u64,
     joint: usize,
@@ -67,11 +67,11 @@ impl Faults {
 }
 
 /// A NaN or infinite command has to return an error and change nothing.
-fn no_number(client: &mut Client, chance: &mut Chance) -> Result<(), Fault> {
+fn no_number(client: &mut Client, rng: &mut TestRng) -> Result<(), Fault> {
     let before = client.last_target();
     let mut q = path(0);
-    q[chance.below(JOINTS as u64) as usize] =
-        [f64::NAN, f64::INFINITY, -f64::INFINITY][chance.below(3) as usize];
+    q[rng.below(JOINTS as u64) as usize] =
+        [f64::NAN, f64::INFINITY, -f64::INFINITY][rng.below(3) as usize];
     if client.send(&Setpoint::new(&q)).is_ok() || client.target_for(&q, monotonic_ns()).is_ok() {
         return Err("no number was answered".into());
     }
@@ -92,7 +92,7 @@ fn main() -> Result<(), Fault> {
     let calm: u64 = calm.parse()?;
     let mut file = BufWriter::new(File::create(file)?);
     let mut client = Client::connect(cell, Duration::from_secs(10))?;
-    let chance = Chance::new(seed.parse()?);
+    let chance = TestRng::new(seed.parse()?);
     let mut wrong = Faults {
         chance,
         clock_ns: 0,
@@ -116,7 +116,7 @@ fn main() -> Result<(), Fault> {
             // Time of the cycle, as stamped by a cell's own clock.
             let t_ns = due_ns + wrong.clock_ns;
             let sent = client.send(&Setpoint::new(&command).at_ns(t_ns));
-            if matches!(sent, Ok(_) | Err(NotSent::Lost)) {
+            if matches!(sent, Ok(_) | Err(SendError::Lost)) {
                 stamp_ns = t_ns;
             }
             if let Ok(seq) = sent {

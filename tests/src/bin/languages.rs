@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::Duration;
 use tests::clients::{Language, Prefix, figures, has, root, run, skipped};
-use tests::place::{CELL, Place};
+use tests::place::{CELL, TestDirectory};
 use tests::process::Process;
 
-/// What a round trip may cost over one through Rust.
+/// Largest ratio of a round trip to one through Rust.
 const BAR: f64 = 1.1;
 const ROUNDS: usize = 15;
 const TARGETS: &str = "20000";
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(!holds))
 }
 
-/// Two cores, one for each side; the whole machine where it has but one.
+/// Two cores, one for each side; with a single core, that one for both.
 struct Cores {
     daemon: CpuSet,
     client: CpuSet,
@@ -87,13 +87,13 @@ impl Cores {
 /// The median of a program's round trips, µs, with a separate spinning daemon: the client's part is
 /// compared.
 fn round_trip_us(trued: &Path, program: &PathBuf, cores: &Cores) -> f64 {
-    let place = Place::new("full", TABLES);
+    let place = TestDirectory::new("full", TABLES);
     let config = place.file("cell.toml");
     sched_setaffinity(None, &cores.daemon).expect("a core of this process");
     let mut start = Command::new(trued);
     start.args(["run", "--lockstep", "--config"]).arg(config);
     let daemon = Process::spawn(&mut start, &place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
     sched_setaffinity(None, &cores.client).expect("a core of this process");
     let mut command = Command::new(program);
     command.env(shm_schema::RUNTIME_DIR_ENV, place.root()).args([CELL, TARGETS]);

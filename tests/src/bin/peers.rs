@@ -19,7 +19,7 @@ const BATCH: usize = 200;
 const BATCHES: usize = 3000;
 /// Required ratio of one correction to Pinocchio's three functions.
 const BAR: f64 = 0.9;
-/// What TCP and gravity torques may differ by, m and Nm.
+/// Tolerance of TCP position and gravity torques, m and Nm.
 const AGREES: f64 = 1e-9;
 
 fn main() -> ExitCode {
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The built C++ program, or what this machine lacks.
+/// Builds the C++ program; the error names what is missing on this machine.
 fn built(scratch: &Path) -> Result<PathBuf, String> {
     let python = environment(&scratch.join("pinocchio"), &PACKAGES)?;
     let asked = "import sysconfig; print(sysconfig.get_path('purelib'))";
@@ -63,14 +63,14 @@ fn built(scratch: &Path) -> Result<PathBuf, String> {
     Ok(program)
 }
 
-/// One of the two, at work.
-struct Half {
+/// One of the two compared programs.
+struct ComparedProgram {
     child: Child,
     orders: ChildStdin,
     answers: BufReader<ChildStdout>,
 }
 
-impl Half {
+impl ComparedProgram {
     fn start(command: &mut Command) -> Result<Self, String> {
         let started = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
         let mut child = started.map_err(|e| format!("{command:?}: {e}"))?;
@@ -79,8 +79,8 @@ impl Half {
         Ok(Self { child, orders, answers: BufReader::new(answers) })
     }
 
-    fn tell(&mut self, words: &str) -> Result<(), String> {
-        self.orders.write_all(words.as_bytes()).map_err(|e| e.to_string())
+    fn tell(&mut self, text: &str) -> Result<(), String> {
+        self.orders.write_all(text.as_bytes()).map_err(|e| e.to_string())
     }
 
     fn numbers(&mut self) -> Result<Vec<f64>, String> {
@@ -97,7 +97,7 @@ impl Half {
     }
 }
 
-impl Drop for Half {
+impl Drop for ComparedProgram {
     fn drop(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -109,8 +109,8 @@ fn compared(pinocchio: &Path) -> Result<bool, String> {
     let program = ours()?;
     let arm = Command::new(&program).arg("arm").output().map_err(|e| e.to_string())?;
     let arm = String::from_utf8(arm.stdout).map_err(|e| e.to_string())?;
-    let mut ours = Half::start(Command::new(&program).arg("correct"))?;
-    let mut theirs = Half::start(&mut Command::new(pinocchio))?;
+    let mut ours = ComparedProgram::start(Command::new(&program).arg("correct"))?;
+    let mut theirs = ComparedProgram::start(&mut Command::new(pinocchio))?;
     theirs.tell(&arm)?;
     let first: usize = arm.lines().next().and_then(|n| n.trim().parse().ok()).unwrap_or(0);
     // Joints, tool, gravity, followed by the number of poses.
@@ -142,8 +142,12 @@ fn compared(pinocchio: &Path) -> Result<bool, String> {
     Ok(ratio <= BAR)
 }
 
-/// The most that the two differ by.
-fn apart(ours: &mut Half, theirs: &mut Half, poses: usize) -> Result<f64, String> {
+/// Largest difference between the two.
+fn apart(
+    ours: &mut ComparedProgram,
+    theirs: &mut ComparedProgram,
+    poses: usize,
+) -> Result<f64, String> {
     let mut most = 0.0_f64;
     ours.tell("look\n")?;
     theirs.tell("look\n")?;

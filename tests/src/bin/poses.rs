@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use corrector::{Task, solve};
-use physics::{AnyEffect, Arm, Chain, Given, Inputs, JOINTS_MAX, Memories, Model};
+use physics::{AnyEffect, Arm, Chain, Inputs, JOINTS_MAX, Memories, Model, ParameterValues};
 use recording::model::RobotModel;
 use recording::model::presets::PRESETS;
 
@@ -26,10 +26,10 @@ const TOOL: f64 = 1e-3;
 const UNCORRECTED: f64 = 0.01;
 const LEFT: f64 = 0.1;
 
-/// Numbers of a fixed sequence (`SplitMix64`), the same on every machine.
-struct Numbers(u64);
+/// Pseudo-random numbers (`SplitMix64`), identical on every machine.
+struct SplitMix64(u64);
 
-impl Numbers {
+impl SplitMix64 {
     /// From −1 to 1.
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -40,7 +40,7 @@ impl Numbers {
 }
 
 #[derive(Default)]
-struct Account {
+struct PoseStatistics {
     got: BTreeMap<String, usize>,
     uncorrected: usize,
     before_m: Vec<f64>,
@@ -48,11 +48,11 @@ struct Account {
     after_rad: Vec<f64>,
 }
 
-fn erring(arm: Arm, numbers: &mut Numbers) -> Result<Model, String> {
+fn erring(arm: Arm, numbers: &mut SplitMix64) -> Result<Model, String> {
     let mut model = Model::nominal(arm);
     let mut push = |kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]| {
-        let effect =
-            AnyEffect::build(kind, &arm, joint, Given(given)).map_err(|e| format!("{e:?}"))?;
+        let effect = AnyEffect::build(kind, &arm, joint, ParameterValues(given))
+            .map_err(|e| format!("{e:?}"))?;
         model.push(effect).map_err(|e| format!("{e:?}"))
     };
     for i in 0..arm.count() {
@@ -64,8 +64,8 @@ fn erring(arm: Arm, numbers: &mut Numbers) -> Result<Model, String> {
     Ok(model)
 }
 
-fn account(arm: Arm, count: usize) -> Result<Account, String> {
-    let (mut numbers, mut account) = (Numbers(1), Account::default());
+fn account(arm: Arm, count: usize) -> Result<PoseStatistics, String> {
+    let (mut numbers, mut account) = (SplitMix64(1), PoseStatistics::default());
     let mut model = erring(arm, &mut numbers)?;
     for k in 0..count {
         if k % POSES_PER_ROBOT == 0 {
@@ -103,7 +103,7 @@ fn mean_and_largest(of: &[f64]) -> (f64, f64) {
     (1e3 * sum / of.len().max(1) as f64, 1e3 * of.iter().fold(0.0_f64, |most, x| most.max(*x)))
 }
 
-fn told(name: &str, account: &Account) -> bool {
+fn told(name: &str, account: &PoseStatistics) -> bool {
     let count = account.before_m.len();
     let (before, most_before) = mean_and_largest(&account.before_m);
     let (after, most_after) = mean_and_largest(&account.after_m);

@@ -12,15 +12,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::CellLoop;
-use tests::chance::Chance;
 use tests::place::CELL;
+use tests::rng::TestRng;
 use trued_client::{
     Connection, ForceSamples, ForceSource, Monitor, Samples, WrenchFrame, monotonic_ns,
 };
 
-/// Between two signs of life, ns.
+/// Interval between two `answered` lines, ns.
 const TELL_EVERY_NS: u64 = 2_000_000;
-/// How long one try to connect may take.
+/// Time limit of one attempt to connect.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 fn main() {
@@ -45,7 +45,7 @@ fn main() {
     }
 }
 
-/// Tries until it has joined; `None` if it has to end before.
+/// Retries until it has joined; `None` if it has to end before.
 fn joined<T, E: Display>(over: &AtomicBool, mut join: impl FnMut() -> Result<T, E>) -> Option<T> {
     while !over.load(Relaxed) {
         match join() {
@@ -100,10 +100,10 @@ fn look(cell: &Cell, over: &AtomicBool) {
 /// Noise at 10 kHz in three channels, in blocks of 10 ms.
 fn push(cell: &Cell, over: &AtomicBool) {
     let Some(mut source) = joined(over, || ForceSource::connect_to(cell, PATIENCE)) else { return };
-    let mut chance = Chance::new(monotonic_ns());
+    let mut chance = TestRng::new(monotonic_ns());
     let mut due_ns = monotonic_ns();
     while !over.load(Relaxed) {
-        let noise: Vec<f64> = (0..300).map(|_| chance.unit() - 0.5).collect();
+        let noise: Vec<f64> = (0..300).map(|_| chance.uniform() - 0.5).collect();
         let sent = source.send(&ForceSamples {
             t_ns: due_ns,
             rate_hz: 10_000.0,

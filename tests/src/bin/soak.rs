@@ -13,23 +13,23 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
-use tests::chance::Chance;
+use tests::fault_injection::{DEADLY, FULL_DISK, KINDS, strike};
 use tests::memory::{FLAT, is_flat, thirds};
-use tests::pair::{Pair, Programs, recorder};
-use tests::place::Place;
+use tests::place::TestDirectory;
 use tests::process::Process;
-use tests::strikes::{DEADLY, FULL_DISK, KINDS, strike};
+use tests::rng::TestRng;
+use tests::served_cell::{Programs, ServedCell, recorder};
 
-/// Within this the service must be back.
+/// Time limit for the recovery of the service.
 const BAR: Duration = Duration::from_secs(1);
-/// Says that the mount namespace is there.
+/// Environment variable that marks the separate mount namespace.
 const WITH_DISK: &str = "with-disk";
-/// Size of the recordings' disk: two files, and what is written while one is closed.
+/// Size of the recordings' disk, MB: two files and a margin for closing one.
 const DISK_MB: u32 = 32;
 
-/// What was seen of one kind of fault.
+/// Statistics of one kind of fault.
 #[derive(Default)]
-struct Seen {
+struct FaultStatistics {
     times: u32,
     worst: Duration,
     late: u32,
@@ -76,7 +76,7 @@ fn with_a_disk(arguments: &[&str]) -> String {
 struct Disk(PathBuf);
 
 impl Disk {
-    fn mount(place: &Place) -> Self {
+    fn mount(place: &TestDirectory) -> Self {
         let folder = place.file("box");
         fs::create_dir(&folder).expect("a folder in /dev/shm");
         let size = format!("size={DISK_MB}m");
@@ -95,16 +95,18 @@ impl Drop for Disk {
 }
 
 fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool {
-    let mut chance = Chance::new(seed);
-    let place =
-        Place::new("full", &format!("{}max_file_MB = 8\nkeep_files = 2\n", recorder("box")));
+    let mut chance = TestRng::new(seed);
+    let place = TestDirectory::new(
+        "full",
+        &format!("{}max_file_MB = 8\nkeep_files = 2\n", recorder("box")),
+    );
     let _disk = has_disk.then(|| Disk::mount(&place));
     let kinds: Vec<&str> = KINDS.into_iter().filter(|k| has_disk || *k != FULL_DISK).collect();
     let daemon = Process::daemon(programs.trued, &place);
-    let mut pair = Pair::with(programs, place, daemon);
-    pair.complete();
-    pair.back();
-    let (start, mut seen) = (Instant::now(), BTreeMap::<&str, Seen>::new());
+    let mut pair = ServedCell::with(programs, place, daemon);
+    pair.start_observers();
+    pair.wait_answered();
+    let (start, mut seen) = (Instant::now(), BTreeMap::<&str, FaultStatistics>::new());
     let mut resident = Vec::new();
     while start.elapsed().as_secs_f64() < seconds {
         let spares = start.elapsed().as_secs_f64() > seconds / 3.0;
@@ -112,7 +114,7 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool
         let kind = kinds[least + chance.below((kinds.len() - least) as u64) as usize];
         let before_kb = pair.daemon.resident_kb().unwrap_or(0);
         println!("{:.2} s, {before_kb} kB: {kind}", start.elapsed().as_secs_f64());
-        let time = strike(kind, &mut pair, &mut chance).max(pair.back());
+        let time = strike(kind, &mut pair, &mut chance).max(pair.wait_answered());
         let seen = seen.entry(kind).or_default();
         seen.times += 1;
         seen.worst = seen.worst.max(time);
@@ -131,9 +133,9 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool
 }
 
 /// Prints the results; returns whether nothing was late.
-fn told(seen: &BTreeMap<&str, Seen>) -> bool {
+fn told(seen: &BTreeMap<&str, FaultStatistics>) -> bool {
     println!("{:<24} {:>6} {:>12} {:>6}", "fault", "times", "worst, ms", "late");
-    for (kind, Seen { times, worst, late }) in seen {
+    for (kind, FaultStatistics { times, worst, late }) in seen {
         println!("{kind:<24} {times:>6} {:>12.1} {late:>6}", worst.as_secs_f64() * 1e3);
     }
     let late: u32 = seen.values().map(|seen| seen.late).sum();
@@ -141,7 +143,7 @@ fn told(seen: &BTreeMap<&str, Seen>) -> bool {
     late == 0
 }
 
-/// Whether the daemon's memory stayed as it was.
+/// Whether the daemon's memory did not grow.
 fn flat(resident_kb: &[u64]) -> bool {
     let Some(thirds) = thirds(resident_kb) else {
         println!("too short to tell of memory: {} looks at it", resident_kb.len());

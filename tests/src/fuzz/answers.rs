@@ -3,12 +3,12 @@
 //! No files, no solver.
 
 use challenge::answer::Answer;
-use challenge::bench::Judged;
 use challenge::case::Tier;
-use challenge::score::{Outcome, figures};
-use challenge::truth::{Hidden, Truth};
+use challenge::detectability::Detectability;
+use challenge::score::{Outcome, compute_statistics};
+use challenge::truth::{HiddenEffect, Truth};
 use diagnosis_report::plan::experiment::Request;
-use recording::series::{self, FileUnits, Need};
+use recording::series::{self, FileUnits, RequiredData};
 
 use super::files::NAME;
 use super::messages::MODEL;
@@ -19,14 +19,20 @@ fn truth(tier: Tier) -> Truth {
     Truth {
         case: "0001".to_owned(),
         tier,
-        hidden: vec![Hidden {
+        hidden: vec![HiddenEffect {
             effect: Some("backlash"),
             law: "Backlash".to_owned(),
             joint: Some(3),
             change: "new",
             parameters: [("width_mrad", vec![0.4])].into(),
             counted: vec![("width_mrad", 0)],
-            judged: Judged { z: 40.0, rho: 1.0, least_gain: 50.0, rivals, ..Judged::default() },
+            detectability: Detectability {
+                z: 40.0,
+                rho: 1.0,
+                least_gain: 50.0,
+                rivals,
+                ..Detectability::default()
+            },
         }],
         depends_on: vec!["q2".to_owned(), "v3".to_owned()],
     }
@@ -38,8 +44,8 @@ pub(super) fn answer(bytes: &[u8]) {
     for domain in ["position", "torque", "force"] {
         let read = Answer::parse(&text, domain).map_err(|fault| fault.to_string());
         if let Ok(answer) = &read {
-            assert!(answer.names().count() >= answer.findings.len());
-            for number in answer.findings.iter().flat_map(|finding| &finding.numbers) {
+            assert!(answer.reported_effects().count() >= answer.findings.len());
+            for number in answer.findings.iter().flat_map(|finding| &finding.parameters) {
                 assert!(number.value.is_finite(), "{number:?}");
             }
         }
@@ -47,8 +53,8 @@ pub(super) fn answer(bytes: &[u8]) {
         for tier in [Tier::Single, Tier::Null, Tier::Outside] {
             let outcome =
                 Outcome { truth: truth(tier), answer: answer.clone(), errors: None, seconds: None };
-            assert_eq!(outcome.line().verdict, answer.as_ref().map(|answer| answer.verdict));
-            let scored = figures(1, "", "", &[outcome]);
+            assert_eq!(outcome.summary().verdict, answer.as_ref().map(|answer| answer.verdict));
+            let scored = compute_statistics(1, "", "", &[outcome]);
             let shares = [scored.first_right, scored.joint_right, scored.named_wrong];
             let shares = shares.into_iter().chain([scored.coverage95, scored.calibration_error]);
             let mut shares = shares.flatten();
@@ -69,6 +75,6 @@ pub(super) fn request(bytes: &[u8]) {
     let mut made = experiment.motion.recording(&request.measured, 0.5);
     made.units = FileUnits::SI;
     let written = String::from_utf8_lossy(&made.to_csv()).into_owned();
-    let again = series::read_text(NAME, &written, None, None, Need::Path);
+    let again = series::read_text(NAME, &written, None, None, RequiredData::Path);
     assert_eq!(again.map(|again| again.len()).ok(), Some(made.len()), "{written}");
 }

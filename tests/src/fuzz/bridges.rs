@@ -2,12 +2,12 @@
 //!
 //! No sockets, no daemon; the handling of corrections is tested in the bridges' own tests.
 
-use bridge::egm::joints::Order;
+use bridge::egm::joints::JointOrder;
 use bridge::egm::messages::{
-    Header, Numbers, PathCorrMessage, Posture, RobotMessage, SensorMessage,
+    Header, JointValues, PathCorrMessage, Posture, RobotMessage, SensorMessage,
 };
-use bridge::rsi::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
-use recording::bridge::{EgmConfig, Ethernet, Group, RsiConfig, RsiCorrection};
+use bridge::rsi::telegram::{AnswerTemplate, IPOC_MAX, NUMBERS_MAX, Telegram, rounded};
+use recording::bridge::{EgmConfig, EthernetConfig, Group, RsiConfig, RsiCorrection};
 use std::sync::LazyLock;
 
 use super::files::{NAME, shown, text};
@@ -19,7 +19,7 @@ const NUMBERS: [f64; NUMBERS_MAX] = [-999.999_999, 0.0, 0.000_001, -0.25, 1e5, 1
 
 static RSI: LazyLock<RsiConfig> = LazyLock::new(|| {
     let xml = include_str!("../../../deploy/rsi-ethernet.xml");
-    let ethernet = Ethernet::parse(NAME, xml).expect("the house's own example");
+    let ethernet = EthernetConfig::parse(NAME, xml).expect("the house's own example");
     let text = include_str!("../../../deploy/bridge-rsi.toml");
     RsiConfig::parse(NAME, text, ethernet).expect("the house's own example")
 });
@@ -34,7 +34,7 @@ fn own(config: &RsiConfig) -> &Group {
 pub(super) fn rsi(bytes: &[u8]) {
     let Some(telegram) = Telegram::read(bytes) else { return };
     assert!(telegram.ipoc.parse::<u64>().is_ok(), "{}", telegram.ipoc);
-    let _ = telegram.late();
+    let _ = telegram.late_count();
     let mut numbers = NUMBERS;
     if let Some(read) = telegram.numbers(&RSI.setpoint) {
         assert!(read.iter().all(|number| number.is_finite()), "{read:?}");
@@ -46,7 +46,7 @@ pub(super) fn rsi(bytes: &[u8]) {
 /// An answer fits, or there is none; read like its receiver, it has the intended content.
 fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     let own = own(config);
-    let form = Form::new(&config.ethernet, own, config.feed.as_ref(), &config.others);
+    let form = AnswerTemplate::new(&config.ethernet, own, config.feed.as_ref(), &config.others);
     let mut to = vec![0; DATAGRAM_MAX];
     let length = form.write(&mut to, numbers, 0.5, ipoc).expect("it fits into a datagram");
     assert_eq!(
@@ -60,7 +60,7 @@ fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     assert_eq!(heard.ipoc, ipoc, "{answer}");
     let heard = heard.numbers(own).expect("every number under its name");
     for (i, name) in own.names.iter().enumerate() {
-        let (heard, meant) = (heard[i].to_bits(), as_written(numbers[i]).to_bits());
+        let (heard, meant) = (heard[i].to_bits(), rounded(numbers[i]).to_bits());
         assert_eq!(heard, meant, "{name} in {answer}");
     }
 }
@@ -105,12 +105,13 @@ fn posture<E: std::fmt::Debug>(
 ) {
     let joints = posture.joints.values().len();
     for seventh_after in [None, Some(2)] {
-        let order = Order { count: joints + usize::from(seventh_after.is_some()), seventh_after };
+        let order =
+            JointOrder { count: joints + usize::from(seventh_after.is_some()), seventh_after };
         if let Some(q) = order.rad(posture) {
             assert!(q.iter().all(|q| q.is_finite()), "{q:?}");
         }
         let mut changed = datagram.to_vec();
-        order.put(&mut changed, posture, |i, _| i as f64);
+        order.write_joints(&mut changed, posture, |i, _| i as f64);
         let again = read(&changed).expect("as well-formed as before");
         let count = order.count.min(trued_client::JOINTS_MAX);
         let is_whole = seventh_after.is_none() || !posture.external.values().is_empty();
@@ -123,8 +124,8 @@ fn posture<E: std::fmt::Debug>(
     }
 }
 
-fn back(datagram: &mut [u8], numbers: &Numbers) {
-    numbers.put(datagram, numbers.values());
+fn back(datagram: &mut [u8], numbers: &JointValues) {
+    numbers.write(datagram, numbers.values());
 }
 
 /// What the bridge itself writes, it reads.
@@ -144,7 +145,7 @@ pub(super) fn config(bytes: &[u8]) {
         assert!((0.024..=1.0).contains(&config.path_period_s));
         return;
     };
-    let Some(ethernet) = shown(Ethernet::parse(NAME, xml)) else { return };
+    let Some(ethernet) = shown(EthernetConfig::parse(NAME, xml)) else { return };
     let Some(config) = shown(RsiConfig::parse(NAME, text, ethernet)) else { return };
     assert!((5e-5..=0.1).contains(&config.common.answer_within_s));
     assert!((1..=NUMBERS_MAX).contains(&config.setpoint.names.len()));

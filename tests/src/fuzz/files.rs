@@ -2,16 +2,16 @@
 //!
 //! The content of faults is not checked, as long as they can be displayed.
 
-use recording::blackbox;
 use recording::cell::CellConfig;
 use recording::cut::CutFile;
 use recording::faults::Faults;
 use recording::files::text_of;
 use recording::manifest::Manifest;
 use recording::mapping::Mapping;
+use recording::mcap_recording;
 use recording::model::RobotModel;
-use recording::series::{self, About, FileUnits, Need, Recording};
-use recording::urdf::{self, Ends};
+use recording::series::{self, FileUnits, Recording, RecordingMetadata, RequiredData};
+use recording::urdf::{self, ChainEnds};
 use recording::waves::{self, Grid, Options, ResponseFunction};
 use std::path::Path;
 
@@ -43,7 +43,7 @@ pub(super) fn model(bytes: &[u8]) {
         written_back(&model);
         let exported = urdf::export(&model);
         // Whatever a URDF can carry of it, ours reads again.
-        let _ = shown(urdf::parse(NAME, &exported.text, &Ends::default()));
+        let _ = shown(urdf::parse(NAME, &exported.text, &ChainEnds::default()));
     }
 }
 
@@ -72,12 +72,12 @@ pub(super) fn manifest(bytes: &[u8]) {
 
 pub(super) fn about(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
-    let Some(about) = shown(About::parse(NAME, &text)) else { return };
+    let Some(about) = shown(RecordingMetadata::parse(NAME, &text)) else { return };
     let mut made = Recording::new(vec![0.0]);
-    made.about = about;
+    made.metadata = about;
     let written = made.about_toml();
-    let again = again(About::parse(NAME, &written));
-    made.about = again;
+    let again = again(RecordingMetadata::parse(NAME, &written));
+    made.metadata = again;
     assert_eq!(made.about_toml(), written, "the same words give the same text");
 }
 
@@ -86,7 +86,7 @@ pub(super) fn mapping(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let (mapping, table) = text.split_once('\u{c}').unwrap_or((&text, ""));
     let Some(mapping) = shown(Mapping::parse(NAME, mapping)) else { return };
-    let read = series::read_text(NAME, table, Some(&mapping), None, Need::Samples);
+    let read = series::read_text(NAME, table, Some(&mapping), None, RequiredData::Samples);
     if let Some(recording) = shown(read) {
         sound(&recording);
     }
@@ -94,7 +94,7 @@ pub(super) fn mapping(bytes: &[u8]) {
 
 pub(super) fn recording(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
-    for need in [Need::Measurement, Need::Path, Need::Samples] {
+    for need in [RequiredData::Measurement, RequiredData::Path, RequiredData::Samples] {
         let Some(mut recording) = shown(series::read_text(NAME, &text, None, None, need)) else {
             continue;
         };
@@ -124,9 +124,9 @@ fn sound(recording: &Recording) {
 }
 
 pub(super) fn black_box(bytes: &[u8]) {
-    match blackbox::read_bytes(NAME, bytes) {
+    match mcap_recording::read_bytes(NAME, bytes) {
         Ok(contents) => {
-            let conversion = blackbox::convert(&contents);
+            let conversion = mcap_recording::convert(&contents);
             for run in conversion.runs {
                 let _ = run.cycles.to_csv();
             }
@@ -161,7 +161,7 @@ pub(super) fn waves(bytes: &[u8]) {
 
 pub(super) fn urdf(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
-    if let Some(import) = shown(urdf::parse(NAME, &text, &Ends::default())) {
+    if let Some(import) = shown(urdf::parse(NAME, &text, &ChainEnds::default())) {
         written_back(&import.model);
     }
 }

@@ -3,16 +3,16 @@
 //!
 //! No ports; these are the checks after reception.
 
-use corrector::{Corrector, Mode, Settings, World, WrenchSample};
+use corrector::{Corrector, CycleInputs, Mode, Settings, WrenchSample};
 use envelope::Limits;
 use glam::DVec3;
 use physics::{Model, Wrench};
 use recording::model::presets::preset;
 use shm_schema::{
-    Command, Corrected, Current, ForceBlock, Horizon, MeasuredPoint, Payload, Request, Response,
-    RobotState, Spectrum, Status, Verdict,
+    Announcement, Command, Corrected, ForceBlock, Horizon, MeasuredPoint, Payload, Request,
+    Response, RobotState, Spectrum, Status, Verdict,
 };
-use spectrum::{Block, Watch, WatchConfig};
+use spectrum::{Block, MonitorConfig, VibrationMonitor};
 use std::fmt::Debug;
 use std::sync::LazyLock;
 
@@ -45,9 +45,9 @@ pub(super) fn commands(bytes: &[u8]) {
             continue;
         }
         let claim = daemon::translate::command(&command, now_ns, false);
-        let world = World { wrench: Some(wrench(&command)), ..World::default() };
+        let world = CycleInputs { wrench: Some(wrench(&command)), ..CycleInputs::default() };
         let wanted = corrector.correct(&MODEL, &claim, &world, now_ns);
-        let outcome = corrector.bound(&MODEL, &wanted);
+        let outcome = corrector.limit(&MODEL, &wanted);
         corrector.prepare(&MODEL);
         let message = daemon::translate::corrected(&outcome, MODEL.arm.count());
         assert!(message.check().is_ok(), "what goes out can be read");
@@ -67,8 +67,9 @@ fn wrench(command: &Command) -> WrenchSample {
 
 /// Force blocks in a row, through the vibration monitor.
 pub(super) fn force(bytes: &[u8]) {
-    let config = WatchConfig { rate_hz: 1000.0, channels: 3, ..WatchConfig::default() };
-    let mut watch = Watch::new(WatchConfig { band_hz: [5.0, 400.0], ..config }).expect("a band");
+    let config = MonitorConfig { rate_hz: 1000.0, channels: 3, ..MonitorConfig::default() };
+    let mut watch =
+        VibrationMonitor::new(MonitorConfig { band_hz: [5.0, 400.0], ..config }).expect("a band");
     for block in messages::<ForceBlock>(bytes) {
         let readable = block.check().map_err(|fault| fault.to_string()).is_ok();
         let (channels, samples) =
@@ -114,7 +115,7 @@ pub(super) fn all_others(bytes: &[u8]) {
             format!("{:?} {:?} {:?}", target.status(), target.reason(), target.correction())
         }),
         6 => {
-            let _ = Current::parse(&String::from_utf8_lossy(rest));
+            let _ = Announcement::parse(&String::from_utf8_lossy(rest));
         }
         7 => each::<MeasuredPoint>(rest, |point| format!("{point:?}")),
         8 => horizons(rest),

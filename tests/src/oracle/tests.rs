@@ -1,7 +1,7 @@
 //! The oracle detects each kind of step, and accepts what it documents as allowed.
 
 use super::*;
-use crate::chance::Chance;
+use crate::rng::TestRng;
 use envelope::{Elapsed, Intervals, Limiters, Limits};
 use shm_schema::JOINTS_MAX;
 
@@ -124,7 +124,7 @@ fn jitter_excuses_what_it_makes_of_a_motion_and_no_step() {
 /// Cycles of a cell with clock jitter, overruns, missed commands, and late or missing answers, at
 /// varying rates.
 struct Cell {
-    chance: Chance,
+    chance: TestRng,
     due_ns: u64,
     now_ns: u64,
     jitter_ns: u64,
@@ -178,7 +178,7 @@ impl Limited {
             Elapsed::default()
         });
         let [sent] = if apart {
-            self.joint.step_apart(&[wanted], limits, elapsed)
+            self.joint.step_independently(&[wanted], limits, elapsed)
         } else {
             self.joint.step(&[wanted], limits, elapsed)
         };
@@ -191,7 +191,7 @@ impl Limited {
 fn what_two_limiters_send_in_uneven_time_keeps_the_jerk_that_jitter_allows() {
     let ticks: u64 = std::env::var("TRUED_SIM_CYCLES").map_or(400_000, |n| n.parse().unwrap());
     for seed in 0..4 {
-        let (due_ns, now_ns, chance) = (MS, MS, Chance::new(seed));
+        let (due_ns, now_ns, chance) = (MS, MS, TestRng::new(seed));
         let mut cell =
             Cell { chance, due_ns, now_ns, jitter_ns: 0, overrun_in: 0, missed_in: 0, gone: 0 };
         let (mut daemon, mut client) = (Limited::START, Limited::START);

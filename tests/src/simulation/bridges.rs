@@ -8,11 +8,11 @@
 mod egm;
 mod rsi;
 
-use crate::chance::Chance;
 use crate::oracle::Oracle;
 use crate::place::MODEL;
+use crate::rng::TestRng;
 use bridge::link::{Correction, Link};
-use corrector::{Corrector, Mode, Settings, World};
+use corrector::{Corrector, CycleInputs, Mode, Settings};
 use daemon::{setup, translate};
 use envelope::Limits;
 use physics::{JOINTS_MAX, Model};
@@ -42,7 +42,8 @@ pub struct Summary {
     pub sent: u64,
     /// Runs of the robot.
     pub runs: u64,
-    /// Storms of faults, each followed by a calm in which the daemon's own correction returned.
+    /// Phases of faults, each followed by a phase without faults in which the daemon's correction
+    /// returned.
     pub storms: u64,
     /// The largest correction that went out, rad.
     pub largest: f64,
@@ -51,8 +52,8 @@ pub struct Summary {
 }
 
 impl Summary {
-    fn breaks(&mut self, words: &str) {
-        let at = format!("target {} of run {}: {words}", self.sent, self.runs);
+    fn breaks(&mut self, text: &str) {
+        let at = format!("target {} of run {}: {text}", self.sent, self.runs);
         self.broken.get_or_insert(at);
     }
 }
@@ -70,8 +71,8 @@ pub fn rsi(seed: u64, targets: u64, is_relative: bool) -> Summary {
 }
 
 /// A controller with its program, its bridge and the daemon behind that.
-trait Cell {
-    /// Lets something go wrong, now or in the next cycles.
+trait ControllerCell {
+    /// Injects a fault, effective now or in the next cycles.
     fn fault(&mut self);
 
     /// One cycle of the controller.
@@ -82,8 +83,9 @@ trait Cell {
     fn summary(&mut self) -> &mut Summary;
 }
 
-/// Storms of faults, each followed by a calm in which the daemon's own correction has to return.
-fn run(mut cell: impl Cell, targets: u64) -> Summary {
+/// Phases of faults, each followed by a phase without faults in which the daemon's correction has
+/// to return.
+fn run(mut cell: impl ControllerCell, targets: u64) -> Summary {
     while cell.summary().sent < targets && cell.summary().broken.is_none() {
         cell.daemon().fails = true;
         for _ in 0..STORM {
@@ -121,7 +123,7 @@ fn oracle() -> Oracle {
 /// A daemon without shared memory, that answers in time, late, or not at all.
 struct VirtualDaemon {
     now_ns: u64,
-    chance: Chance,
+    chance: TestRng,
     fails: bool,
     output: Output,
     corrector: Corrector,
@@ -133,7 +135,7 @@ struct VirtualDaemon {
     newest: Option<Corrected>,
     /// An answer in transit.
     late: Option<Corrected>,
-    /// Until when there is no daemon, ns.
+    /// Time until which there is no daemon, ns.
     away_until_ns: u64,
 }
 
@@ -146,7 +148,7 @@ impl VirtualDaemon {
         output.fresh_ns = 10_000_000;
         Self {
             now_ns: 0,
-            chance: Chance::new(seed),
+            chance: TestRng::new(seed),
             fails: false,
             output,
             corrector: Corrector::new(settings()),
@@ -207,8 +209,9 @@ impl VirtualDaemon {
             return;
         }
         let claim = translate::command(command, self.now_ns, false);
-        let wanted = self.corrector.correct(&self.model, &claim, &World::default(), self.now_ns);
-        let made = self.corrector.bound(&self.model, &wanted);
+        let wanted =
+            self.corrector.correct(&self.model, &claim, &CycleInputs::default(), self.now_ns);
+        let made = self.corrector.limit(&self.model, &wanted);
         let answer = Corrected {
             seq: command.seq,
             command_seq: command.seq,
@@ -269,5 +272,5 @@ impl Link for VirtualDaemon {
 
     fn send_state(&mut self, _: &RobotState) {}
 
-    fn look(&mut self) {}
+    fn check_connection(&mut self) {}
 }

@@ -1,23 +1,23 @@
 //! The client side: commands, clock, and targets sent to the robot.
 
 use crate::cell_loop::{JOINTS, path};
-use crate::chance::Chance;
+use crate::rng::TestRng;
 use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
 use trued_client::{Output, Setpoint, Source};
 
 /// Time after its command at which the robot's loop reads the answer, ns.
 pub(super) const READ_AFTER_NS: u64 = 300_000;
 
-/// What the loop sends to the robot in one tick.
+/// Data sent to the robot in one tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sent {
-    /// What the command sent to the daemon last is stamped with, ns.
+    /// Stamp of the last command sent to the daemon, ns.
     pub(super) stamp_ns: u64,
     /// The command, rad.
     pub(super) command: [f64; JOINTS],
     /// The target, rad.
     pub(super) target: [f64; JOINTS],
-    /// What its correction is.
+    /// Source of its correction.
     pub(super) source: Source,
     /// The correction, rad.
     pub(super) correction: [f64; JOINTS_MAX],
@@ -73,18 +73,18 @@ impl Client {
     }
 
     /// The clock that stamps commands jumps by up to a minute, or by up to a second.
-    pub(super) fn set_clock(&mut self, chance: &mut Chance) {
-        let most_ns = if chance.below(2) == 0 { 60_000_000_000 } else { 1_000_000_000 };
-        let by_ns = chance.below(most_ns).cast_signed();
-        self.clock_set_ns += if chance.below(2) == 0 { by_ns } else { -by_ns };
+    pub(super) fn set_clock(&mut self, rng: &mut TestRng) {
+        let most_ns = if rng.below(2) == 0 { 60_000_000_000 } else { 1_000_000_000 };
+        let by_ns = rng.below(most_ns).cast_signed();
+        self.clock_set_ns += if rng.below(2) == 0 { by_ns } else { -by_ns };
     }
 
     /// The commands leave the model's limits for a while, jump, or are not finite.
-    pub(super) fn go_astray(&mut self, chance: &mut Chance) {
-        let by = [1.0, 10.0, -7.0, 1e3, f64::NAN, f64::INFINITY][chance.below(6) as usize];
+    pub(super) fn go_astray(&mut self, rng: &mut TestRng) {
+        let by = [1.0, 10.0, -7.0, 1e3, f64::NAN, f64::INFINITY][rng.below(6) as usize];
         let mut odd = [0.0; JOINTS];
-        odd[chance.below(JOINTS as u64) as usize] = by;
-        self.odd = (odd, 1 + chance.below(300));
+        odd[rng.below(JOINTS as u64) as usize] = by;
+        self.odd = (odd, 1 + rng.below(300));
     }
 
     /// The command of this tick, as sent to the daemon; `None` if it is not finite.

@@ -10,14 +10,14 @@
 //! smoothing, the force is a block's mean and is delayed: 60 ms in total.
 
 use crate::cell_loop::{JOINTS, MIDDLE};
-use crate::chance::Chance;
 use crate::place::MODEL;
+use crate::rng::TestRng;
 use crate::simulation::run::Run;
 use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::robot::{Link, Robot};
-use daemon::sensor_inputs::Measured;
+use daemon::sensor_inputs::MeasuredWrench;
 use daemon::setup;
 use physics::{Chain, JOINTS_MAX, Joints, Model};
 use recording::cell::CellConfig;
@@ -31,7 +31,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use trued_client::{Output, Setpoint};
 
-/// When a run begins, and the controller's cycle.
+/// Start time of a run, ns.
 const START_NS: u64 = 1 << 40;
 /// Time between commands, ns.
 pub const TICK_NS: u64 = 4_000_000;
@@ -45,11 +45,11 @@ pub const STIFFNESS_N_M: f64 = 0.5e6;
 pub const PROGRAMMED_M_S: f64 = 0.02;
 /// The force at full depth and the programmed feed, N.
 pub const FULL_N: f64 = 250.0;
-/// So long are the stretches of half and of full depth, after one in the air, m.
+/// Length of the sections of half and full depth, after one in air, m.
 const STRETCH_M: f64 = 0.1;
 const AIR_M: f64 = 0.02;
 const RADIUS_M: f64 = 0.01;
-/// From the override to the controller's interpolation, and its smoothing, s.
+/// Delay of the override in the controller, ticks, and time constant of its smoothing, s.
 const DEAD_TICKS: usize = 5;
 const SMOOTHING_S: f64 = 0.025;
 /// Delay of the force, ticks.
@@ -59,18 +59,18 @@ const RIPPLE: f64 = 0.03;
 
 /// The simulated process.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct FeedScenario {
     /// Tables of the cell's file.
     pub tables: String,
     /// The mode at the start.
     pub mode: &'static str,
     /// The controller's own additional override, constant.
     pub constant: f64,
-    /// How long it may take, ticks.
+    /// Time limit, ticks.
     pub ticks: usize,
-    /// What happens at which tick.
+    /// Events by tick.
     pub events: Vec<(usize, Event)>,
-    /// Of the ripple.
+    /// Seed of the ripple.
     pub seed: u64,
     /// Floor of the override for the oracle, and its rates of fall and rise, per s.
     pub bounds: [f64; 3],
@@ -78,7 +78,7 @@ pub struct Plan {
     pub is_full_model: bool,
 }
 
-/// What is done to the cell at a tick.
+/// Event at a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Event {
     /// State of the sensor from now on.
@@ -100,15 +100,15 @@ pub enum Event {
 pub enum Sensor {
     /// The force.
     Good,
-    /// Nothing any more.
+    /// No samples.
     Silent,
-    /// The last force again and again, with its old time.
+    /// The last sample repeatedly, with its old time.
     Stale,
     /// The force, from a channel that is stuck or a stream with another clock.
     Faulty,
     /// NaN.
     Nan,
-    /// More than any robot can bear.
+    /// An implausibly large force.
     Absurd,
     /// The force, with one block in ten that is ten times as large.
     Spiky,
@@ -117,13 +117,13 @@ pub enum Sensor {
 /// Result of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
-    /// Where the tool is on its path, m.
+    /// Position of the tool on its path, m.
     pub at_m: f64,
     /// The process force, N.
     pub force_n: f64,
-    /// How far the force bends the robot, m.
+    /// Deflection of the robot by the force, m.
     pub off_m: f64,
-    /// What the robot was handed.
+    /// The feed override sent to the robot.
     pub feed_override: f64,
     /// State reported by the daemon.
     pub state: FeedState,
@@ -140,7 +140,7 @@ impl Run<Tick> {
         self.ticks.iter().fold(0.0, |most: f64, tick| most.max(tick.off_m))
     }
 
-    /// How long it took, s.
+    /// Duration of the run, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
         self.ticks.len() as f64 * TICK_NS as f64 * 1e-9
@@ -167,7 +167,7 @@ fn depth(at_m: f64) -> f64 {
 
 /// The robot with its cut and its sensor.
 struct Plant {
-    /// Overrides on their way to the interpolation, the newest last.
+    /// Overrides not yet effective in the interpolation, the newest last.
     under_way: VecDeque<f64>,
     constant: f64,
     /// The speed as a share of the programmed one.
@@ -179,7 +179,7 @@ struct Plant {
 }
 
 impl Plant {
-    fn step(&mut self, feed_override: f64, chance: &mut Chance) {
+    fn step(&mut self, feed_override: f64, rng: &mut TestRng) {
         let dt_s = TICK_NS as f64 * 1e-9;
         self.under_way.push_back(feed_override * self.constant);
         let taken =
@@ -188,7 +188,7 @@ impl Plant {
         self.share += (asked - self.share) * (1.0 - (-dt_s / SMOOTHING_S).exp());
         self.at_m += self.share * PROGRAMMED_M_S * dt_s;
         self.force_n = FULL_N * depth(self.at_m) * self.share;
-        let ripple = 1.0 + RIPPLE * (2.0 * chance.unit() - 1.0);
+        let ripple = 1.0 + RIPPLE * (2.0 * rng.uniform() - 1.0);
         self.forces.push_back(self.force_n * ripple);
         while self.forces.len() > SENSOR_TICKS {
             self.forces.pop_front();
@@ -196,32 +196,32 @@ impl Plant {
     }
 }
 
-struct Wire {
-    plan: Plan,
+struct SimulatedLink {
+    plan: FeedScenario,
     arm: Model,
     radius_m: f64,
     exchange: Arc<Exchange>,
     now_ns: u64,
-    chance: Chance,
+    chance: TestRng,
     output: Output,
     sent: Option<Command>,
     newest: Option<Corrected>,
     plant: Plant,
     sensor: Sensor,
-    last_sample: Option<Measured>,
+    last_sample: Option<MeasuredWrench>,
     before: Option<f64>,
     /// Remaining ticks without a daemon.
     away_ticks: Option<usize>,
     run: Run<Tick>,
 }
 
-/// Runs a plan until the tool is through, or its time is over.
+/// Runs a scenario until the tool reaches the end of the path, or the time limit.
 ///
 /// # Panics
 /// On a configuration that is none.
 #[must_use]
-pub fn run(plan: Plan) -> Run<Tick> {
-    let Plan { tables, mode, is_full_model, .. } = &plan;
+pub fn run(plan: FeedScenario) -> Run<Tick> {
+    let FeedScenario { tables, mode, is_full_model, .. } = &plan;
     let text = format!(
         "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{MODEL}\"\nmode = \"{mode}\"\nmode_max = \"full\"\n{tables}"
     );
@@ -229,13 +229,13 @@ pub fn run(plan: Plan) -> Run<Tick> {
     let full = preset(MODEL).and_then(|p| p.model().ok()).expect("a preset of the house").physics;
     let model = if *is_full_model { full } else { Model::nominal(full.arm) };
     let settings = setup::settings(&config, &model.arm, false).expect("bounds");
-    let mut wire = Wire::new(plan, model, &setup::bounds(&settings, &model.arm));
+    let mut wire = SimulatedLink::new(plan, model, &setup::bounds(&settings, &model.arm));
     let mut mode = settings.mode;
     loop {
         let exchange = Arc::new(Exchange::new(mode, false));
         wire.exchange = Arc::clone(&exchange);
         let mut cycle = Cycle {
-            robot: Robot::over(wire),
+            robot: Robot::with_link(wire),
             corrector: Corrector::new(settings),
             model: Box::new(LoadedModel::new(model, 1)),
             sensor_inputs: setup::sensor_inputs(&config, false),
@@ -255,8 +255,8 @@ pub fn run(plan: Plan) -> Run<Tick> {
     }
 }
 
-impl Wire {
-    fn new(plan: Plan, arm: Model, joint_bounds: &JointBounds) -> Self {
+impl SimulatedLink {
+    fn new(plan: FeedScenario, arm: Model, joint_bounds: &JointBounds) -> Self {
         let mut q = [0.0; JOINTS_MAX];
         q[..JOINTS].copy_from_slice(&MIDDLE);
         let tool = Chain::tool_at(&arm.arm, &q).origin;
@@ -267,7 +267,7 @@ impl Wire {
             radius_m: tool.x.hypot(tool.y),
             exchange: Arc::new(Exchange::new(Mode::Full, false)),
             now_ns: START_NS,
-            chance: Chance::new(plan.seed),
+            chance: TestRng::new(plan.seed),
             output,
             sent: None,
             newest: None,
@@ -299,7 +299,7 @@ impl Wire {
 
     fn status(&self) -> Status {
         let mut status = Status::default();
-        self.exchange.counters.feed.put(&mut status);
+        self.exchange.counters.feed.write_status(&mut status);
         status
     }
 
@@ -326,7 +326,7 @@ impl Wire {
         });
     }
 
-    /// Holds an override against floor and rates.
+    /// Checks an override against its floor and rates.
     fn judge(&mut self, feed_override: f64) {
         let [floor, down_per_s, up_per_s] = self.plan.bounds;
         let dt_s = TICK_NS as f64 * 1e-9;
@@ -353,7 +353,7 @@ impl Wire {
             _ => newest,
         };
         let late_ns = SENSOR_TICKS as u64 * TICK_NS;
-        let fresh = Measured {
+        let fresh = MeasuredWrench {
             wrench: [0.6 * newtons, 0.0, 0.8 * newtons, 0.0, 0.0, 0.0],
             in_base: false,
             t_ns: self.now_ns - late_ns,
@@ -398,7 +398,7 @@ impl Wire {
     }
 }
 
-impl Link for Wire {
+impl Link for SimulatedLink {
     fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -412,7 +412,7 @@ impl Link for Wire {
         }
         let command = self.next_command();
         if self.away_ticks.is_some() {
-            // It dies before it has answered.
+            // The daemon ends before it has answered.
             self.exchange.stop();
             return None;
         }

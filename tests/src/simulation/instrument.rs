@@ -7,9 +7,9 @@
 //! and a part that depends on joints 1 and 2.
 
 use crate::cell_loop::{JOINTS, MIDDLE, TICK_NS};
-use crate::chance::Chance;
 use crate::oracle::Oracle;
 use crate::place::MODEL;
+use crate::rng::TestRng;
 use crate::simulation::run::Run;
 use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
@@ -29,19 +29,19 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use trued_client::{Output, Setpoint};
 
-/// When a run begins.
+/// Start time of a run, ns.
 const START_NS: u64 = 1 << 40;
 /// Time after its command at which the robot's loop reads the answer, ns.
 const READ_AFTER_NS: u64 = 300_000;
 
-/// The instrument and the robot, as they are.
+/// Simulated properties of instrument and robot.
 #[derive(Clone, Copy, Debug)]
-pub struct Truth {
-    /// From a measurement to its arrival, ms.
+pub struct SimulatedErrors {
+    /// Delay from a measurement to its arrival, ms.
     pub latency_ms: u64,
-    /// Between two measurements, ms.
+    /// Interval between two measurements, ms.
     pub interval_ms: u64,
-    /// From a target to the tool, ms.
+    /// Reaction time of the tool to a target, ms.
     pub reaction_ms: u64,
     /// Whether the instrument stamps its measurements.
     pub stamps: bool,
@@ -53,11 +53,11 @@ pub struct Truth {
     pub jumps: f64,
     /// Amplitude of the joints' oscillation about their middle, rad, with [`Truth::period_s`].
     pub swing_rad: f64,
-    /// The time of a swing, s.
+    /// Period of the oscillation, s.
     pub period_s: f64,
 }
 
-impl Truth {
+impl SimulatedErrors {
     /// 20 ms late, 100 Hz, 0.02 mm of noise, 10 % dropouts, jumps of 1 mm; the robot is at rest.
     #[must_use]
     pub const fn stated() -> Self {
@@ -75,10 +75,10 @@ impl Truth {
     }
 }
 
-/// What is done to the cell at a tick.
+/// Event at a tick.
 #[derive(Clone, Copy, Debug)]
 pub enum Event {
-    /// The beam is broken, or free again.
+    /// The beam is interrupted, or restored.
     Blind(bool),
     /// The instrument's coordinates shift along y, m.
     Shift(f64),
@@ -95,7 +95,7 @@ pub enum Event {
 /// Result of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Tick {
-    /// From where the tool should be to where it is, base frame, m.
+    /// Position error of the tool, base frame, m.
     pub off_m: DVec3,
     /// State of the trim.
     pub state: TrimState,
@@ -125,15 +125,15 @@ impl Run<Tick> {
     }
 }
 
-struct Wire {
-    truth: Truth,
+struct SimulatedLink {
+    truth: SimulatedErrors,
     model: Model,
     bounds: JointBounds,
     exchange: Arc<Exchange>,
     events: Vec<(usize, Event)>,
     ticks: usize,
     now_ns: u64,
-    chance: Chance,
+    chance: TestRng,
     output: Output,
     oracle: Oracle,
     sent: Option<Command>,
@@ -155,7 +155,7 @@ struct Wire {
 #[must_use]
 pub fn run(
     tables: &str,
-    truth: Truth,
+    truth: SimulatedErrors,
     ticks: usize,
     events: Vec<(usize, Event)>,
     seed: u64,
@@ -170,7 +170,7 @@ pub fn run(
     let exchange = Arc::new(Exchange::new(settings.mode, false));
     let mut output = Output::new();
     output.set_bounds(&bounds);
-    let wire = Wire {
+    let wire = SimulatedLink {
         truth,
         model,
         bounds,
@@ -178,7 +178,7 @@ pub fn run(
         events,
         ticks,
         now_ns: START_NS,
-        chance: Chance::new(seed),
+        chance: TestRng::new(seed),
         output,
         oracle: Oracle::new(&bounds, 0.0),
         sent: None,
@@ -192,7 +192,7 @@ pub fn run(
         run: Run::default(),
     };
     let mut cycle = Cycle {
-        robot: Robot::over(wire),
+        robot: Robot::with_link(wire),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel::new(model, 1)),
         sensor_inputs: setup::sensor_inputs(&config, false),
@@ -204,7 +204,7 @@ pub fn run(
     cycle.robot.link.run
 }
 
-impl Wire {
+impl SimulatedLink {
     fn command(&self) -> Joints {
         let turns = self.now_ns.saturating_sub(START_NS) as f64 * 1e-9 / self.truth.period_s;
         let mut q = [0.0; JOINTS_MAX];
@@ -254,7 +254,7 @@ impl Wire {
         let tool_m = by_model + unknown_m;
         let should_m = Chain::tool_at(&self.model.arm, &q_cmd).origin;
         let mut status = Status::default();
-        self.exchange.counters.trim.put(&mut status);
+        self.exchange.counters.trim.write_status(&mut status);
         self.run.ticks.push(Tick {
             off_m: tool_m - should_m,
             state: status.trim_state().expect("a state"),
@@ -269,13 +269,13 @@ impl Wire {
     }
 
     fn normal(&mut self) -> f64 {
-        (0..12).map(|_| self.chance.unit()).sum::<f64>() - 6.0
+        (0..12).map(|_| self.chance.uniform()).sum::<f64>() - 6.0
     }
 
     fn measure(&mut self, tool_m: DVec3) {
         let noise = [(); 3].map(|()| self.normal());
-        let lost = self.chance.unit() < self.truth.dropouts;
-        let jump_m = if self.chance.unit() < self.truth.jumps { 1e-3 } else { 0.0 };
+        let lost = self.chance.uniform() < self.truth.dropouts;
+        let jump_m = if self.chance.uniform() < self.truth.jumps { 1e-3 } else { 0.0 };
         if lost || self.is_blind {
             return;
         }
@@ -309,7 +309,7 @@ impl Wire {
                 self.output.set_bounds(&bounds);
             }
             Event::Bypass(bypassed) => self.exchange.bypassed.store(bypassed, Relaxed),
-            Event::Arm => self.exchange.believe_instrument.store(true, Relaxed),
+            Event::Arm => self.exchange.rearm_instrument.store(true, Relaxed),
             Event::Reload => {
                 while self.exchange.retired_models.pop().is_some() {}
                 let loaded = Box::new(LoadedModel::new(self.model, 2));
@@ -319,7 +319,7 @@ impl Wire {
     }
 }
 
-impl Link for Wire {
+impl Link for SimulatedLink {
     fn now_ns(&self) -> u64 {
         self.now_ns
     }

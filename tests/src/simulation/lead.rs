@@ -1,9 +1,10 @@
-//! A cell whose commands lead in motion, in virtual time: the daemon's own cycle, the client's own output, a path whose next setpoints are known. The oracle judges every
-//! target that the robot is sent; what the robot makes of the targets is left to the caller.
+//! A cell with lead compensation in motion, in virtual time: the daemon's cycle, the client's
+//! output, a path whose next setpoints are known. The oracle checks every target sent to the robot;
+//! the robot's response is simulated by the caller.
 
 use crate::cell_loop::JOINTS;
-use crate::chance::Chance;
 use crate::oracle::Oracle;
+use crate::rng::TestRng;
 use corrector::{Corrector, Mode};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
@@ -21,37 +22,37 @@ use std::sync::atomic::Ordering::Relaxed;
 use trued_client::{Output, Setpoint};
 
 const START_NS: u64 = 1 << 40;
-/// How long after its command the robot's loop takes what there is, ns.
+/// Time after its command at which the robot's loop reads the answer, ns.
 const READ_AFTER_NS: u64 = 300_000;
 
-/// What is done to the cell at random.
+/// Random faults of the cell.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Trouble {
-    /// Share of the commands that the daemon does not get.
+pub struct RandomFaults {
+    /// Share of lost commands.
     pub lost: f64,
     /// Share of the ticks at which something changes: mode, bypass, model, the length of the horizon, a horizon of another path, the client's session.
     pub changes: f64,
 }
 
-/// What became of a run.
+/// Result of a run.
 #[derive(Debug, Default)]
 pub struct Outcome {
-    /// What the robot was sent, row by row.
+    /// The targets sent to the robot, row by row.
     pub sent: Vec<Joints>,
-    /// The rule that broke, in words.
+    /// The violated rule, as text.
     pub broken: Option<String>,
-    /// How often each state of the lead was seen, by its code.
+    /// Number of ticks in each state of the lead compensation, by its code.
     pub states: [usize; 5],
     /// Horizons that a command differed from.
     pub horizons_refused: u32,
 }
 
-struct Wire<'a> {
+struct SimulatedLink<'a> {
     path: &'a [Joints],
     period_ns: u64,
     known: usize,
-    trouble: Trouble,
-    chance: Chance,
+    trouble: RandomFaults,
+    chance: TestRng,
     models: [RobotModel; 2],
     config: CellConfig,
     bounds: JointBounds,
@@ -77,7 +78,7 @@ pub fn run(
     models: [RobotModel; 2],
     path: &[Joints],
     known: usize,
-    trouble: Trouble,
+    trouble: RandomFaults,
     seed: u64,
 ) -> Outcome {
     let text = format!(
@@ -94,12 +95,12 @@ pub fn run(
         setup::lead(&config, settings.jump_margin).and_then(|lead| lead.filter(&models[0]));
     let model = Box::new(LoadedModel { filter, ..LoadedModel::new(models[0].physics, 1) });
     let sensor_inputs = setup::sensor_inputs(&config, false);
-    let wire = Wire {
+    let wire = SimulatedLink {
         path,
         period_ns: settings.period_ns,
         known,
         trouble,
-        chance: Chance::new(seed),
+        chance: TestRng::new(seed),
         models,
         config,
         bounds,
@@ -115,7 +116,7 @@ pub fn run(
         outcome: Outcome::default(),
     };
     let mut cycle = Cycle {
-        robot: Robot::over(wire),
+        robot: Robot::with_link(wire),
         corrector: Corrector::new(settings),
         model,
         sensor_inputs,
@@ -127,7 +128,7 @@ pub fn run(
     cycle.robot.link.outcome
 }
 
-impl Wire<'_> {
+impl SimulatedLink<'_> {
     /// The robot's loop takes what there is.
     fn finish_tick(&mut self) {
         let Some(sent) = self.sent.take() else { return };
@@ -143,7 +144,7 @@ impl Wire<'_> {
         q[..JOINTS].copy_from_slice(target.joints());
         self.outcome.sent.push(q);
         let mut status = Status::default();
-        self.exchange.counters.lead.put(&mut status);
+        self.exchange.counters.lead.write_status(&mut status);
         self.outcome.states[status.lead_state as usize] += 1;
         self.outcome.horizons_refused = status.horizons_refused;
     }
@@ -185,7 +186,7 @@ impl Wire<'_> {
     }
 }
 
-impl Link for Wire<'_> {
+impl Link for SimulatedLink<'_> {
     fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -197,7 +198,7 @@ impl Link for Wire<'_> {
             return None;
         }
         self.now_ns += self.period_ns;
-        if self.chance.unit() < self.trouble.changes {
+        if self.chance.uniform() < self.trouble.changes {
             self.change();
         }
         let q = self.path[self.row];
@@ -205,7 +206,7 @@ impl Link for Wire<'_> {
         let setpoint = Setpoint::new(&q[..JOINTS]).at_ns(self.now_ns);
         let command = setpoint.command(self.seq(), self.session, self.now_ns).expect("numbers");
         self.sent = Some(command);
-        if self.chance.unit() < self.trouble.lost {
+        if self.chance.uniform() < self.trouble.lost {
             return None;
         }
         Some((command, self.now_ns))

@@ -8,14 +8,14 @@ pub mod bridges;
 mod client;
 pub mod feed;
 pub mod instrument;
+mod invariant_monitor;
 pub mod lead;
-mod orders;
+mod requests;
 pub mod run;
-mod watch;
 mod wire;
 
-use crate::chance::Chance;
 use crate::place::MODEL;
+use crate::rng::TestRng;
 use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
@@ -27,7 +27,7 @@ use physics::Model;
 use recording::model::presets::preset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use wire::Wire;
+use wire::FaultyLink;
 
 /// Ticks with faults, then without: afterwards everything must be normal again.
 const STORM_TICKS: u64 = 1500;
@@ -71,10 +71,10 @@ fn models() -> [Model; 2] {
 /// Runs until `cycles` targets were published, or a violation.
 #[must_use]
 pub fn run(seed: u64, cycles: u64) -> Summary {
-    let mut chance = Chance::new(seed);
+    let mut chance = TestRng::new(seed);
     let models = models();
     let mut settings = settings(Mode::Full, 0);
-    let mut wire = Wire::new(chance.bits(), &setup::bounds(&settings, &models[0].arm));
+    let mut wire = FaultyLink::new(chance.next_u64(), &setup::bounds(&settings, &models[0].arm));
     let mut mode = Mode::Full;
     while wire.watch.summary.cycles < cycles && wire.watch.summary.broken.is_none() {
         // Each daemon but the last ends during the storm.
@@ -96,9 +96,9 @@ pub fn run(seed: u64, cycles: u64) -> Summary {
 }
 
 /// One life of a daemon, from its start to its end.
-fn lived(wire: Wire, exchange: &Exchange, physics: Model, settings: Settings) -> Wire {
+fn lived(wire: FaultyLink, exchange: &Exchange, physics: Model, settings: Settings) -> FaultyLink {
     let mut cycle = Cycle {
-        robot: Robot::over(wire),
+        robot: Robot::with_link(wire),
         corrector: Corrector::new(settings),
         model: Box::new(LoadedModel::new(physics, 1)),
         sensor_inputs: SensorInputs::new(WrenchSource::Force),

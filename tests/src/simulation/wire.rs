@@ -1,11 +1,11 @@
 //! The connection between daemon and client: time, messages in transit, and their faults.
 
 use super::client::{Client, READ_AFTER_NS};
-use super::orders;
-use super::watch::Watch;
+use super::invariant_monitor::InvariantMonitor;
+use super::requests;
 use crate::cell_loop::TICK_NS;
-use crate::chance::Chance;
-use crate::hostile::{KINDS, Sender};
+use crate::invalid_messages::{CommandSource, KINDS};
+use crate::rng::TestRng;
 use daemon::exchange::Exchange;
 use daemon::robot::Link;
 use physics::Model;
@@ -23,11 +23,11 @@ const AWAY_NS: u64 = 400_000_000;
 const START_NS: u64 = 1 << 53;
 
 /// The wire.
-pub(super) struct Wire {
+pub(super) struct FaultyLink {
     /// The checks.
-    pub(super) watch: Watch,
-    chance: Chance,
-    hostile: Sender,
+    pub(super) watch: InvariantMonitor,
+    chance: TestRng,
+    hostile: CommandSource,
     client: Client,
     exchange: Arc<Exchange>,
     models: [Model; 2],
@@ -46,13 +46,13 @@ pub(super) struct Wire {
     calms: bool,
 }
 
-impl Wire {
+impl FaultyLink {
     pub(super) fn new(seed: u64, bounds: &JointBounds) -> Self {
         let models = super::models();
         Self {
-            watch: Watch::new(bounds),
-            chance: Chance::new(seed),
-            hostile: Sender::new(seed ^ 1),
+            watch: InvariantMonitor::new(bounds),
+            chance: TestRng::new(seed),
+            hostile: CommandSource::new(seed ^ 1),
             client: Client::new(bounds),
             exchange: Arc::new(Exchange::new(corrector::Mode::Full, false)),
             models,
@@ -147,7 +147,7 @@ impl Wire {
             }
             (1, _) => {
                 self.stormy = 0;
-                self.client.start_anew(self.chance.bits());
+                self.client.start_anew(self.chance.next_u64());
             }
             _ => self.stormy -= 1,
         }
@@ -155,14 +155,14 @@ impl Wire {
         self.read_due_ns = Some(now_ns + READ_AFTER_NS + self.jitter_ns());
         if self.storms() {
             self.client_trouble();
-            orders::give(&mut self.chance, &self.exchange, &self.models);
+            requests::give(&mut self.chance, &self.exchange, &self.models);
         } else {
-            orders::calm(&self.exchange);
+            requests::calm(&self.exchange);
         }
         if let Some(command) = self.client.command(now_ns, !self.storms()) {
             self.send(command);
         }
-        orders::drain(&mut self.chance, &self.exchange, self.stormy > 0, &mut self.watch);
+        requests::drain(&mut self.chance, &self.exchange, self.stormy > 0, &mut self.watch);
     }
 
     /// In storms of every other second reads are up to half a cycle late, each by another time.
@@ -176,11 +176,11 @@ impl Wire {
         match self.chance.below(400) {
             10 => self.client.go_astray(&mut self.chance),
             11 => {
-                self.client.start_at_zero(self.chance.bits());
+                self.client.start_at_zero(self.chance.next_u64());
                 self.watch.begins_at_zero();
             }
             0 => self.tick_due_ns += self.chance.below(AWAY_NS),
-            1 => self.client.start_anew(self.chance.bits()),
+            1 => self.client.start_anew(self.chance.next_u64()),
             2 => self.client.set_clock(&mut self.chance),
             3..10 => self.tick_due_ns += self.chance.below(20 * TICK_NS),
             _ => {}
@@ -201,7 +201,7 @@ impl Wire {
             1 => self.to_daemon.push((arrives_ns + c.below(5 * TICK_NS), command)),
             2 => {
                 (self.hostile.last, self.hostile.now_ns) = (command, Some(self.now_ns));
-                let (bad, _, _) = self.hostile.bad(c.below(KINDS));
+                let (bad, _, _) = self.hostile.next_invalid(c.below(KINDS));
                 self.to_daemon.push((arrives_ns, bad));
                 if c.below(2) == 0 {
                     return;
@@ -218,7 +218,7 @@ impl Wire {
     }
 }
 
-impl Link for Wire {
+impl Link for FaultyLink {
     fn now_ns(&self) -> u64 {
         self.now_ns
     }
@@ -248,7 +248,7 @@ impl Link for Wire {
     }
 
     fn take_state(&mut self) -> Option<RobotState> {
-        (self.storms() && self.chance.below(100) == 0).then(|| self.hostile.state())
+        (self.storms() && self.chance.below(100) == 0).then(|| self.hostile.any_state())
     }
 
     fn send(&mut self, target: &Corrected) -> SendOutcome {

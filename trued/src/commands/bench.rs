@@ -1,7 +1,7 @@
 //! `trued bench`: latency of this machine, compared with the limit and with other transports.
 
-mod asked;
-mod twenty;
+mod options;
+mod twenty_effects;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -13,15 +13,15 @@ use harness::{BenchError, page, tables};
 use report::TextTable;
 use tracing::info;
 
-use crate::child::myself;
+use crate::child::this_program;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::pages::Outputs;
 use crate::progress;
 use crate::table::on_stdout;
 
-use asked::Asked;
+use options::BenchOptions;
 
 /// The page's name in the output directory.
 const PAGE: &str = "bench.html";
@@ -30,7 +30,7 @@ const PAGE: &str = "bench.html";
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     #[command(flatten)]
-    asked: Asked,
+    asked: BenchOptions,
     /// Directory for the page (`bench.html`) and the plots; if not given, neither is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -57,18 +57,18 @@ impl Bench {
         // Hours may pass before there is anything to write.
         outputs.check([])?;
         let bar = progress::stages(console, "starting");
-        let findings = harness::run(&plan, &Myself, &stop, &mut |about| {
+        let findings = harness::run(&plan, &ThisProgram, &stop, &mut |about| {
             bar.set_message(about.to_owned());
             info!("{about}");
         });
         bar.finish_and_clear();
         let findings = findings.map_err(failure)?;
-        self.tell(console, outputs, &plan, &findings)?;
+        self.report(console, outputs, &plan, &findings)?;
         let missed = findings.judged.iter().any(|judged| !judged.ok);
         Ok(if self.judge && missed { Answer::No } else { Answer::Done })
     }
 
-    fn tell(
+    fn report(
         &self,
         console: &mut Console,
         mut outputs: Outputs,
@@ -95,7 +95,7 @@ impl Bench {
             console.say(format!("  {means}"))?;
         }
         for words in tables::tables(findings) {
-            let title = console.paint(Paint::Strong, &words.title);
+            let title = console.paint(Emphasis::Strong, &words.title);
             let table = words.rows.into_iter().fold(TextTable::new(words.heads), TextTable::row);
             console.say(format!("\n{title}\n{}", on_stdout(&table).trim_end()))?;
         }
@@ -112,11 +112,11 @@ impl Bench {
 }
 
 /// This program as further processes of a bench.
-struct Myself;
+struct ThisProgram;
 
-impl Programs for Myself {
+impl Programs for ThisProgram {
     fn daemon(&self, configs: &[PathBuf]) -> std::io::Result<Command> {
-        let mut command = myself()?;
+        let mut command = this_program()?;
         command.args(["run", "--with-parent=kill", "--quiet"]);
         for config in configs {
             command.arg("--config").arg(config);
@@ -125,7 +125,7 @@ impl Programs for Myself {
     }
 
     fn part(&self, words: &str) -> std::io::Result<Command> {
-        let mut command = myself()?;
+        let mut command = this_program()?;
         command.args(["bench", "--part", words]);
         Ok(command)
     }
@@ -142,5 +142,5 @@ fn failure(error: BenchError) -> Failure {
 /// The schema of the result.
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
-    crate::schemas::ResultSchema::of::<harness::findings::Told<'_>>("bench", "trued.bench/1")
+    crate::schemas::ResultSchema::of::<harness::findings::BenchReport<'_>>("bench", "trued.bench/1")
 }

@@ -9,8 +9,8 @@ use std::thread::JoinHandle;
 
 use bridge::{BridgeError, Count, Options};
 use clap::{Args, Subcommand};
-use daemon::notify::Manager;
-use daemon::supervisor::LOOK_EVERY;
+use daemon::notify::ServiceManager;
+use daemon::supervisor::PERIOD;
 use recording::bridge::{EgmConfig, RsiConfig};
 
 use crate::exit::{Answer, Failure, Outcome};
@@ -31,13 +31,13 @@ pub(crate) struct Bridge {
 #[derive(Debug, Subcommand)]
 enum Protocol {
     /// Relay between an ABB controller and the application that guides it (EGM)
-    Egm(With),
+    Egm(BridgeOptions),
     /// Act as the sensor of a KUKA controller (RSI); the robot program stays unchanged
-    Rsi(With),
+    Rsi(BridgeOptions),
 }
 
 #[derive(Debug, Args)]
-struct With {
+struct BridgeOptions {
     /// The bridge's configuration
     #[arg(long, value_name = "BRIDGE.toml")]
     config: PathBuf,
@@ -48,8 +48,9 @@ impl Bridge {
         let options = Options { stop: interrupt::flag()?, ..Options::default() };
         let mut told = Ok(None);
         let mut ready = |at| {
-            told =
-                console.say(format!("ready: listening on {at}")).and_then(|()| attended(&options));
+            told = console
+                .say(format!("ready: listening on {at}"))
+                .and_then(|()| start_watchdog(&options));
         };
         match &self.protocol {
             Protocol::Egm(with) => {
@@ -72,17 +73,17 @@ impl Bridge {
 }
 
 /// Tells the service manager that the bridge is ready, and from then on that it lives.
-fn attended(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> {
-    let mut manager = Manager::of_environment(1);
-    manager.says(0, 0, "listening");
+fn start_watchdog(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> {
+    let mut manager = ServiceManager::from_environment(1);
+    manager.report_alive(0, 0, "listening");
     manager.ready();
     let options = options.clone();
     let attend = move || {
         while !options.stop.load(Relaxed) {
             let [heard, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
             let words = format!("{heard} datagrams received from the robot, {sent} replies sent");
-            manager.says(0, options.turns.load(Relaxed), &words);
-            std::thread::sleep(LOOK_EVERY);
+            manager.report_alive(0, options.iterations.load(Relaxed), &words);
+            std::thread::sleep(PERIOD);
         }
         manager.stopping();
     };

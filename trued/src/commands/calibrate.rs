@@ -9,15 +9,15 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use diagnosis::gross::Suspicion;
+use diagnosis::gross_errors::SuspectedError;
 use diagnosis_report::Error;
-use diagnosis_report::calibration::{self, Calibrated, Refused, Settings, calibrate};
+use diagnosis_report::calibration::{self, CalibrationResult, Rejection, Settings, calibrate};
 use tracing::warn;
 
 use crate::exit::{Answer, Outcome};
 use crate::input::Reading;
 use crate::options::{Seed, tolerance_mm};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::{progress, wrap};
 
 /// Stages that the progress shows.
@@ -95,8 +95,8 @@ impl Calibrate {
         }
         console.write(outputs, "trued.calibrate/1", &calibrated.report(written))?;
         console.say(calibrated.text(written, wrap::columns_of_stdout()))?;
-        for reason in &calibrated.refused {
-            let head = console.paint(Paint::Bad, "not validated");
+        for reason in &calibrated.rejection_reasons {
+            let head = console.paint(Emphasis::Bad, "not validated");
             console.say(format!("{head}: {reason}"))?;
         }
         if written.is_some() {
@@ -109,30 +109,30 @@ impl Calibrate {
 
     fn settings(&self) -> Settings {
         Settings {
-            seed: self.seed.settle(),
+            seed: self.seed.resolve(),
             heldout_share: 0.01 * f64::from(self.heldout),
             sag: match self.sag {
-                Sag::On => calibration::Sag::AllOthers,
-                Sag::Off => calibration::Sag::AsMeasured,
+                Sag::On => calibration::SagCorrection::AllOthers,
+                Sag::Off => calibration::SagCorrection::AsMeasured,
             },
             tolerance_mm: self.tolerance_mm,
             ..Settings::default()
         }
     }
 
-    fn is_written(&self, calibrated: &Calibrated) -> bool {
-        self.accept_worse || calibrated.is_proven()
+    fn is_written(&self, calibrated: &CalibrationResult) -> bool {
+        self.accept_worse || calibrated.is_validated()
     }
 }
 
 /// Gross errors make any fit meaningless: they are reported, and nothing is written.
-fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
-    console.json("trued.calibrate/1", &Refused::of(faults))?;
-    let head = console.paint(Paint::Bad, "not calibrated");
+fn refuse(console: &mut Console, faults: &[SuspectedError]) -> Outcome {
+    console.json("trued.calibrate/1", &Rejection::of(faults))?;
+    let head = console.paint(Emphasis::Bad, "not calibrated");
     let more = if faults.len() > 1 { "; one of these explains it" } else { "" };
     console.say(format!("{head}: the recording and the model do not match{more}"))?;
     for fault in faults {
-        console.say(format!("  {}", fault.says))?;
+        console.say(format!("  {}", fault.message))?;
     }
     console.say("no model was written")?;
     Ok(Answer::No)
@@ -144,6 +144,6 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     vec![
         ResultSchema::of::<calibration::Report>("calibrate", "trued.calibrate/1"),
-        ResultSchema::of::<Refused<'_>>("calibrate-refused", "trued.calibrate/1"),
+        ResultSchema::of::<Rejection<'_>>("calibrate-refused", "trued.calibrate/1"),
     ]
 }

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Duration;
 
 use challenge::case::Tier;
-use challenge_report::{Case, Scored, SealedTruth, case_name};
+use challenge_report::{Case, ScoredChallenge, SealedTruth, case_name};
 use clap::{Args, ValueEnum};
 
 use self::inject::Injection;
@@ -135,7 +135,7 @@ struct Folder {
 }
 
 impl Folder {
-    fn make(path: &Path) -> Result<Self, Failure> {
+    fn create(path: &Path) -> Result<Self, Failure> {
         let is_made = !path.exists();
         std::fs::create_dir_all(path)
             .map_err(|error| Failure::input(format!("cannot make {}: {error}", path.display())))?;
@@ -169,15 +169,15 @@ impl Drop for Folder {
 
 impl Challenge {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let seed = self.seed.settle();
+        let seed = self.seed.resolve();
         // Hours may pass before there is anything to write.
         let inputs = self.inject.iter().chain(self.reading.files());
         console.outputs().in_folder(&self.out).check(inputs)?;
-        let solver = Solver::of(self.solver.as_deref(), self.limit)?;
+        let solver = Solver::new(self.solver.as_deref(), self.limit)?;
         let mut folder = self.folder()?;
         let stop = interrupt::flag()?;
         let count = self.cases as usize;
-        let work = Work { threads: self.threads.settle().get(), stop: &stop };
+        let work = ParallelWork { threads: self.threads.resolve().get(), stop: &stop };
         if !self.inject.is_empty() {
             let (reading, recordings) = (&self.reading, self.inject.as_slice());
             let (out, solver) = (folder.path.as_path(), &solver);
@@ -187,17 +187,17 @@ impl Challenge {
             return Ok(answer);
         }
         let domain = self.domain.into();
-        let cases = work.each(console, count, "drawing cases", |index| {
+        let cases = work.map_cases(console, count, "drawing cases", |index| {
             let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
-            let case = Case::draw(domain, seed, index, tier);
-            put(&folder.case(index), &case)?;
+            let case = Case::generate(domain, seed, index, tier);
+            write_case(&folder.case(index), &case)?;
             Ok(case)
         })?;
         let truth = SealedTruth::of(&cases);
         let commitment = truth.commitment().map_err(Failure::system)?;
         write([(folder.path.join("commitment.json"), commitment)])?;
         console.say(format!("{count} cases of seed {seed}, sealed      {}", truth.sha256))?;
-        let answers = work.each(console, count, "solving", |index| {
+        let answers = work.map_cases(console, count, "solving", |index| {
             solver.answer(&folder.case(index), &folder.answer(index), &stop)
         })?;
         folder.is_kept = true;
@@ -205,10 +205,10 @@ impl Challenge {
         console.say(format!("answers                      {answers_sha256}"))?;
         let text = truth.open().map_err(Failure::system)?.to_owned();
         write([(folder.path.join("truth.json"), text)])?;
-        let errors = work.each(console, count, "proving", |index| {
+        let errors = work.map_cases(console, count, "proving", |index| {
             Ok(cases[index].errors(answers[index].model.as_deref()))
         })?;
-        let scored = Scored::of(seed, domain, truth, &answers, errors);
+        let scored = ScoredChallenge::of(seed, domain, truth, &answers, errors);
         let outcomes = scored.outcomes_json().map_err(Failure::system)?;
         let page = folder.path.join("report.html");
         let mut outputs = console.outputs();
@@ -228,11 +228,11 @@ impl Challenge {
                 "{out} holds something already: give --out another folder"
             )));
         }
-        Folder::make(&self.out)
+        Folder::create(&self.out)
     }
 }
 
-fn put(folder: &Path, case: &Case) -> Result<(), Failure> {
+fn write_case(folder: &Path, case: &Case) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(Failure::system)?;
     write(case.files().into_iter().map(|(name, text)| (folder.join(name), text)))
 }
@@ -245,13 +245,13 @@ fn write(files: impl IntoIterator<Item = (PathBuf, String)>) -> Result<(), Failu
 }
 
 /// Processes many cases on several threads; results are in the order of the cases.
-struct Work<'a> {
+struct ParallelWork<'a> {
     threads: usize,
     stop: &'a AtomicBool,
 }
 
-impl Work<'_> {
-    fn each<T: Send>(
+impl ParallelWork<'_> {
+    fn map_cases<T: Send>(
         &self,
         console: &Console,
         count: usize,
@@ -297,8 +297,8 @@ pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use challenge_report::Commitment;
     use challenge_report::injection::InjectionReport;
     vec![
-        ResultSchema::of::<challenge::score::Figures>("challenge", "trued.challenge/1"),
-        ResultSchema::without_format::<Vec<challenge::score::Line>>("challenge-outcomes"),
+        ResultSchema::of::<challenge::score::ChallengeStatistics>("challenge", "trued.challenge/1"),
+        ResultSchema::without_format::<Vec<challenge::score::CaseSummary>>("challenge-outcomes"),
         ResultSchema::of::<Commitment<'_>>("challenge-commitment", "trued.commitment/1"),
         ResultSchema::of::<InjectionReport>("challenge-injection", "trued.injection/1"),
     ]

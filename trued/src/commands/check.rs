@@ -10,11 +10,11 @@ use recording::faults::Faults;
 use recording::files::FileError;
 use recording::manifest;
 use recording::model::RobotModel;
-use report::{TextTable, count};
+use report::{TextTable, pluralise};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, model};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::table::on_stdout;
 
 /// Validate files and report every error: cells, models, recordings, mappings
@@ -38,7 +38,7 @@ impl Check {
         for path in &self.files {
             match self.check(path, known.as_ref()) {
                 Ok(findings) => {
-                    say(console, path, &findings)?;
+                    print_findings(console, path, &findings)?;
                     files.push(FileReport::of(path, findings));
                 }
                 // The other files are still checked; a read error is reported last.
@@ -72,26 +72,26 @@ impl Check {
         match check::schema_of(path)?.as_deref() {
             Some("trued.cell/1") => daemon::setup::check::cell(path),
             Some(manifest::SCHEMA) => batch::check::manifest(path),
-            _ => check::file(path, self.reading.mapping.as_deref(), known),
+            _ => check::validate_file(path, self.reading.mapping.as_deref(), known),
         }
     }
 }
 
-fn say(console: &mut Console, path: &Path, findings: &Findings) -> Result<(), Failure> {
+fn print_findings(console: &mut Console, path: &Path, findings: &Findings) -> Result<(), Failure> {
     // Colour is in use if painting an empty text adds something.
-    let coloured = !console.paint(Paint::Bad, "").is_empty();
+    let coloured = !console.paint(Emphasis::Bad, "").is_empty();
     for faults in &findings.faults {
         console.say(if coloured { faults.styled() } else { faults.plain() })?;
         console.say("")?;
     }
     let (name, Findings { kind, summary, .. }) = (path.display(), findings);
     if findings.faults.is_empty() {
-        let ok = console.paint(Paint::Good, "ok:");
+        let ok = console.paint(Emphasis::Good, "ok:");
         let gap = if summary.is_empty() { "" } else { ", " };
         console.say(format!("{ok} {name}: {kind}{gap}{summary}"))?;
     } else {
         let number = findings.faults.iter().map(Faults::len).sum();
-        console.say(format!("{name}: {kind}, {}", count(number, "fault")))?;
+        console.say(format!("{name}: {kind}, {}", pluralise(number, "fault")))?;
     }
     for note in &findings.notes {
         console.say(format!("  note: {note}"))?;

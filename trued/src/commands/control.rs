@@ -17,15 +17,15 @@ use crate::input::unusable;
 use crate::output::Console;
 
 /// Time limit for finding the daemon, and for its answer.
-const FOUND_WITHIN: Duration = Duration::from_secs(2);
-const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Maximum length of a marker's text in bytes, limited by the request.
 const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
 
 /// Which cell is meant.
 #[derive(Debug, Args)]
-pub(super) struct Which {
+pub(super) struct CellSelection {
     /// The cell: its name or its configuration file; may be omitted if only one cell runs on this computer
     #[arg(value_name = "CELL")]
     cell: Option<String>,
@@ -33,7 +33,7 @@ pub(super) struct Which {
 
 /// No cell was named, and it is not clear which one is meant.
 #[derive(Debug, thiserror::Error)]
-enum Unclear {
+enum CellSelectionError {
     #[error(
         "no running cell found; start `trued run --config CELL.toml`, or set TRUED_RUNTIME_DIR to the same value as for the daemon"
     )]
@@ -42,7 +42,7 @@ enum Unclear {
     Several(Vec<String>),
 }
 
-impl Which {
+impl CellSelection {
     /// Its name.
     ///
     /// # Errors
@@ -63,9 +63,9 @@ impl Which {
             (Some(name), true) => Ok(name),
             (Some(last), false) => {
                 names.push(last);
-                Err(Failure::input(Unclear::Several(names)))
+                Err(Failure::input(CellSelectionError::Several(names)))
             }
-            (None, _) => Err(Failure::system(Unclear::None)),
+            (None, _) => Err(Failure::system(CellSelectionError::None)),
         }
     }
 
@@ -78,10 +78,10 @@ impl Which {
     /// Joins the daemon of that cell.
     ///
     /// # Errors
-    /// See [`Which::name`]; no daemon.
+    /// See [`CellSelection::name`]; no daemon.
     pub(super) fn join(&self) -> Result<(String, Monitor), Failure> {
         let name = self.name()?;
-        let monitor = Monitor::connect(&name, FOUND_WITHIN).map_err(Failure::system)?;
+        let monitor = Monitor::connect(&name, CONNECT_TIMEOUT).map_err(Failure::system)?;
         Ok((name, monitor))
     }
 }
@@ -97,7 +97,7 @@ pub(crate) struct Bypass {
     #[arg(value_name = "on|off", value_enum, hide_possible_values = true)]
     switch: Switch,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 /// Change the correction mode of a running cell without a restart
@@ -106,12 +106,12 @@ pub(crate) struct Bypass {
 /// `full`: corrections up to the configured limits. The limiter of the correction ramps the change, so the robot does not step. Exit 1 if the cell's configuration
 /// does not allow the mode (`mode_max`, by default `mode`). A restart of the daemon restores the configured mode.
 #[derive(Debug, Args)]
-pub(crate) struct ModeOf {
+pub(crate) struct ModeCommand {
     /// The correction mode
     #[arg(value_name = "shadow|limited|full", value_enum, hide_possible_values = true)]
     mode: Mode,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 /// Return a cell to its configured mode
@@ -121,7 +121,7 @@ pub(crate) struct ModeOf {
 #[derive(Debug, Args)]
 pub(crate) struct Arm {
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 /// Write a marker into the recording of a running cell
@@ -133,7 +133,7 @@ pub(crate) struct Mark {
     #[arg(value_name = "TEXT")]
     text: String,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 /// Start or stop the recording of a running cell, or protect it from removal
@@ -148,7 +148,7 @@ pub(crate) struct Record {
     #[arg(value_name = "start|stop|keep", value_enum, hide_possible_values = true)]
     action: RecordAction,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -175,8 +175,8 @@ impl Bypass {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let on = self.switch == Switch::On;
         let (cell, mut monitor) = self.which.join()?;
-        let response = monitor.bypass(on, ANSWER_WITHIN).map_err(Failure::system)?;
-        let outcome = tell(console, &cell, "bypass", &response)?;
+        let response = monitor.bypass(on, ANSWER_TIMEOUT).map_err(Failure::system)?;
+        let outcome = report_answer(console, &cell, "bypass", &response)?;
         if on && outcome == Answer::Done {
             console.say("the correction stays disabled until `trued bypass off`")?;
         }
@@ -184,7 +184,7 @@ impl Bypass {
     }
 }
 
-impl ModeOf {
+impl ModeCommand {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let mode = match self.mode {
             Mode::Shadow => trued_client::Mode::Shadow,
@@ -192,16 +192,16 @@ impl ModeOf {
             Mode::Full => trued_client::Mode::Full,
         };
         let (cell, mut monitor) = self.which.join()?;
-        let response = monitor.mode(mode, ANSWER_WITHIN).map_err(Failure::system)?;
-        tell(console, &cell, "mode", &response)
+        let response = monitor.mode(mode, ANSWER_TIMEOUT).map_err(Failure::system)?;
+        report_answer(console, &cell, "mode", &response)
     }
 }
 
 impl Arm {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let (cell, mut monitor) = self.which.join()?;
-        let response = monitor.arm(true, ANSWER_WITHIN).map_err(Failure::system)?;
-        tell(console, &cell, "arm", &response)
+        let response = monitor.arm(true, ANSWER_TIMEOUT).map_err(Failure::system)?;
+        report_answer(console, &cell, "arm", &response)
     }
 }
 
@@ -216,8 +216,8 @@ impl Mark {
             return Err(Failure::input(words));
         }
         let (cell, mut monitor) = self.which.join()?;
-        let response = monitor.mark(&self.text, ANSWER_WITHIN).map_err(Failure::system)?;
-        tell(console, &cell, "mark", &response)
+        let response = monitor.mark(&self.text, ANSWER_TIMEOUT).map_err(Failure::system)?;
+        report_answer(console, &cell, "mark", &response)
     }
 }
 
@@ -229,8 +229,8 @@ impl Record {
             RecordAction::Keep => RecorderAction::Keep,
         };
         let (cell, mut monitor) = self.which.join()?;
-        let response = monitor.record(action, ANSWER_WITHIN).map_err(Failure::system)?;
-        tell(console, &cell, "record", &response)
+        let response = monitor.record(action, ANSWER_TIMEOUT).map_err(Failure::system)?;
+        report_answer(console, &cell, "record", &response)
     }
 }
 
@@ -244,7 +244,7 @@ struct Report<'a> {
 }
 
 /// Reports the daemon's answer.
-fn tell(console: &mut Console, cell: &str, request: &str, response: &Response) -> Outcome {
+fn report_answer(console: &mut Console, cell: &str, request: &str, response: &Response) -> Outcome {
     let answer = response.answer().map_err(Failure::system)?;
     let message = response.message.as_str();
     console.json("trued.request/1", &Report { cell, request, answer: answer.name(), message })?;

@@ -8,10 +8,10 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recording::blackbox::{self, Contents, Record, Run};
+use recording::mcap_recording::{self, Contents, Record, Run};
 use recording::ros2;
-use recording::series::{self, Need, Recording};
-use report::count;
+use recording::series::{self, Recording, RequiredData};
+use report::pluralise;
 use serde::Serialize;
 use tracing::warn;
 
@@ -87,42 +87,42 @@ impl Convert {
         let report = if has_ending(&self.out, "mcap") {
             self.to_ros2(is_of_daemon, &mut outputs, &mut written)?
         } else if is_of_daemon {
-            self.of_daemon(&target, &mut outputs, &mut written)?
+            self.convert_daemon_recording(&target, &mut outputs, &mut written)?
         } else {
-            self.of_table(&target, &mut outputs, &mut written)?
+            self.convert_table(&target, &mut outputs, &mut written)?
         };
         outputs.check([&self.input].into_iter().chain(&self.mapping))?;
         let files = written.iter().map(|path| path.display().to_string()).collect();
         let report = Report { files, ..report };
         console.write(outputs, "trued.convert/1", &report)?;
-        say(console, &report)
+        print_report(console, &report)
     }
 
-    fn of_daemon(
+    fn convert_daemon_recording(
         &self,
         target: &Target,
         outputs: &mut Outputs,
         written: &mut Vec<PathBuf>,
     ) -> Result<Report, Failure> {
-        let mut contents = blackbox::read(&self.input).map_err(Failure::input)?;
-        let mut made = blackbox::convert(&contents);
+        let mut contents = mcap_recording::read(&self.input).map_err(Failure::input)?;
+        let mut made = mcap_recording::convert(&contents);
         // In a long run the records are most of the memory.
         contents.records = Vec::new();
         if made.runs.is_empty() && made.forces.is_none() {
-            return Err(Failure::input(nothing_in(&self.input, contents.cut.as_deref())));
+            return Err(Failure::input(empty_file_message(&self.input, contents.cut.as_deref())));
         }
         if made.not_finite > 0 {
-            let values = count(made.not_finite, "value");
+            let values = pluralise(made.not_finite, "value");
             warn!(
                 "{values} of forces, joints or temperatures are not finite and are written as missing"
             );
         }
         for (place, run) in made.runs.iter_mut().enumerate() {
             let more = if place == 0 { String::new() } else { format!("-{}", place + 1) };
-            target.put_run(outputs, &more, run, written)?;
+            target.add_run(outputs, &more, run, written)?;
         }
         if let Some(forces) = &made.forces {
-            target.put(outputs, "-forces", forces, written)?;
+            target.add_recording(outputs, "-forces", forces, written)?;
         }
         let Contents { header, cut, unknown, .. } = contents;
         Ok(Report {
@@ -138,7 +138,7 @@ impl Convert {
     }
 
     fn table(&self) -> Result<Recording, Failure> {
-        let read = series::read(&self.input, self.mapping.as_deref(), Need::Samples);
+        let read = series::read(&self.input, self.mapping.as_deref(), RequiredData::Samples);
         let recording = read.map_err(Failure::input)?;
         for note in &recording.notes {
             warn!("{}: {note}", self.input.display());
@@ -153,15 +153,15 @@ impl Convert {
         written: &mut Vec<PathBuf>,
     ) -> Result<Report, Failure> {
         let (bag, report) = if is_of_daemon {
-            let contents = blackbox::read(&self.input).map_err(Failure::input)?;
-            let bag = ros2::of_daemon(&contents).map_err(Failure::system)?;
+            let contents = mcap_recording::read(&self.input).map_err(Failure::input)?;
+            let bag = ros2::from_daemon_recording(&contents).map_err(Failure::system)?;
             let Contents { header, cut, unknown, records, .. } = contents;
             let rows = records.iter().filter(|record| matches!(record, Record::Cycle(_))).count();
             let (cell, recorded_by) = (Some(header.cell), Some(header.version));
             (bag, Report { cell, recorded_by, rows, cut, unknown, ..Report::default() })
         } else {
             let recording = self.table()?;
-            let bag = ros2::of_table(&recording).map_err(Failure::system)?;
+            let bag = ros2::from_table(&recording).map_err(Failure::system)?;
             (bag, Report { rows: recording.len(), ..Report::default() })
         };
         if bag.topics.is_empty() {
@@ -178,22 +178,25 @@ impl Convert {
         Ok(Report { recordings: 1, force_samples, topics, left_out, ..report })
     }
 
-    fn of_table(
+    fn convert_table(
         &self,
         target: &Target,
         outputs: &mut Outputs,
         written: &mut Vec<PathBuf>,
     ) -> Result<Report, Failure> {
         let mut recording = self.table()?;
-        recording.about.model =
-            recording.about.model.take().map(|name| seen_from(target, &self.input, name));
-        target.put(outputs, "", &recording, written)?;
+        recording.metadata.model = recording
+            .metadata
+            .model
+            .take()
+            .map(|name| relative_model_path(target, &self.input, name));
+        target.add_recording(outputs, "", &recording, written)?;
         Ok(Report { rows: recording.len(), recordings: 1, ..Report::default() })
     }
 }
 
-/// Why a file of the daemon contains nothing to convert.
-fn nothing_in(input: &Path, cut: Option<&str>) -> String {
+/// Message for a file of the daemon that contains nothing to convert.
+fn empty_file_message(input: &Path, cut: Option<&str>) -> String {
     let what = format!("{}: contains no cycle and no force sample", input.display());
     match cut {
         Some(why) => {
@@ -204,7 +207,7 @@ fn nothing_in(input: &Path, cut: Option<&str>) -> String {
 }
 
 /// The path of the recording's model as seen from the target's directory; a preset keeps its name.
-fn seen_from(target: &Target, input: &Path, name: String) -> String {
+fn relative_model_path(target: &Target, input: &Path, name: String) -> String {
     let folder = |path: &Path| {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         folder.unwrap_or(Path::new(".")).canonicalize().ok()
@@ -234,14 +237,14 @@ impl Target {
     }
 
     /// The path with more behind it.
-    fn with(&self, more: impl AsRef<OsStr>) -> PathBuf {
+    fn with_suffix(&self, more: impl AsRef<OsStr>) -> PathBuf {
         let mut name = self.stem.clone().into_os_string();
         name.push(more);
         PathBuf::from(name)
     }
 
     /// Adds the rows made with one model, and that model, to the outputs.
-    fn put_run(
+    fn add_run(
         &self,
         outputs: &mut Outputs,
         more: &str,
@@ -251,22 +254,22 @@ impl Target {
         match run.header.as_ref().map(|header| header.model.as_str()) {
             Some("") => {}
             Some(text) => {
-                let model = self.with(format!("{more}-model.toml"));
+                let model = self.with_suffix(format!("{more}-model.toml"));
                 outputs.put(&model, text);
                 let name = model.file_name().unwrap_or_default();
-                run.cycles.about.model = Some(name.to_string_lossy().into_owned());
+                run.cycles.metadata.model = Some(name.to_string_lossy().into_owned());
                 written.push(model);
             }
             None => {
-                let name = self.with(more);
+                let name = self.with_suffix(more);
                 warn!("{}: the MCAP file does not hold the model of these rows", name.display());
             }
         }
-        self.put(outputs, more, &run.cycles, written)
+        self.add_recording(outputs, more, &run.cycles, written)
     }
 
     /// Puts a recording as its two files.
-    fn put(
+    fn add_recording(
         &self,
         outputs: &mut Outputs,
         more: &str,
@@ -277,8 +280,10 @@ impl Target {
             Format::Csv => ("csv", recording.to_csv()),
             Format::Parquet => ("parquet", recording.to_parquet().map_err(Failure::input)?),
         };
-        let (toml, path) =
-            (self.with(format!("{more}.toml")), self.with(format!("{more}.{ending}")));
+        let (toml, path) = (
+            self.with_suffix(format!("{more}.toml")),
+            self.with_suffix(format!("{more}.{ending}")),
+        );
         outputs.put(&toml, recording.about_toml());
         outputs.put(&path, table);
         written.extend([toml, path]);
@@ -286,23 +291,23 @@ impl Target {
     }
 }
 
-fn say(console: &mut Console, report: &Report) -> Outcome {
+fn print_report(console: &mut Console, report: &Report) -> Outcome {
     if let Some(why) = &report.cut {
         warn!("the MCAP file is truncated; everything before that point was read: {why}");
     }
     if report.unknown > 0 {
-        warn!("skipped {} of types unknown to this version", count(report.unknown, "message"));
+        warn!("skipped {} of types unknown to this version", pluralise(report.unknown, "message"));
     }
     match report.cell.as_ref().zip(report.recorded_by.as_ref()) {
         Some((cell, version)) => {
-            let rows = count(report.rows, "cycle");
-            let forces = count(report.force_samples, "force sample");
+            let rows = pluralise(report.rows, "cycle");
+            let forces = pluralise(report.force_samples, "force sample");
             console.say(format!("cell {cell}, trued {version}: {rows}, {forces}"))?;
         }
-        None => console.say(count(report.rows, "row"))?,
+        None => console.say(pluralise(report.rows, "row"))?,
     }
     if report.recordings > 1 {
-        let models = count(report.recordings, "time");
+        let models = pluralise(report.recordings, "time");
         console.say(format!("a model was in use {models}: each has a recording of its own"))?;
     }
     for (topic, messages) in &report.topics {

@@ -6,11 +6,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use correction_report::path::{CorrectedPath, Request};
+use correction_report::path::{CorrectedPath, CorrectionRequest};
 use recording::cell::CellConfig;
 
+use crate::dynamic_options::{IN_TIME, InTime};
 use crate::exit::{Answer, Failure, Outcome};
-use crate::in_time::{IN_TIME, InTime};
 use crate::input::{Input, Reading, unusable};
 use crate::options::tolerance_mm;
 use crate::output::Console;
@@ -54,15 +54,17 @@ pub(crate) struct Correct {
 
 impl Correct {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let out = self.out.clone().unwrap_or_else(|| beside(&self.path));
+        let out = self.out.clone().unwrap_or_else(|| default_output(&self.path));
         let mut outputs = console.outputs().file(&out);
         outputs.check([&self.path].into_iter().chain(self.reading.files()).chain(&self.config))?;
         let cell = self.config.as_deref().map(cell).transpose()?;
         let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let Input { model, recording, .. } = self.reading.read(&self.path, fallback)?;
         let dynamic = self.dynamic.then(|| self.in_time.settings()).transpose()?;
-        let corrected = CorrectedPath::of(&model, recording, Request { cell, dynamic })?;
-        let tolerance = self.tolerance_mm.map(|allowed_mm| corrected.within(allowed_mm));
+        let corrected =
+            CorrectedPath::compute(&model, recording, CorrectionRequest { cell, dynamic })?;
+        let tolerance =
+            self.tolerance_mm.map(|allowed_mm| corrected.compare_with_tolerance(allowed_mm));
         outputs.put(&out, corrected.csv.as_slice());
         console.write(outputs, "trued.correct/1", &corrected.report(&out, tolerance))?;
         for line in corrected.text(&out, tolerance, wrap::columns_of_stdout()) {
@@ -81,7 +83,7 @@ pub(super) fn cell(path: &Path) -> Result<(String, CellConfig), Failure> {
     Ok((path.display().to_string(), CellConfig::read(path).map_err(unusable)?))
 }
 
-fn beside(path: &Path) -> PathBuf {
+fn default_output(path: &Path) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     name.push(".corrected.csv");
     PathBuf::from(name)

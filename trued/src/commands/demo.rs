@@ -13,7 +13,7 @@ use demo_report::{DIAGNOSIS, Error, Event, FILES, PAGE, Programs, Scene, run_cel
 use indicatif::ProgressBar;
 
 use super::diagnose;
-use crate::child::myself;
+use crate::child::this_program;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::options::Seed;
 use crate::output::Console;
@@ -38,23 +38,23 @@ pub(crate) struct Demo {
 }
 
 /// This program, as daemon and as cell.
-struct Myself {
+struct ThisProgram {
     quick: bool,
     seed: u64,
     /// The daemon's messages are not shown.
     is_quiet: bool,
 }
 
-impl Programs for Myself {
+impl Programs for ThisProgram {
     fn daemon(&self, config: &Path) -> io::Result<Command> {
-        let mut command = myself()?;
+        let mut command = this_program()?;
         command.args(["run", "--with-parent"]).arg("--config").arg(config);
         command.args(self.is_quiet.then_some("--quiet"));
         Ok(command)
     }
 
     fn cell(&self, name: &str, out: &Path) -> io::Result<Command> {
-        let mut command = myself()?;
+        let mut command = this_program()?;
         command.args(["demo", "--cell", name, "--seed", &self.seed.to_string()]);
         command.arg("--out").arg(out).args(self.quick.then_some("--quick"));
         Ok(command)
@@ -63,11 +63,12 @@ impl Programs for Myself {
 
 impl Demo {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let scene = Scene::new(self.seed.settle(), self.quick)?;
+        let scene = Scene::new(self.seed.resolve(), self.quick)?;
         let out = self.out.clone().unwrap_or_else(fresh_folder);
         let stop = interrupt::flag()?;
         if let Some(name) = &self.cell {
-            let provenance = self.again(console, scene.seed(), &out).provenance(Vec::new());
+            let provenance =
+                self.repeat_invocation(console, scene.seed(), &out).provenance(Vec::new());
             run_cell(name, &scene, &out, provenance, &stop)?;
             return Ok(Answer::Done);
         }
@@ -79,7 +80,7 @@ impl Demo {
             ..demo_report::Demo::new(&scene, out)
         };
         let (quick, seed) = (self.quick, scene.seed());
-        let programs = Myself { quick, seed, is_quiet: console.common().verbose == 0 };
+        let programs = ThisProgram { quick, seed, is_quiet: console.common().verbose == 0 };
         let mut bar = ProgressBar::hidden();
         let report = demo.run(&programs, &stop, &mut |event| {
             match event {
@@ -95,7 +96,7 @@ impl Demo {
     }
 
     /// The command line with which a user would repeat this run.
-    fn again(&self, console: &Console, seed: u64, out: &Path) -> Invocation {
+    fn repeat_invocation(&self, console: &Console, seed: u64, out: &Path) -> Invocation {
         let seed = seed.to_string();
         let words = ["demo", "--seed", &seed].map(str::to_owned).into_iter();
         let quick = self.quick.then(|| "--quick".to_owned());

@@ -14,15 +14,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use diagnosis::force::has_force;
 use diagnosis_report::{
-    Diagnosed, JSON, MODEL, PAGE, Settings, Stage, Whole, diagnose, lead, lines,
+    DiagnosisJson, JSON, MODEL, PAGE, RobotDiagnosis, Settings, Stage, diagnose, lines, summary,
 };
 use recording::model::RobotModel;
 use recording::series::Recording;
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Looked, Reading};
+use crate::input::{InspectedRecording, Reading};
 use crate::options::{Seed, Threads, tolerance_mm};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::pages::Outputs;
 use crate::progress;
 
@@ -62,27 +62,27 @@ pub(crate) struct Diagnose {
 }
 
 /// Recordings that were read, with the model that they belong to.
-enum Read {
+enum DiagnosisInput {
     /// Forces without any joint.
     Forces(Box<(RobotModel, Recording)>),
     /// What was measured of a robot.
     Robot(Box<RobotModel>, Vec<Recording>),
 }
 
-impl Read {
+impl DiagnosisInput {
     /// Reads recordings of one robot, or one of forces alone.
     fn of(reading: &Reading, recordings: &[PathBuf]) -> Result<Self, Failure> {
-        let looked = recordings.first().map(|first| reading.look(first)).transpose()?;
+        let looked = recordings.first().map(|first| reading.inspect(first)).transpose()?;
         let read = match looked {
-            Some(Looked::WithoutArm(alone)) if has_force(&alone.1) => {
+            Some(InspectedRecording::WithoutArm(alone)) if has_force(&alone.1) => {
                 if recordings.len() > 1 {
                     let why = "recordings with forces only are diagnosed one at a time; give one RECORDING";
                     return Err(Failure::input(why));
                 }
                 return Ok(Self::Forces(alone));
             }
-            Some(Looked::WithoutArm(alone)) => Some(alone.1),
-            Some(Looked::OfArm(read)) => read.map(|read| *read),
+            Some(InspectedRecording::WithoutArm(alone)) => Some(alone.1),
+            Some(InspectedRecording::OfArm(read)) => read.map(|read| *read),
             None => None,
         };
         let (model, recordings) = reading.measured_after(read, recordings)?;
@@ -107,17 +107,17 @@ impl Diagnose {
             return self.batch.run(manifest, &self.out, console);
         }
         let stage = progress::stages(console, "reading recordings");
-        let (model, recordings) = match Read::of(&self.reading, &self.recordings)? {
-            Read::Forces(alone) => {
+        let (model, recordings) = match DiagnosisInput::of(&self.reading, &self.recordings)? {
+            DiagnosisInput::Forces(alone) => {
                 stage.finish_and_clear();
-                return forces::alone(self, *alone, console);
+                return forces::diagnose_forces(self, *alone, console);
             }
-            Read::Robot(model, recordings) => (*model, recordings),
+            DiagnosisInput::Robot(model, recordings) => (*model, recordings),
         };
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
-        let seed = self.seed.settle();
+        let seed = self.seed.resolve();
         let (band_hz, tolerance_mm) = (self.band, self.tolerance_mm);
         let settings = Settings { seed, band_hz, tolerance_mm, ..Settings::default() };
         let found = diagnose(model, recordings, &settings, &mut |begun| {
@@ -128,15 +128,15 @@ impl Diagnose {
         })?;
         stage.set_message("figures and files");
         let reports = found.reports();
-        put(&mut outputs, &found, &self.out)?;
+        add_files(&mut outputs, &found, &self.out)?;
         stage.finish_and_clear();
-        console.write(outputs, "trued.diagnosis/1", &Whole::of(&reports))?;
+        console.write(outputs, "trued.diagnosis/1", &DiagnosisJson::of(&reports))?;
         for report in &reports {
             let domain =
                 if reports.len() > 1 { format!("{}, ", report.domain) } else { String::new() };
             let head = format!("{domain}{}", report.verdict.replace('_', " "));
-            let head = console.paint(Paint::Strong, &head);
-            console.say(format!("{head}: {}", lead(report)))?;
+            let head = console.paint(Emphasis::Strong, &head);
+            console.say(format!("{head}: {}", summary(report)))?;
             for line in lines(report) {
                 console.say(line)?;
             }
@@ -162,7 +162,11 @@ pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
 ///
 /// # Errors
 /// The model does not load.
-pub(super) fn put(outputs: &mut Outputs, found: &Diagnosed, dir: &Path) -> Result<(), Failure> {
+pub(super) fn add_files(
+    outputs: &mut Outputs,
+    found: &RobotDiagnosis,
+    dir: &Path,
+) -> Result<(), Failure> {
     outputs.put(&dir.join(JSON), found.json()?);
     outputs.put(&dir.join(MODEL), found.model_toml()?);
     outputs.put_page(&dir.join(PAGE), found.page(dir));
@@ -174,7 +178,7 @@ pub(super) fn put(outputs: &mut Outputs, found: &Diagnosed, dir: &Path) -> Resul
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     vec![
-        ResultSchema::of::<diagnosis_report::Whole<'_>>("diagnosis", "trued.diagnosis/1"),
+        ResultSchema::of::<diagnosis_report::DiagnosisJson<'_>>("diagnosis", "trued.diagnosis/1"),
         batch::result_schema(),
     ]
 }

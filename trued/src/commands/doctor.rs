@@ -4,7 +4,7 @@ use clap::Args;
 use harness::doctor::{Check, Diagnosis, State, TimerlatSettings, diagnose};
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 
 /// Check this computer for real-time use: kernel, power management, isolation, limits, memory, clock
 ///
@@ -24,7 +24,7 @@ impl Doctor {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let settings = |duration_s| TimerlatSettings { duration_s, limit_us: self.limit_us };
         let diagnosis = diagnose(self.measure.map(settings));
-        diagnosis.checks.iter().try_for_each(|check| say(console, check))?;
+        diagnosis.checks.iter().try_for_each(|check| print_check(console, check))?;
         console.say(verdict(&diagnosis))?;
         console.json("trued.doctor/1", &diagnosis)?;
         Ok(if diagnosis.ok { Answer::Done } else { Answer::No })
@@ -50,11 +50,11 @@ fn verdict(diagnosis: &Diagnosis) -> String {
     }
 }
 
-fn say(console: &mut Console, check: &Check) -> Result<(), Failure> {
+fn print_check(console: &mut Console, check: &Check) -> Result<(), Failure> {
     let (paint, word) = match check.state {
-        State::Pass => (Paint::Good, "pass"),
-        State::Fix => (Paint::Bad, "fix"),
-        State::Unknown => (Paint::Caution, "unknown"),
+        State::Pass => (Emphasis::Good, "pass"),
+        State::Fix => (Emphasis::Bad, "fix"),
+        State::Unknown => (Emphasis::Caution, "unknown"),
     };
     let word = console.paint(paint, &format!("{word:<7}"));
     let fix = if check.fix.is_empty() { String::new() } else { format!("; {}", check.fix) };

@@ -6,8 +6,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use recording::blackbox::{self, End, Info, ModelInfo, Repair, Utc};
-use report::{TextTable, count};
+use recording::mcap_recording::{self, FileState, Info, ModelInfo, Repair, Utc};
+use report::{TextTable, pluralise};
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
@@ -19,7 +19,7 @@ use crate::table::on_stdout;
 /// Shows times, channels with message counts, models, robot, and whether the file was closed. A file that was not closed (daemon killed, disk full)
 /// is read by trued up to its end; other programs need `--repair` first. The daemon repairs the files of its cell at its next start.
 #[derive(Debug, Args)]
-pub(crate) struct InfoOf {
+pub(crate) struct InfoCommand {
     /// Repair a file that was not closed or has an invalid index: replace it by a complete one with all readable messages
     #[arg(long)]
     repair: bool,
@@ -39,7 +39,7 @@ struct Report<'a> {
     end: &'static str,
     /// Why it is truncated; `None` if it is complete.
     cut: Option<&'a str>,
-    /// What was wrong before it was repaired; none where it was not.
+    /// Fault before the repair; none if it was not repaired.
     repaired: Option<&'a str>,
     begin_utc: Option<String>,
     end_utc: Option<String>,
@@ -77,20 +77,20 @@ struct Model<'a> {
     cycles: u64,
 }
 
-impl InfoOf {
+impl InfoCommand {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         if self.repair {
-            self.mend(console)?;
+            self.repair(console)?;
         }
-        let info = blackbox::info(&self.input).map_err(Failure::input)?;
+        let info = mcap_recording::info(&self.input).map_err(Failure::input)?;
         let report = report(&info);
         console.json_of([&self.input], "trued.info/1", &report)?;
-        self.say(console, &info, &report)
+        self.print_info(console, &info, &report)
     }
 
-    fn mend(&self, console: &mut Console) -> Result<(), Failure> {
-        use blackbox::BlackBoxError::{InUse, NotOurs};
-        let repaired = blackbox::repair(&self.input).map_err(|why| match why {
+    fn repair(&self, console: &mut Console) -> Result<(), Failure> {
+        use mcap_recording::McapRecordingError::{InUse, NotOurs};
+        let repaired = mcap_recording::repair(&self.input).map_err(|why| match why {
             InUse { .. } | NotOurs { .. } => Failure::input(why),
             why => Failure::system(why),
         })?;
@@ -102,7 +102,7 @@ impl InfoOf {
         }
     }
 
-    fn say(&self, console: &mut Console, info: &Info, report: &Report<'_>) -> Outcome {
+    fn print_info(&self, console: &mut Console, info: &Info, report: &Report<'_>) -> Outcome {
         let (header, robot) = (&info.header, &report.robot);
         let stated =
             |name: &str| if name.is_empty() { "not stated".to_owned() } else { name.to_owned() };
@@ -160,12 +160,12 @@ fn report(info: &Info) -> Report<'_> {
         },
         bytes: info.bytes,
         end: match info.end {
-            End::Closed => "closed",
-            End::BeingWritten => "being_written",
-            End::Cut(_) => "cut",
-            End::WrongIndex => "wrong_index",
+            FileState::Closed => "closed",
+            FileState::BeingWritten => "being_written",
+            FileState::Cut(_) => "cut",
+            FileState::WrongIndex => "wrong_index",
         },
-        cut: if let End::Cut(why) = &info.end { Some(why) } else { None },
+        cut: if let FileState::Cut(why) = &info.end { Some(why) } else { None },
         repaired: info.repaired.as_deref(),
         begin_utc: begin_ns.map(|ns| Utc(ns).to_string()),
         end_utc: end_ns.map(|ns| Utc(ns).to_string()),
@@ -191,18 +191,18 @@ fn model(model: &ModelInfo) -> Model<'_> {
 /// How the file ends, and a remedy.
 fn ending(info: &Info) -> String {
     match (&info.end, &info.repaired) {
-        (End::Closed, None) => "yes".to_owned(),
-        (End::Closed, Some(_)) => "no; repaired up to the last complete chunk".to_owned(),
-        (End::BeingWritten, _) => "no: a daemon is writing it".to_owned(),
-        (End::Cut(_), _) => "no; repair it with `trued info --repair`".to_owned(),
-        (End::WrongIndex, _) => {
+        (FileState::Closed, None) => "yes".to_owned(),
+        (FileState::Closed, Some(_)) => "no; repaired up to the last complete chunk".to_owned(),
+        (FileState::BeingWritten, _) => "no: a daemon is writing it".to_owned(),
+        (FileState::Cut(_), _) => "no; repair it with `trued info --repair`".to_owned(),
+        (FileState::WrongIndex, _) => {
             "yes, with an invalid index; repair it with `trued info --repair`".to_owned()
         }
     }
 }
 
 fn count_u64(number: u64, what: &str) -> String {
-    count(usize::try_from(number).unwrap_or(usize::MAX), what)
+    pluralise(usize::try_from(number).unwrap_or(usize::MAX), what)
 }
 
 /// The schema of the result.

@@ -7,16 +7,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use correction_report::in_time::{plants, settled};
-use correction_report::path::statically;
+use correction_report::dynamic::{joint_plants, static_commands};
+use correction_report::path::static_corrections;
 use feedforward::learning::{CommandedPath, Commands, Learning};
 use feedforward::measured::Clock;
-use recording::series::{self, Need};
+use recording::series::{self, RequiredData};
 use tracing::warn;
 
 use super::correct::cell;
+use crate::dynamic_options::InTime;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::in_time::InTime;
 use crate::input::{Reading, in_file, unusable};
 use crate::output::Console;
 
@@ -61,13 +61,13 @@ impl Learn {
         let cell = self.config.as_deref().map(cell).transpose()?;
         let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let mut input = ours.read(&self.path, fallback)?;
-        let plants = plants(&input.model, &settings)?;
+        let plants = joint_plants(&input.model, &settings)?;
         let path = CommandedPath::of(&input.recording, &input.joint_kinds, &plants, &settings);
         let CommandedPath { recording, commanded, source } = path.map_err(in_file(&self.path))?;
         input.recording = recording;
-        let (mut corrections, _) = statically(&input.model, &input.recording, cell)?;
-        let wanted = settled(&corrections, &input.recording, &source)?;
-        let commands = Commands { sent: commanded.unwrap_or_else(|| wanted.clone()), wanted };
+        let (mut corrections, _) = static_corrections(&input.model, &input.recording, cell)?;
+        let wanted = static_commands(&corrections, &input.recording, &source)?;
+        let commands = Commands { commanded: commanded.unwrap_or_else(|| wanted.clone()), wanted };
         let learning = Learning::of(&input.model, &plants, &input.recording, commands, &settings);
         let mut learning = learning.map_err(Failure::input)?;
         for path in &self.measured {
@@ -75,7 +75,7 @@ impl Learn {
         }
         let learned = learning.next(out.display().to_string(), &source);
         let (next, report) = learned.map_err(in_file(&self.path))?;
-        corrections.put_joints(next.commanded);
+        corrections.replace_joints(next.commanded);
         outputs.put(&out, corrections.csv(input.recording).as_slice());
         console.write(outputs, "trued.learn/1", &report)?;
         console.say(report.text())?;
@@ -109,7 +109,7 @@ impl Learn {
     /// Adds a measured run.
     fn add(&self, learning: &mut Learning<'_>, path: &Path) -> Result<(), Failure> {
         let mapping = self.reading.mapping.as_deref();
-        let recording = series::read(path, mapping, Need::Samples).map_err(unusable)?;
+        let recording = series::read(path, mapping, RequiredData::Samples).map_err(unusable)?;
         recording.notes.iter().for_each(|note| warn!("{}: {note}", path.display()));
         let added = learning.add(&recording, self.clock_offset_ms);
         added.map_err(in_file(path))

@@ -9,7 +9,7 @@ use live::report::Report;
 use live::{Access, Live, Settings};
 use trued_client::Monitor;
 
-use super::control::Which;
+use super::control::CellSelection;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::Console;
@@ -17,11 +17,11 @@ use crate::output::Console;
 /// How the file for node_exporter begins.
 const METRICS_HEAD: &[u8] = b"# HELP trued_";
 /// How long the first status may take.
-const FIRST_STATUS_WITHIN: Duration = Duration::from_secs(2);
+const FIRST_STATUS_TIMEOUT: Duration = Duration::from_secs(2);
 /// How often the file for node_exporter is written: its usual scrape interval is 15 s.
 const TEXT_EVERY: Duration = Duration::from_secs(5);
 /// Maximum sleep between checks for an interruption.
-const NAP: Duration = Duration::from_millis(50);
+const SLEEP: Duration = Duration::from_millis(50);
 /// The environment variable of the view's access token: a command line can be read by everybody on
 /// the machine.
 const TOKEN: &str = "TRUED_LIVE_TOKEN";
@@ -33,7 +33,7 @@ const TOKEN: &str = "TRUED_LIVE_TOKEN";
 /// topics of the recordings (protocol foxglove.sdk.v1). Listens on this computer only; to listen on another address, set `TRUED_LIVE_TOKEN` and open
 /// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and reconnects after a restart of the daemon.
 #[derive(Debug, Args)]
-pub(crate) struct LiveOf {
+pub(crate) struct LiveCommand {
     /// Address for page, status and metrics
     #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:9177")]
     listen: SocketAddr,
@@ -44,10 +44,10 @@ pub(crate) struct LiveOf {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["listen", "foxglove"])]
     textfile: Option<PathBuf>,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
-impl LiveOf {
+impl LiveCommand {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let (cell, monitor) = self.which.join()?;
         match &self.textfile {
@@ -75,7 +75,7 @@ impl LiveOf {
             console.say(format!("Foxglove and PlotJuggler: ws://{address}"))?;
         }
         while interrupt::check(&stop).is_ok() {
-            std::thread::sleep(NAP);
+            std::thread::sleep(SLEEP);
         }
         drop(live);
         Ok(Answer::Done)
@@ -91,14 +91,14 @@ fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: 
         )));
     }
     let begun = Instant::now();
-    while monitor.status().is_none() && begun.elapsed() < FIRST_STATUS_WITHIN {
-        std::thread::sleep(NAP);
+    while monitor.status().is_none() && begun.elapsed() < FIRST_STATUS_TIMEOUT {
+        std::thread::sleep(SLEEP);
     }
     console.say(format!("cell `{cell}`: metrics in {} every 5 s", file.display()))?;
     while interrupt::check(&stop).is_ok() {
         let begun = Instant::now();
-        let away = monitor.away().map(|away| away.to_string());
-        let report = monitor.status().map(|status| Report::of(cell, &status, away));
+        let away = monitor.disconnect_reason().map(|away| away.to_string());
+        let report = monitor.status().map(|status| Report::new(cell, &status, away));
         let text = live::metrics_text(cell, report.as_ref()).map_err(Failure::system)?;
         replace(file, &text).map_err(|why| {
             Failure::system(format!(
@@ -107,7 +107,7 @@ fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: 
             ))
         })?;
         while begun.elapsed() < TEXT_EVERY && interrupt::check(&stop).is_ok() {
-            std::thread::sleep(NAP);
+            std::thread::sleep(SLEEP);
         }
     }
     // Stale metrics would look like current ones.

@@ -21,11 +21,11 @@ use crate::table::on_stdout;
 #[derive(Debug, Args)]
 pub(crate) struct Model {
     #[command(subcommand)]
-    what: What,
+    what: ModelAction,
 }
 
 #[derive(Debug, Subcommand)]
-enum What {
+enum ModelAction {
     /// List the built-in robot models (presets)
     Presets,
     /// Show a model: joints, limits, masses, effects with their uncertainties, and which effects are not compensated
@@ -60,24 +60,26 @@ struct PresetLine {
 impl Model {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         match &self.what {
-            What::Presets => list(console),
-            What::Show { model, toml: true } => {
+            ModelAction::Presets => list(console),
+            ModelAction::Show { model, toml: true } => {
                 if console.common().json.is_some() {
                     let why = "--toml prints the model file itself: leave out --json, or --toml";
                     return Err(Failure::input(why));
                 }
                 // Read as a model first, so that an invalid file is not printed.
                 input::model(model)?;
-                let text = match (read_text(model), presets::at(model)) {
+                let text = match (read_text(model), presets::by_path(model)) {
                     (Err(FileError::Io { .. }), Some(preset)) => preset.text.to_owned(),
                     (text, _) => text.map_err(input::unusable)?,
                 };
                 console.verbatim(&text)?;
                 Ok(Answer::Done)
             }
-            What::Show { model, toml: false } => show::run(console, model, &input::model(model)?),
-            What::Import(import) => import.run(console),
-            What::Export(export) => export.run(console),
+            ModelAction::Show { model, toml: false } => {
+                show::run(console, model, &input::model(model)?)
+            }
+            ModelAction::Import(import) => import.run(console),
+            ModelAction::Export(export) => export.run(console),
         }
     }
 }

@@ -10,11 +10,11 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use diagnosis::from_recording;
+use diagnosis::campaign_import;
 use diagnosis::plan::Criterion;
-use diagnosis::plan::check::Terms;
-use diagnosis::plan::iso::{Evaluation, VISITS};
-use diagnosis::plan::zone::Zone;
+use diagnosis::plan::check::ErrorRates;
+use diagnosis::plan::iso::{Evaluation, VISITS_REQUIRED};
+use diagnosis::plan::working_zone::WorkingZone;
 use diagnosis_report::Error;
 use diagnosis_report::iso9283;
 use diagnosis_report::plan::experiment::{self, Request};
@@ -28,7 +28,7 @@ use report::{Page, TextLine, Tone};
 use serde::Serialize;
 use tracing::warn;
 
-use self::setup::{Setup, Tuple, corners_m};
+use self::setup::{CommaTuple, Setup, corners_m};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{self, Reading};
 use crate::options::Seed;
@@ -79,10 +79,10 @@ pub(crate) struct Plan {
     count: Option<u16>,
     /// Optimality criterion: d: all parameters together; o1: information per reading; zone: the tool's error in `--zone` (by default in the workspace); random: random poses, for validation
     #[arg(long, value_name = "d|o1|zone|random", value_enum, conflicts_with = "iso9283")]
-    criterion: Option<Best>,
+    criterion: Option<PlanCriterion>,
     /// Zone in which the tool's error is minimised, two corners of a box, base frame, mm; with `--iso9283` the cube
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
-    zone: Option<Tuple<6>>,
+    zone: Option<CommaTuple<6>>,
     /// Direction of the tool's z axis in the zone, base frame; may be repeated
     #[arg(
         long,
@@ -91,7 +91,7 @@ pub(crate) struct Plan {
         default_value = "0,0,-1",
         requires = "somewhere"
     )]
-    direction: Vec<Tuple<3>>,
+    direction: Vec<CommaTuple<3>>,
     /// Minimum reduction of the tool's expected error by ten more poses for which measuring is still recommended, mm
     #[arg(long, value_name = "MM", default_value_t = 0.003, requires = "next")]
     worth_mm: f64,
@@ -130,7 +130,7 @@ struct Files {
         default_value = "both",
         conflicts_with = "iso9283"
     )]
-    approach: Coming,
+    approach: ApproachDirections,
     /// Distance at which a joint begins its approach, degrees (mm for a linear joint)
     #[arg(long, value_name = "DEG", default_value_t = 3.0, requires = "out")]
     approach_deg: f64,
@@ -143,13 +143,13 @@ struct Files {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Coming {
+enum ApproachDirections {
     Direct,
     Both,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Best {
+enum PlanCriterion {
     D,
     O1,
     Zone,
@@ -231,7 +231,7 @@ impl Plan {
         let count = |otherwise: usize| self.count.map_or(otherwise, usize::from);
         if self.iso9283 {
             let along = self.directions()?.first().copied().unwrap_or(DVec3::NEG_Z);
-            let plan = plans::iso_poses(robot, &settings, along, count(VISITS))?;
+            let plan = plans::iso_poses(robot, &settings, along, count(VISITS_REQUIRED))?;
             let result = PlanResult { report: plan.report(), text: plan.text(width) };
             return self.put(console, outputs, &result, || plan.page(), || plan.files());
         }
@@ -255,7 +255,7 @@ impl Plan {
 
     fn judge(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
         let setup = self.setup.described(self.files.both_ways())?;
-        let judged = plans::judge(robot, &setup, &self.terms())?;
+        let judged = plans::test_validity(robot, &setup, &self.terms())?;
         judged.warnings.iter().for_each(|warning| warn!("{warning}"));
         console.write(outputs, "trued.plan/1", &judged.report())?;
         console.say_lines(&judged.text(wrap::columns_of_stdout()))?;
@@ -267,7 +267,7 @@ impl Plan {
         let Robot { model, recordings } = robot;
         let arm = &model.physics.arm;
         let setup = self.setup.described(self.files.both_ways())?;
-        let mut campaign = from_recording::campaign(arm, recordings).map_err(Failure::input)?;
+        let mut campaign = campaign_import::campaign(arm, recordings).map_err(Failure::input)?;
         setup.add_to(&mut campaign);
         let evaluation = Evaluation::of(arm, &campaign).map_err(Failure::input)?;
         console.write(outputs, "trued.plan/1", &iso9283::report(model, &evaluation))?;
@@ -331,36 +331,36 @@ impl Plan {
         Ok(Settings {
             setup: self.setup.described(self.files.both_ways())?,
             zone: self.zone()?,
-            among: self.among(robot)?,
+            candidate_poses: self.candidate_poses(robot)?,
             candidates: usize::from(self.candidates),
-            seed: self.seed.settle(),
+            seed: self.seed.resolve(),
             programs: Programs { approach_deg, pause_s, axes },
             model_path: self.reading.model.clone().unwrap_or(usual.model_path),
             out,
         })
     }
 
-    fn terms(&self) -> Terms {
-        Terms { alarm: self.alarm, power: CHECK_POWER }
+    fn terms(&self) -> ErrorRates {
+        ErrorRates { alarm: self.alarm, power: CHECK_POWER }
     }
 
     fn criterion(&self) -> Criterion {
-        let fallback = if self.zone.is_some() { Best::Zone } else { Best::D };
+        let fallback = if self.zone.is_some() { PlanCriterion::Zone } else { PlanCriterion::D };
         match self.criterion.unwrap_or(fallback) {
-            Best::D => Criterion::D,
-            Best::O1 => Criterion::O1,
-            Best::Zone => Criterion::Zone,
-            Best::Random => Criterion::Random,
+            PlanCriterion::D => Criterion::D,
+            PlanCriterion::O1 => Criterion::O1,
+            PlanCriterion::Zone => Criterion::Zone,
+            PlanCriterion::Random => Criterion::Random,
         }
     }
 
-    fn zone(&self) -> Result<Option<Zone>, Failure> {
+    fn zone(&self) -> Result<Option<WorkingZone>, Failure> {
         let Some(corners) = &self.zone else { return Ok(None) };
-        Ok(Some(Zone { corners: corners_m(corners), directions: self.directions()? }))
+        Ok(Some(WorkingZone { corners: corners_m(corners), directions: self.directions()? }))
     }
 
     fn directions(&self) -> Result<Vec<DVec3>, Failure> {
-        let unit = |direction: &Tuple<3>| {
+        let unit = |direction: &CommaTuple<3>| {
             let found = DVec3::from_array(direction.0).try_normalize();
             found.ok_or_else(|| Failure::input("--direction: expected a direction, found 0,0,0"))
         };
@@ -368,7 +368,7 @@ impl Plan {
     }
 
     /// The poses to choose from; none where they are drawn.
-    fn among(&self, robot: Robot<'_>) -> Result<Vec<Joints>, Failure> {
+    fn candidate_poses(&self, robot: Robot<'_>) -> Result<Vec<Joints>, Failure> {
         let Some(list) = &self.among else { return Ok(Vec::new()) };
         let found = self.reading.read(list, self.reading.model.as_deref())?.recording;
         let joints = 0..robot.model.physics.arm.count();
@@ -389,7 +389,7 @@ fn distinct(poses: impl Iterator<Item = Joints>) -> Vec<Joints> {
     poses.filter(|q| known.insert(place(q))).collect()
 }
 
-/// What a plan gives at once.
+/// Results of a plan.
 struct PlanResult<R> {
     report: R,
     text: Vec<TextLine>,
@@ -398,7 +398,7 @@ struct PlanResult<R> {
 impl Files {
     /// Whether each pose is measured twice.
     fn both_ways(&self) -> bool {
-        self.approach == Coming::Both
+        self.approach == ApproachDirections::Both
     }
 
     /// The output files of the poses, if requested.
@@ -424,12 +424,12 @@ fn read_request(path: &Path) -> Result<Option<Request>, Failure> {
 pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
     use crate::schemas::ResultSchema;
     use experiment::ExperimentReport;
-    use plans::{CheckReport, IsoReport, JudgedReport, NextReport, PosesReport};
+    use plans::{CheckReport, IsoReport, NextReport, PosesReport, ValidityReport};
     vec![
         ResultSchema::of::<CheckReport<'_>>("plan-check", "trued.plan/1"),
-        ResultSchema::of::<JudgedReport<'_>>("plan-check-judged", "trued.plan/1"),
+        ResultSchema::of::<ValidityReport<'_>>("plan-check-judged", "trued.plan/1"),
         ResultSchema::of::<IsoReport<'_>>("plan-iso9283", "trued.plan/1"),
-        ResultSchema::of::<iso9283::Evaluated<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
+        ResultSchema::of::<iso9283::EvaluationReport<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
         ResultSchema::of::<PosesReport<'_>>("plan-poses", "trued.plan/1"),
         ResultSchema::of::<NextReport<'_>>("plan-next", "trued.plan/1"),
         ResultSchema::of::<ExperimentReport<'_>>("plan-experiment", "trued.plan/1"),

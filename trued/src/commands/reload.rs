@@ -16,8 +16,8 @@ use crate::input::unusable;
 use crate::output::Console;
 
 /// Time limit for finding the daemon, and for its answer.
-const FOUND_WITHIN: Duration = Duration::from_secs(2);
-const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Load a changed model into the running daemon without missing a cycle
 ///
@@ -48,39 +48,44 @@ struct Report<'a> {
 impl Reload {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let config = CellConfig::read(&self.config).map_err(unusable)?;
-        let swap = Swap::ask_for(&config.cell, self.model.as_deref(), self.other_robot)?;
+        let swap =
+            ReloadResult::request_reload_of(&config.cell, self.model.as_deref(), self.other_robot)?;
         let (answer, message) = (swap.answer.name(), swap.message.as_str());
         console.json_of(
             [&self.config].into_iter().chain(&self.model),
             "trued.reload/1",
             &Report { cell: &config.cell, answer, message },
         )?;
-        swap.tell(console)
+        swap.report(console)
     }
 }
 
 /// The daemon's answer to a model.
-pub(super) struct Swap {
+pub(super) struct ReloadResult {
     pub(super) answer: trued_client::Answer,
     pub(super) message: String,
 }
 
-impl Swap {
+impl ReloadResult {
     /// Asks the daemon of `cell` to load `model` (none: the file that it has, again) and to swap it in.
     ///
     /// # Errors
     /// No daemon, or none that answers.
-    pub(super) fn ask(cell: &str, model: Option<&Path>) -> Result<Self, Failure> {
-        Self::ask_for(cell, model, false)
+    pub(super) fn request_reload(cell: &str, model: Option<&Path>) -> Result<Self, Failure> {
+        Self::request_reload_of(cell, model, false)
     }
 
-    fn ask_for(cell: &str, model: Option<&Path>, other_robot: bool) -> Result<Self, Failure> {
+    fn request_reload_of(
+        cell: &str,
+        model: Option<&Path>,
+        other_robot: bool,
+    ) -> Result<Self, Failure> {
         let model = model.map(absolute).transpose()?;
-        let mut monitor = Monitor::connect(cell, FOUND_WITHIN).map_err(Failure::system)?;
+        let mut monitor = Monitor::connect(cell, CONNECT_TIMEOUT).map_err(Failure::system)?;
         let response = if other_robot {
-            monitor.reload_other_robot(model.as_deref(), ANSWER_WITHIN)
+            monitor.reload_other_robot(model.as_deref(), ANSWER_TIMEOUT)
         } else {
-            monitor.reload(model.as_deref(), ANSWER_WITHIN)
+            monitor.reload(model.as_deref(), ANSWER_TIMEOUT)
         };
         let response = response.map_err(Failure::system)?;
         let answer = response.answer().map_err(Failure::system)?;
@@ -91,7 +96,7 @@ impl Swap {
     ///
     /// # Errors
     /// The daemon failed to load it.
-    pub(super) fn tell(&self, console: &mut Console) -> Outcome {
+    pub(super) fn report(&self, console: &mut Console) -> Outcome {
         let message = &self.message;
         match self.answer {
             trued_client::Answer::Done => {
@@ -112,7 +117,7 @@ impl Swap {
 
 /// The daemon has another working directory: files are given by absolute path, presets by name.
 fn absolute(model: &Path) -> Result<PathBuf, Failure> {
-    if !model.exists() && recording::model::presets::at(model).is_some() {
+    if !model.exists() && recording::model::presets::by_path(model).is_some() {
         return Ok(model.to_owned());
     }
     std::path::absolute(model).map_err(Failure::input)

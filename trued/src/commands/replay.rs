@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use correction_report::replay;
 
-use crate::child::myself;
+use crate::child::this_program;
 use crate::exit::{Answer, Outcome};
 use crate::input::{Input, Reading};
 use crate::output::Console;
@@ -43,12 +43,12 @@ impl Replay {
         let stop = interrupt::flag()?;
         let bar = progress::bar(console, recording.len() as u64, "replaying");
         let daemon = |config: &Path| {
-            let mut command = myself()?;
+            let mut command = this_program()?;
             command.args(["run", "--with-parent", "--lockstep", "--config"]).arg(config);
             Ok(command)
         };
         let replayed =
-            replay::Replay::of(&model, recording, self.pace, &daemon, &stop, &mut || {
+            replay::Replay::run(&model, recording, self.pace, &daemon, &stop, &mut || {
                 bar.inc(1);
             })?;
         drop(bar);

@@ -23,12 +23,12 @@ pub(crate) struct Run {
     lockstep: bool,
     /// End when the parent process ends: term (clean shutdown) or kill (at once, even while stopped)
     #[arg(long, hide = true, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "term")]
-    with_parent: Option<Ending>,
+    with_parent: Option<ParentOption>,
 }
 
 /// How a daemon ends with its parent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Ending {
+enum ParentOption {
     Term,
     Kill,
 }
@@ -36,7 +36,7 @@ enum Ending {
 impl Run {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         if let Some(how) = self.with_parent {
-            let signal = if how == Ending::Kill { Signal::KILL } else { Signal::TERM };
+            let signal = if how == ParentOption::Kill { Signal::KILL } else { Signal::TERM };
             // If this fails, the daemon survives a killed parent, which is acceptable.
             let _ = set_parent_process_death_signal(Some(signal));
         }

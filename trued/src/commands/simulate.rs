@@ -14,7 +14,7 @@ use recording::series::{self, Recording};
 use tracing::warn;
 
 use crate::exit::{Answer, Outcome};
-use crate::input::{Input, Looked, Reading};
+use crate::input::{Input, InspectedRecording, Reading};
 use crate::options::Seed;
 use crate::output::Console;
 
@@ -58,16 +58,16 @@ impl Simulate {
             noise_mm: self.noise,
             torque_noise_nm: self.torque_noise,
             force_noise_n: self.force_noise,
-            seed: self.seed.settle(),
+            seed: self.seed.resolve(),
         };
-        let (model, mut recording) = match self.reading.look(&self.input)? {
-            Looked::WithoutArm(alone) => *alone,
-            Looked::OfArm(_) => {
+        let (model, mut recording) = match self.reading.inspect(&self.input)? {
+            InspectedRecording::WithoutArm(alone) => *alone,
+            InspectedRecording::OfArm(_) => {
                 let Input { model, recording, .. } = self.reading.read(&self.input, None)?;
                 (model, recording)
             }
         };
-        recording.about.model = self.model_name(&recording, &toml);
+        recording.metadata.model = self.model_name(&recording, &toml);
         let simulation = simulate(&model, recording, &settings)?;
         simulation.warnings().iter().for_each(|warning| warn!("{warning}"));
         outputs.put(&toml, simulation.about_toml());
@@ -81,8 +81,8 @@ impl Simulate {
     /// the TOML.
     fn model_name(&self, recording: &Recording, toml: &Path) -> Option<String> {
         let Some(given) = &self.reading.model else {
-            let named = recording.about.model.as_ref()?;
-            let from = presets::beside(&recording.file, Path::new(named));
+            let named = recording.metadata.model.as_ref()?;
+            let from = presets::resolve_model_path(&recording.file, Path::new(named));
             return Some(from_folder(&from, toml));
         };
         Some(from_folder(given, toml))
@@ -105,12 +105,12 @@ fn files(out: &Path) -> (PathBuf, PathBuf) {
         PathBuf::from(name)
     };
     let csv = with(".csv");
-    let toml = series::about_path(&csv);
+    let toml = series::metadata_path(&csv);
     (csv, toml)
 }
 
 fn from_folder(model: &Path, toml: &Path) -> String {
-    let is_preset = recording::model::presets::at(model).is_some() && !model.exists();
+    let is_preset = recording::model::presets::by_path(model).is_some() && !model.exists();
     let folder = toml.parent().unwrap_or(Path::new(""));
     let same = model.parent() == Some(folder);
     let name = match model.canonicalize() {

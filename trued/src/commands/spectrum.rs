@@ -9,7 +9,7 @@ use clap::Args;
 use spectrum_report::vibration::{Inputs, Settings, analyse, read};
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::wrap;
 
 /// Find vibrations in a recording, with time, cause and remedy
@@ -84,7 +84,7 @@ impl Spectrum {
             outputs.put_page(report, analysis.page()?);
         }
         console.write(outputs, "trued.spectrum/1", &analysis.report())?;
-        let paint = if analysis.has_alarm() { Paint::Bad } else { Paint::Good };
+        let paint = if analysis.has_alarm() { Emphasis::Bad } else { Emphasis::Good };
         let text = analysis.text(wrap::columns_of_stdout(), |text| console.paint(paint, text));
         console.say(text)?;
         Ok(Answer::Done)

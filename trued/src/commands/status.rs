@@ -3,7 +3,7 @@
 //! Lines have at most 80 columns; a daemon that does not answer is reported as such, never by its
 //! last state alone.
 
-mod words;
+mod text;
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -12,20 +12,20 @@ use clap::Args;
 use live::report::Report;
 use trued_client::Monitor;
 
-use super::control::Which;
+use super::control::CellSelection;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::Console;
 
 /// Refresh interval of `--watch`: faster than a person acts, slower than a slow connection.
-const SHOWN_EVERY: Duration = Duration::from_secs(1);
+const REFRESH_EVERY: Duration = Duration::from_secs(1);
 /// A connected daemon sends its status every 40 ms; after this time without one it counts as
 /// blocked.
-const FIRST_WITHIN: Duration = Duration::from_secs(2);
+const FIRST_STATUS_TIMEOUT: Duration = Duration::from_secs(2);
 /// Interval of attempts to find it.
-const LOOK_EVERY: Duration = Duration::from_millis(2);
+const POLL_EVERY: Duration = Duration::from_millis(2);
 /// Maximum sleep between checks for an interruption.
-const NAP: Duration = Duration::from_millis(50);
+const SLEEP: Duration = Duration::from_millis(50);
 /// Clears a terminal and begins at its top.
 const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
 
@@ -34,15 +34,15 @@ const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
 /// Shows health with its reason, mode, bypass, robot and model, commands, latency, forces, vibration and recorder. With `--json -`, the same as one
 /// JSON object. Exit 3 if no daemon runs the cell. `trued bypass off` enables the correction again after a client has bypassed it.
 #[derive(Debug, Args)]
-pub(crate) struct StatusOf {
+pub(crate) struct StatusCommand {
     /// Refresh every second, until interrupted
     #[arg(long)]
     watch: bool,
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
-impl StatusOf {
+impl StatusCommand {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let (cell, mut monitor) = self.which.join()?;
         if !self.watch {
@@ -54,8 +54,8 @@ impl StatusOf {
             let begun = Instant::now();
             console.say(if clears { CLEAR } else { "" })?;
             show(console, &cell, &mut monitor)?;
-            while begun.elapsed() < SHOWN_EVERY && interrupt::check(&stop).is_ok() {
-                std::thread::sleep(NAP);
+            while begun.elapsed() < REFRESH_EVERY && interrupt::check(&stop).is_ok() {
+                std::thread::sleep(SLEEP);
             }
         }
         Ok(Answer::Done)
@@ -68,20 +68,20 @@ fn show(console: &mut Console, cell: &str, monitor: &mut Monitor) -> Outcome {
         if let Some(status) = monitor.status() {
             break status;
         }
-        if begun.elapsed() > FIRST_WITHIN {
+        if begun.elapsed() > FIRST_STATUS_TIMEOUT {
             let words = format!(
-                "cell `{cell}`: connected to the daemon, but received no status within {FIRST_WITHIN:?}"
+                "cell `{cell}`: connected to the daemon, but received no status within {FIRST_STATUS_TIMEOUT:?}"
             );
             return Err(Failure::system(format!(
                 "{words}; check whether it is stopped or overloaded"
             )));
         }
-        std::thread::sleep(LOOK_EVERY);
+        std::thread::sleep(POLL_EVERY);
     };
-    let away = monitor.away();
-    let report = Report::of(cell, &status, away.map(|away| away.to_string()));
+    let away = monitor.disconnect_reason();
+    let report = Report::new(cell, &status, away.map(|away| away.to_string()));
     console.json("trued.status/1", &report)?;
-    console.say(words::lines(&report).join("\n"))?;
+    console.say(text::lines(&report).join("\n"))?;
     Ok(Answer::Done)
 }
 

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use spectrum::surface::{FORM_MAX, Machining};
-use spectrum::{Mode, Wheel};
+use spectrum::surface::{FORM_MAX, MachiningConditions};
+use spectrum::{GearFrequency, Mode};
 use spectrum_report::surface::{self, Format, Profile, Settings, analyse};
 use tracing::warn;
 
@@ -85,7 +85,7 @@ enum HeightUnit {
 }
 
 impl HeightUnit {
-    fn um(self) -> f64 {
+    fn micrometres(self) -> f64 {
         match self {
             Self::Um => 1.0,
             Self::Mm => 1e3,
@@ -99,7 +99,7 @@ pub(super) fn read_profile(heights: &Heights, path: &Path) -> Result<Profile, Fa
     let format = Format {
         column: heights.column.clone(),
         spacing_um: heights.spacing_um,
-        unit_um: heights.unit.map(HeightUnit::um),
+        unit_um: heights.unit.map(HeightUnit::micrometres),
     };
     let profile = surface::read(path, &format)?;
     profile.notes.iter().for_each(|note| warn!("{}: {note}", path.display()));
@@ -108,7 +108,7 @@ pub(super) fn read_profile(heights: &Heights, path: &Path) -> Result<Profile, Fa
 
 /// `JOINT:SHAFT[xTEETH]=CYCLES_PER_MM`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct WheelArg(Wheel);
+struct WheelArg(GearFrequency);
 
 impl FromStr for WheelArg {
     type Err = String;
@@ -123,7 +123,7 @@ impl FromStr for WheelArg {
             let cycles_per_mm: f64 = cycles.trim().parse().ok()?;
             let (joint, shaft) = (joint.filter(|n| *n > 0)?, shaft.filter(|n| *n > 0)?);
             let usable = cycles_per_mm > 0.0 && cycles_per_mm.is_finite();
-            usable.then_some(Self(Wheel { joint, shaft, teeth, cycles_per_mm }))
+            usable.then_some(Self(GearFrequency { joint, shaft, teeth, cycles_per_mm }))
         };
         let expected = "expected JOINT:SHAFT=CYCLES_PER_MM, e.g. 2:1x10=0.186 for the 10 teeth of joint 2's motor shaft";
         read().ok_or_else(|| expected.to_owned())
@@ -179,12 +179,12 @@ impl Surface {
             short_cut_off_um: self.short_cut_off_um,
             form_degree: self.form,
             segments_mm: self.segment_mm.clone(),
-            machining: Machining {
+            machining: MachiningConditions {
                 feed_mm_s: self.feed_mm_s,
                 spindle_rpm: self.spindle_rpm,
                 teeth: self.teeth.unwrap_or(0),
                 modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
-                wheels: self.wheel.iter().map(|wheel| wheel.0).collect(),
+                gear_frequencies: self.wheel.iter().map(|wheel| wheel.0).collect(),
             },
         })
     }
@@ -203,9 +203,12 @@ mod tests {
     #[test]
     fn a_wheel_is_joint_shaft_and_turns_and_nothing_else() {
         let wheel = |text: &str| text.parse::<WheelArg>().expect("a wheel").0;
-        let turns = Wheel { joint: 2, shaft: 1, teeth: 1, cycles_per_mm: 0.0186 };
+        let turns = GearFrequency { joint: 2, shaft: 1, teeth: 1, cycles_per_mm: 0.0186 };
         assert_eq!(wheel("2:1=0.0186"), turns);
-        assert_eq!(wheel("2:1x10=0.186"), Wheel { teeth: 10, cycles_per_mm: 0.186, ..turns });
+        assert_eq!(
+            wheel("2:1x10=0.186"),
+            GearFrequency { teeth: 10, cycles_per_mm: 0.186, ..turns }
+        );
         for bad in ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1", "1:1x0=1"] {
             assert!(bad.parse::<WheelArg>().is_err(), "{bad}");
         }

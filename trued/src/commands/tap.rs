@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use spectrum::frf::{Estimator, Response};
-use spectrum::modal::LEAST_COHERENCE;
+use spectrum::modal::COHERENCE_MIN;
 use spectrum_report::tap::{self, Channels, Settings, analyse};
 use tracing::warn;
 
@@ -49,7 +49,7 @@ pub(crate) struct Tap {
     #[arg(long, value_name = "h1|h2", value_enum, default_value_t, hide_possible_values = true)]
     estimator: Estimate,
     /// Minimum coherence at a mode, 0 to 1
-    #[arg(long, value_name = "0..1", default_value_t = LEAST_COHERENCE)]
+    #[arg(long, value_name = "0..1", default_value_t = COHERENCE_MIN)]
     coherence_least: f64,
     /// Frequency range of the modes, Hz; if not given, the range that the hammer excites
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
@@ -83,7 +83,7 @@ pub(crate) struct Tap {
     files: Vec<PathBuf>,
 }
 
-/// What a response is.
+/// Quantity of a response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Kind {
     /// m/s²
@@ -170,7 +170,7 @@ impl Tap {
         source.notes.iter().for_each(|note| warn!("{note}"));
         let analysis = analyse(source, &self.settings())?;
         let renewed = base.as_ref().zip(self.out.as_deref());
-        let renewed = renewed.map(|(base, out)| analysis.renewed(base, out)).transpose()?;
+        let renewed = renewed.map(|(base, out)| analysis.updated_model(base, out)).transpose()?;
         if let Some(report) = &self.report {
             outputs.put_page(report, analysis.page(renewed.as_ref()));
         }

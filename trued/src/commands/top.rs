@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::control::Which;
+use super::control::CellSelection;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 
@@ -15,7 +15,7 @@ use crate::interrupt;
 #[derive(Debug, Args)]
 pub(crate) struct Top {
     #[command(flatten)]
-    which: Which,
+    which: CellSelection,
 }
 
 impl Top {

@@ -7,11 +7,11 @@
 //! monitor was tuned on seeds 1 to 24, 1000 to 1026 and 3000 to 3199; published figures use other
 //! seeds. `each` prints a line for every cut.
 
-mod heard;
+mod alarms;
 mod process;
 mod record;
 
-use heard::Heard;
+use alarms::CutAlarms;
 use record::{Record, Truth};
 use std::error::Error;
 use std::io::Write;
@@ -21,28 +21,28 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut numbers = words.iter().filter_map(|word| word.parse::<u64>().ok());
     let (count, seed) = (numbers.next().unwrap_or(40), numbers.next().unwrap_or(2000));
     let each = words.iter().any(|word| word == "each");
-    let mut account = Account::default();
+    let mut account = Results::default();
     let mut out = std::io::stdout().lock();
     for k in 0..count {
         let record = Record::of(seed + k, k % 2 == 1);
-        let heard = Heard::of(&record)?;
-        account.add(&record, &heard);
+        let cut_alarms = CutAlarms::of(&record)?;
+        account.add(&record, &cut_alarms);
         if each {
             writeln!(
                 out,
-                "{} {}: {record}; {heard}",
+                "{} {}: {record}; {cut_alarms}",
                 seed + k,
                 if k % 2 == 1 { "above" } else { "below" }
             )?;
         }
     }
-    writeln!(out, "{}", account.told())?;
+    writeln!(out, "{}", account.sorted_json())?;
     Ok(())
 }
 
 /// Results over all cuts.
 #[derive(Default)]
-struct Account {
+struct Results {
     stable: usize,
     stable_alarmed: usize,
     stable_forced: usize,
@@ -53,27 +53,27 @@ struct Account {
     marginal: usize,
 }
 
-impl Account {
-    fn add(&mut self, record: &Record, heard: &Heard) {
+impl Results {
+    fn add(&mut self, record: &Record, cut_alarms: &CutAlarms) {
         match record.truth {
             Truth::Stable => {
                 self.stable += 1;
-                self.stable_alarmed += usize::from(!heard.alarms.is_empty());
-                self.stable_forced += usize::from(heard.forced);
+                self.stable_alarmed += usize::from(!cut_alarms.alarms.is_empty());
+                self.stable_forced += usize::from(cut_alarms.forced);
             }
             Truth::Chatter { onset_s, frequency_hz } => {
                 self.chatters += 1;
-                let first_s = heard.alarms.iter().map(|line| line.alarm_s).reduce(f64::min);
+                let first_s = cut_alarms.alarms.iter().map(|line| line.alarm_s).reduce(f64::min);
                 self.delays_s.push(first_s.map_or(f64::INFINITY, |s| s - onset_s));
                 let own = |hz: f64| (hz - frequency_hz).abs() < (0.01 * frequency_hz).max(2.0);
-                self.own_frequency += usize::from(heard.strongest_hz().is_some_and(own));
-                self.one_event += usize::from(heard.alarms.len() == 1);
+                self.own_frequency += usize::from(cut_alarms.strongest_hz().is_some_and(own));
+                self.one_event += usize::from(cut_alarms.alarms.len() == 1);
             }
             Truth::Marginal => self.marginal += 1,
         }
     }
 
-    fn told(&mut self) -> String {
+    fn sorted_json(&mut self) -> String {
         self.delays_s.sort_by(f64::total_cmp);
         let of = |part: f64| {
             let last = self.delays_s.len().saturating_sub(1) as f64;

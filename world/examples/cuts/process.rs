@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
 use world::cutter::Cutter;
 use world::random::{Purpose, stream};
-use world::regeneration::{Flexibility, Regeneration};
+use world::regeneration::{Regeneration, ToolMode};
 
 /// Approximate number of simulation steps per second.
 const STEPS_HZ: f64 = 40_000.0;
@@ -23,7 +23,7 @@ pub(crate) struct Process {
     pub(crate) cutter: Cutter,
     pub(crate) feed_m_s: f64,
     pub(crate) runout_m: Vec<f64>,
-    pub(crate) modes: Vec<Flexibility>,
+    pub(crate) modes: Vec<ToolMode>,
     /// Noise of the sensor per sample, standard deviation, N.
     pub(crate) noise_n: f64,
     /// Broadband part of the cutting force, relative to its mean.
@@ -141,9 +141,9 @@ impl Process {
 }
 
 /// Two orthogonal modes near a frequency, and a stiffer one of the structure.
-fn modes(rng: &mut ChaCha8Rng, frequency_hz: f64, n_per_m: f64) -> Vec<Flexibility> {
+fn modes(rng: &mut ChaCha8Rng, frequency_hz: f64, n_per_m: f64) -> Vec<ToolMode> {
     let angle = between(rng, 0.0, PI);
-    let mut mode = |angle: f64, frequency_hz: f64, stiffness_n_per_m: f64| Flexibility {
+    let mut mode = |angle: f64, frequency_hz: f64, stiffness_n_per_m: f64| ToolMode {
         direction: DVec2::from_angle(angle),
         frequency_hz,
         damping_ratio: between(rng, 0.012, 0.04),

@@ -42,7 +42,7 @@ fn run(truth: &TrueRobot, setup: Setup) -> Vec<Tick> {
 }
 
 fn ringing(seed: u64) -> Setup {
-    Setup { chatter: Some(Chatter::at_72_hz(1)), ..Setup::quiet(path(), seed) }
+    Setup { chatter: Some(Chatter::at_72_hz(1)), ..Setup::without_chatter(path(), seed) }
 }
 
 #[test]
@@ -51,14 +51,14 @@ fn a_seed_means_one_run_to_the_bit() {
     assert_eq!(one, run(&truth(5), ringing(5)));
     let other = run(&truth(5), ringing(6));
     assert_ne!(one[100].forces_tool, other[100].forces_tool);
-    assert_eq!(one[100].without, other[100].without, "the sensor's noise moves no robot");
-    assert_ne!(one[100].without, run(&truth(6), ringing(5))[100].without);
+    assert_eq!(one[100].uncorrected, other[100].uncorrected, "the sensor's noise moves no robot");
+    assert_ne!(one[100].uncorrected, run(&truth(6), ringing(5))[100].uncorrected);
 }
 
 #[test]
 fn the_command_published_unchanged_leaves_both_robots_alike() {
     for tick in run(&truth(2), ringing(2)) {
-        assert_eq!(tick.without, tick.with);
+        assert_eq!(tick.uncorrected, tick.corrected);
     }
 }
 
@@ -69,7 +69,7 @@ fn a_robot_like_the_controllers_errs_by_nothing_but_the_ringing() {
         let of_cut = ticks.iter().filter(|tick| tick.cut == cut);
         of_cut.map(|tick| tick.errors_m().0).fold(0.0, f64::max)
     };
-    let quiet = run(&truth, Setup::quiet(path(), 1));
+    let quiet = run(&truth, Setup::without_chatter(path(), 1));
     assert!(largest(&quiet, Some(1)) < 2e-12);
     let rings = run(&truth, ringing(1));
     assert!(largest(&rings, Some(0)) < 2e-12, "before the cut that rings");
@@ -79,7 +79,7 @@ fn a_robot_like_the_controllers_errs_by_nothing_but_the_ringing() {
 
 #[test]
 fn forces_stand_in_cuts_alone_and_repeat_with_the_tooth_passing() {
-    let silent = Setup { force_noise_n: 0.0, ..Setup::quiet(path(), 1) };
+    let silent = Setup { force_noise_n: 0.0, ..Setup::without_chatter(path(), 1) };
     let ticks = run(&truth(1), silent);
     for tick in ticks.iter().filter(|tick| tick.cut.is_none()) {
         assert_eq!(tick.forces_tool, [DVec3::ZERO; FORCES_PER_TICK]);
@@ -99,7 +99,7 @@ fn forces_stand_in_cuts_alone_and_repeat_with_the_tooth_passing() {
 
 #[test]
 fn the_cut_pushes_against_the_feed_and_up() {
-    let ticks = run(&truth(1), Setup::quiet(path(), 1));
+    let ticks = run(&truth(1), Setup::without_chatter(path(), 1));
     for (cut, feed) in [(0, DVec3::Y), (1, DVec3::X), (2, -DVec3::Y)] {
         let of_cut: Vec<&Tick> = ticks.iter().filter(|tick| tick.cut == Some(cut)).collect();
         let force = of_cut[of_cut.len() / 2].wrench_base.force;

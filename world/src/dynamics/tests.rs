@@ -16,7 +16,7 @@ fn a_delay_shows_the_motion_of_then_even_between_samples() {
     let t = times(400, 4e-3);
     let wave = |t: f64| 0.4 * (5.0 * t).cos();
     let dynamics = Dynamics { delay_s: 7.3e-3, ..Dynamics::default() };
-    let seen = dynamics.motors(&t, vec![of(wave, &t)]).remove(0);
+    let seen = dynamics.motor_positions(&t, vec![of(wave, &t)]).remove(0);
     for k in 10..400 {
         assert!((seen[k] - wave(t[k] - 7.3e-3)).abs() < 2e-7);
     }
@@ -26,7 +26,7 @@ fn a_delay_shows_the_motion_of_then_even_between_samples() {
 fn a_lag_trails_a_ramp_by_speed_times_its_time_constant() {
     let t = times(300, 2e-3);
     let dynamics = Dynamics { lags: vec![(0, 0.03)], ..Dynamics::default() };
-    let seen = dynamics.motors(&t, vec![of(|t| 0.5 * t, &t)]).remove(0);
+    let seen = dynamics.motor_positions(&t, vec![of(|t| 0.5 * t, &t)]).remove(0);
     let off = |k: usize| 0.5 * t[k] - seen[k];
     assert!((0..300).all(|k| (off(k) - 0.5 * 0.03).abs() < 1e-12), "steady from the start");
 }
@@ -36,7 +36,7 @@ fn a_lag_answers_a_sine_as_its_transfer_function_says() {
     let (w, lag) = (9.0, 0.02);
     let t = times(2000, 1e-3);
     let dynamics = Dynamics { lags: vec![(0, lag)], ..Dynamics::default() };
-    let seen = dynamics.motors(&t, vec![of(|t| (w * t).sin(), &t)]).remove(0);
+    let seen = dynamics.motor_positions(&t, vec![of(|t| (w * t).sin(), &t)]).remove(0);
     let (gain, phase) = (1.0 / (1.0 + (w * lag).powi(2)).sqrt(), (w * lag).atan());
     for k in 500..1990 {
         assert!((seen[k] - gain * (w * t[k] - phase).sin()).abs() < 1e-6);
@@ -44,8 +44,8 @@ fn a_lag_answers_a_sine_as_its_transfer_function_says() {
 }
 
 fn ringing(participation: f64, compliance: f64) -> Mode {
-    let rings = Rings::Joint(0);
-    Mode { rings, frequency_hz: 11.0, damping_ratio: 0.05, participation, compliance }
+    let rings = VibratingPart::Joint(0);
+    Mode { part: rings, frequency_hz: 11.0, damping_ratio: 0.05, participation, compliance }
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn effects_are_taken_by_their_names_and_what_does_not_fit_is_refused() {
     let arm = irb1600();
     let mut dynamics = Dynamics::default();
     let mut take = |kind, joint, channel, given: &[(&str, &[f64])]| {
-        dynamics.take(&arm, kind, joint, channel, Given(given))
+        dynamics.add_named(&arm, kind, joint, channel, ParameterValues(given))
     };
     assert_eq!(take("time_delay", None, None, &[("delay", &[2e-3])]), Ok(true));
     assert_eq!(take("time_delay", None, Some("ql"), &[("delay", &[1e-3])]), Ok(true));

@@ -1,7 +1,7 @@
 //! Paths and poses through a model: known limits, signs and orders.
 
 use super::*;
-use crate::dynamics::{Mode, Rings, Spike};
+use crate::dynamics::{Mode, Spike, VibratingPart};
 use crate::test_arm::{effect, irb1600};
 
 const RATE_HZ: f64 = 250.0;
@@ -55,7 +55,7 @@ fn a_compliant_joint_feels_the_inertia_of_what_it_swings_and_one_at_rest_does_no
     let soft = arm_effects(&[("joint_compliance", "compliance", 2e-6)]);
     let slow: Vec<(Inputs, bool)> = swing(1000).into_iter().map(|row| (row, false)).collect();
     let (moving, resting) = (path(&soft, &Dynamics::default(), &swing(1000)), poses(&soft, &slow));
-    let bend = |seen: &Seen| seen.link[1] - seen.motor[1];
+    let bend = |seen: &ArmState| seen.link[1] - seen.motor[1];
     // At the reversal the motion is decelerated: inertia deflects the joint further in the previous
     // direction.
     let k = (std::f64::consts::FRAC_PI_4 * RATE_HZ) as usize;
@@ -84,7 +84,7 @@ fn bearing_and_gravity_compliance_do_not_feel_inertia() {
 fn modes_and_spikes_move_the_link_and_the_tool_but_not_the_motor() {
     let model = Model::nominal(irb1600());
     let mode = Mode {
-        rings: Rings::Joint(1),
+        part: VibratingPart::Joint(1),
         frequency_hz: 9.0,
         damping_ratio: 0.03,
         participation: 1.0,
@@ -111,7 +111,7 @@ fn modes_and_spikes_move_the_link_and_the_tool_but_not_the_motor() {
 fn a_base_that_rocks_moves_the_tool_and_no_joint() {
     let model = Model::nominal(irb1600());
     let rocks = Mode {
-        rings: Rings::Base(glam::DVec3::Y),
+        part: VibratingPart::Base(glam::DVec3::Y),
         frequency_hz: 8.0,
         damping_ratio: 0.05,
         participation: 1.0,
@@ -121,7 +121,7 @@ fn a_base_that_rocks_moves_the_tool_and_no_joint() {
     let rows = swing(600);
     let seen = path(&model, &dynamics, &rows);
     assert!(seen.iter().zip(&rows).all(|(seen, row)| seen.link == row.q));
-    let off = |(seen, row): (&Seen, &Inputs)| {
+    let off = |(seen, row): (&ArmState, &Inputs)| {
         let believed = Chain::nominal(&model.arm, &row.q).base_from_tool.origin;
         (seen.base_from_tool.origin - believed).length()
     };

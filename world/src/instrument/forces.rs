@@ -51,12 +51,12 @@ pub fn read(
     noise: f64,
     seed: u64,
 ) -> Result<ForceColumns, ProcessColumnMissing> {
-    let Some(cut) = recording.about.cut.clone() else { return Ok(ForceColumns::default()) };
+    let Some(cut) = recording.metadata.cut.clone() else { return Ok(ForceColumns::default()) };
     let forces = exact(model, &cut, recording)?;
     let mut found = ForceColumns::default();
     for moment in (3..6).map(Channel::Wrench) {
         if recording.remove(moment).is_some() {
-            recording.about.sigma.remove(&moment);
+            recording.metadata.sigma.remove(&moment);
             found.left_out.push(moment.base());
         }
     }
@@ -77,7 +77,7 @@ pub fn read(
         let value = |row: usize| if has_value(row) { readings[row][axis] } else { f64::NAN };
         recording.set(channel, (0..readings.len()).map(value).collect());
         if noise > 0.0 {
-            recording.about.sigma.insert(channel, noise);
+            recording.metadata.sigma.insert(channel, noise);
         }
         found.columns.push(channel.base());
     }
@@ -106,5 +106,5 @@ pub fn exact(
         feed_m_s: feed[k],
     };
     let rows: Vec<Row> = (0..recording.len()).map(row).collect();
-    Ok(milling::readings(model, &cut.cutter(), &rows))
+    Ok(milling::measured_forces(model, &cut.cutter(), &rows))
 }

@@ -27,12 +27,12 @@ fn swing(rows: usize, amplitude: f64) -> Vec<Inputs> {
     (0..rows).map(row).collect()
 }
 
-fn followed(model: &Model, rows: &[Inputs]) -> Vec<Followed> {
+fn followed(model: &Model, rows: &[Inputs]) -> Vec<MotorState> {
     path(model, &Dynamics::default(), rows).expect("an arm with masses")
 }
 
 /// Largest deviation of joint 1 from its command.
-fn off(followed: &[Followed], rows: &[Inputs]) -> f64 {
+fn off(followed: &[MotorState], rows: &[Inputs]) -> f64 {
     let off = followed.iter().zip(rows).map(|(seen, row)| (seen.motor[0] - row.q[0]).abs());
     off.fold(0.0, f64::max)
 }

@@ -5,18 +5,18 @@
 
 use report::significant;
 
-use super::bench::Answer;
-use super::said::{Found, Said};
+use super::diagnosis_result::{DiagnosisResult, FindingView};
+use super::set_runner::RunOutcome;
 
-/// Findings of a case that the document lists, and reasons for silence.
-const LISTED: usize = 12;
-const REASONS: usize = 4;
+/// Largest number of findings of a case in the document, and of reasons for a missing finding.
+const FINDINGS_LISTED: usize = 12;
+const REASONS_LISTED: usize = 4;
 
 /// A requirement on a run.
-pub(super) struct Judged {
+pub(super) struct LimitCheck {
     pub(super) what: String,
     pub(super) measured: String,
-    pub(super) bar: String,
+    pub(super) limit: String,
     pub(super) met: bool,
 }
 
@@ -27,15 +27,15 @@ pub(super) struct Errors {
     /// `%`, `N`, `mm`.
     pub(super) unit: &'static str,
     /// The quantity: root mean square, mean distance.
-    pub(super) of: &'static str,
+    pub(super) quantity: &'static str,
 }
 
-/// What the set's authors, or its note, reached.
+/// Reference value from the set's authors or its note.
 pub(super) struct Reference {
     /// In the unit of the case's errors; `None` if it is not comparable as a number.
     pub(super) value: Option<f64>,
     /// The figure with its source.
-    pub(super) says: &'static str,
+    pub(super) text: &'static str,
 }
 
 /// A finding as a row: name, numbers with intervals, held-out error before and after it.
@@ -51,41 +51,41 @@ pub(super) struct Case {
     pub(super) verdict: String,
     /// Short form, for the summary table.
     pub(super) short: String,
-    pub(super) said: Vec<String>,
+    pub(super) statements: Vec<String>,
     pub(super) rows: Vec<Row>,
     pub(super) more_rows: usize,
     pub(super) errors: Option<Errors>,
     pub(super) reference: Option<Reference>,
-    pub(super) judged: Vec<Judged>,
+    pub(super) checks: Vec<LimitCheck>,
     /// Where it is worse, in doubt or without an answer, besides missed limits.
-    pub(super) short_of: Vec<String>,
+    pub(super) shortfall_notes: Vec<String>,
     pub(super) was_run: bool,
 }
 
-impl Judged {
+impl LimitCheck {
     pub(super) fn new(
         what: impl Into<String>,
         measured: impl Into<String>,
         bar: impl Into<String>,
         met: bool,
     ) -> Self {
-        Self { what: what.into(), measured: measured.into(), bar: bar.into(), met }
+        Self { what: what.into(), measured: measured.into(), limit: bar.into(), met }
     }
 
     /// An upper limit on a number.
-    pub(super) fn at_most(what: &str, value: f64, bar: f64, unit: &str) -> Self {
+    pub(super) fn at_most(what: &str, value: f64, limit: f64, unit: &str) -> Self {
         let told = |x: f64| format!("{} {unit}", significant(x, 3));
-        Self::new(what, told(value), format!("at most {}", told(bar)), value <= bar)
+        Self::new(what, told(value), format!("at most {}", told(limit)), value <= limit)
     }
 
     /// A lower limit on a number.
-    pub(super) fn at_least(what: &str, value: f64, bar: f64, unit: &str) -> Self {
+    pub(super) fn at_least(what: &str, value: f64, limit: f64, unit: &str) -> Self {
         let told = |x: f64| format!("{} {unit}", significant(x, 3));
-        Self::new(what, told(value), format!("at least {}", told(bar)), value >= bar)
+        Self::new(what, told(value), format!("at least {}", told(limit)), value >= limit)
     }
 
     /// An interval that has to contain a value.
-    pub(super) fn holds(what: &str, found: Option<(f64, [f64; 2])>, truth: f64) -> Self {
+    pub(super) fn contains(what: &str, found: Option<(f64, [f64; 2])>, truth: f64) -> Self {
         let (measured, met) = match found {
             Some((_, [low, high])) => (
                 format!("{} to {}", significant(low, 3), significant(high, 3)),
@@ -99,47 +99,52 @@ impl Judged {
 
 impl Case {
     /// Result of a command other than a diagnosis.
-    pub(super) fn plain(name: &str, concealed: &str, command: &[&str], answer: &Answer) -> Self {
-        let verdict = why(answer);
+    pub(super) fn from_outcome(
+        name: &str,
+        concealed: &str,
+        command: &[&str],
+        answer: &RunOutcome,
+    ) -> Self {
+        let verdict = outcome_text(answer);
         Self {
             name: name.to_owned(),
             concealed: concealed.to_owned(),
-            command: shown(command),
+            command: command_text(command),
             short: verdict.clone(),
             verdict,
-            was_run: !matches!(answer, Answer::NotRun),
+            was_run: !matches!(answer, RunOutcome::NotRun),
             ..Self::default()
         }
     }
 
     /// Result of `trued diagnose` in one domain; otherwise why there is none.
-    pub(super) fn of(
+    pub(super) fn from_diagnosis(
         name: &str,
         concealed: &str,
         command: &[&str],
-        answer: &Answer,
+        answer: &RunOutcome,
         domain: &str,
-    ) -> (Self, Option<Said>) {
-        let mut case = Self::plain(name, concealed, command, answer);
-        let Answer::Done(folder) = answer else { return (case, None) };
-        let said = Said::of(folder, domain);
+    ) -> (Self, Option<DiagnosisResult>) {
+        let mut case = Self::from_outcome(name, concealed, command, answer);
+        let RunOutcome::Done(folder) = answer else { return (case, None) };
+        let said = DiagnosisResult::read(folder, domain);
         case.verdict = said.verdict().replace('_', " ");
         case.short = format!("{}: {}", case.verdict, said.names(5));
-        case.tell(&said);
+        case.add_findings(&said);
         (case, Some(said))
     }
 
-    fn tell(&mut self, said: &Said) {
-        let unit = said.text("unit");
+    fn add_findings(&mut self, result: &DiagnosisResult) {
+        let unit = result.text("unit");
         let [before, after, noise] = ["heldout_rms_before", "heldout_rms_after", "noise_rms"]
-            .map(|key| significant(said.number(key), 3));
-        if said.number("heldout_rms_before") > 0.0 {
-            self.said.push(format!(
+            .map(|key| significant(result.number(key), 3));
+        if result.number("heldout_rms_before") > 0.0 {
+            self.statements.push(format!(
                 "Held out ({}): {before} {unit} with the given model, {after} {unit} with the findings, noise {noise} {unit} (RMS of single values).",
-                said.text("heldout")
+                result.text("heldout")
             ));
         }
-        for one in said.findings().take(LISTED) {
+        for one in result.findings().take(FINDINGS_LISTED) {
             let held = ["heldout_rms_before", "heldout_rms_after"].map(|key| one.number(key));
             let held = if held.iter().all(|rms| rms.is_finite()) {
                 held.map(|rms| significant(rms, 3)).join(" → ")
@@ -153,58 +158,61 @@ impl Case {
                 held,
             ]);
         }
-        self.more_rows = said.findings().count().saturating_sub(LISTED);
-        if said.findings().count() == 1 {
-            self.said.extend(said.findings().map(|one| one.says().to_owned()));
+        self.more_rows = result.findings().count().saturating_sub(FINDINGS_LISTED);
+        if result.findings().count() == 1 {
+            self.statements.extend(result.findings().map(|one| one.statement().to_owned()));
         }
-        if said.number("heldout_rms_after") > said.number("heldout_rms_before") {
-            self.short_of.push(format!(
+        if result.number("heldout_rms_after") > result.number("heldout_rms_before") {
+            self.shortfall_notes.push(format!(
                 "The findings increase the held-out error: {before} to {after} {unit}."
             ));
         }
-        if let Some(rest) = said.unexplained() {
-            self.short_of.push(format!("Unexplained: {rest}"));
+        if let Some(rest) = result.unexplained() {
+            self.shortfall_notes.push(format!("Unexplained: {rest}"));
         }
-        let notes = said.list("notes").iter().filter_map(|note| note.as_str());
+        let notes = result.list("notes").iter().filter_map(|note| note.as_str());
         let refuted = notes.clone().filter(|note| note.contains("increases the error")).count();
         if refuted > 0 {
-            self.short_of.push(format!(
+            self.shortfall_notes.push(format!(
                 "Selected, but rejected because they increase the error on held-out rows: {refuted}."
             ));
         }
         let zones: Vec<&str> = notes.filter(|note| note.contains("follows no known law")).collect();
         match zones.as_slice() {
             [] => {}
-            [one] => self.short_of.push(sentence(one)),
-            many => self.short_of.push(format!(
+            [one] => self.shortfall_notes.push(sentence(one)),
+            many => self.shortfall_notes.push(format!(
                 "Low-speed zones whose torque follows no known law: {} joints.",
                 many.len()
             )),
         }
-        let open: Vec<String> =
-            said.findings().filter(Found::may_be_nothing).map(|one| one.name()).collect();
+        let open: Vec<String> = result
+            .findings()
+            .filter(FindingView::interval_contains_zero)
+            .map(|one| one.name())
+            .collect();
         if !open.is_empty() {
-            self.short_of.push(format!(
+            self.shortfall_notes.push(format!(
                 "Reported, although the interval of its only parameter includes zero: {}.",
                 open.join(", ")
             ));
         }
-        let reasons = said.not_tested();
-        let more = reasons.len().saturating_sub(REASONS);
-        let mut told: Vec<String> = reasons.into_iter().take(REASONS).collect();
+        let reasons = result.not_tested();
+        let more = reasons.len().saturating_sub(REASONS_LISTED);
+        let mut told: Vec<String> = reasons.into_iter().take(REASONS_LISTED).collect();
         told.extend((more > 0).then(|| format!("{more} more reasons")));
         if !told.is_empty() {
-            self.short_of.push(format!("Not tested: {}.", told.join("; ")));
+            self.shortfall_notes.push(format!("Not tested: {}.", told.join("; ")));
         }
     }
 
     /// Held-out errors reported by the diagnosis.
-    pub(super) fn rms(&mut self, said: &Said, unit: &'static str) {
+    pub(super) fn set_heldout_errors(&mut self, result: &DiagnosisResult, unit: &'static str) {
         self.errors = Some(Errors {
-            before: said.number("heldout_rms_before"),
-            after: said.number("heldout_rms_after"),
+            before: result.number("heldout_rms_before"),
+            after: result.number("heldout_rms_after"),
             unit,
-            of: "root mean square",
+            quantity: "root mean square",
         });
     }
 
@@ -212,16 +220,16 @@ impl Case {
     pub(super) fn is_met(&self) -> bool {
         let is_answered =
             !(self.verdict.starts_with("no answer") || self.verdict.starts_with("refused"));
-        is_answered && self.judged.iter().all(|one| one.met)
+        is_answered && self.checks.iter().all(|one| one.met)
     }
 
     /// All shortfalls, as text.
     pub(super) fn shortfalls(&self) -> Vec<String> {
         let mut all: Vec<String> = self
-            .judged
+            .checks
             .iter()
             .filter(|one| !one.met)
-            .map(|one| format!("**Missed**: {}: {}; limit: {}.", one.what, one.measured, one.bar))
+            .map(|one| format!("**Missed**: {}: {}; limit: {}.", one.what, one.measured, one.limit))
             .collect();
         if let (Some(errors), Some(Reference { value: Some(value), .. })) =
             (&self.errors, &self.reference)
@@ -234,34 +242,34 @@ impl Case {
                 unit = errors.unit
             ));
         }
-        let was_asked = self.judged.iter().any(|one| one.met && one.what == "verdict");
+        let was_asked = self.checks.iter().any(|one| one.met && one.what == "verdict");
         if self.rows.is_empty()
             && !was_asked
             && matches!(self.verdict.as_str(), "undetermined" | "consistent")
         {
             all.push(format!("No result: {}, no finding.", self.verdict));
         }
-        all.extend(self.short_of.iter().cloned());
+        all.extend(self.shortfall_notes.iter().cloned());
         all
     }
 }
 
-/// Why there is no answer.
-pub(super) fn why(answer: &Answer) -> String {
+/// Text for a run without an answer.
+pub(super) fn outcome_text(answer: &RunOutcome) -> String {
     match answer {
-        Answer::Done(_) => "done".to_owned(),
-        Answer::Late(limit_s) => format!("no answer within {limit_s} s"),
-        Answer::Refused(said) => format!("refused: {said}"),
-        Answer::NotRun => "not run".to_owned(),
+        RunOutcome::Done(_) => "done".to_owned(),
+        RunOutcome::Late(limit_s) => format!("no answer within {limit_s} s"),
+        RunOutcome::Refused(said) => format!("refused: {said}"),
+        RunOutcome::NotRun => "not run".to_owned(),
     }
 }
 
-/// The command as one types it.
-pub(super) fn shown(words: &[&str]) -> String {
-    format!("trued {}", words.join(" "))
+/// The command line.
+pub(super) fn command_text(arguments: &[&str]) -> String {
+    format!("trued {}", arguments.join(" "))
 }
 
-/// With a capital and a full stop.
+/// With a capital letter and a full stop.
 pub(super) fn sentence(text: &str) -> String {
     let text = report::capitalised(text);
     if text.ends_with('.') { text } else { text + "." }

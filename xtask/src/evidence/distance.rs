@@ -3,16 +3,16 @@
 //! The measuring frame of each station is fitted by least squares on the training rows, never on
 //! held-out ones. Independent of a robot; positions of points on the tool come from the program.
 
-use super::sheet::Sheet;
+use super::csv_table::CsvTable;
 
 type Point = [f64; 3];
 
 /// Iterations of least squares: the initial frame may be far off if the program knows of one
 /// station only.
-const ROUNDS: usize = 60;
+const ITERATIONS: usize = 60;
 
 /// A row's points: measured and predicted, m.
-struct Pair {
+struct PointPairs {
     station: String,
     is_held: bool,
     points: Vec<[Point; 2]>,
@@ -21,62 +21,65 @@ struct Pair {
 /// Columns of one point: measured, predicted, and the length of their unit, m.
 pub(super) struct Columns {
     pub(super) measured: [String; 3],
-    pub(super) foretold: [String; 3],
+    pub(super) predicted: [String; 3],
     pub(super) metres: [f64; 2],
 }
 
 /// The mean distance on held-out rows, m; NaN without any.
-pub(super) fn mean(
-    measured: &Sheet,
-    foretold: &Sheet,
+pub(super) fn mean_distance(
+    measured: &CsvTable,
+    predicted: &CsvTable,
     columns: &[Columns],
     station: Option<&str>,
-    held: &[bool],
+    held_out: &[bool],
 ) -> f64 {
-    let mut pairs = pairs(measured, foretold, columns, station, held);
+    let mut pairs = pairs(measured, predicted, columns, station, held_out);
     let mut names: Vec<String> = pairs.iter().map(|pair| pair.station.clone()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
-        for _ in 0..ROUNDS {
-            let of = |pair: &&Pair| pair.station == name && !pair.is_held;
+        for _ in 0..ITERATIONS {
+            let of = |pair: &&PointPairs| pair.station == name && !pair.is_held;
             let trains = pairs.iter().filter(of).flat_map(|pair| &pair.points);
-            let moved = small_motion(trains);
+            let moved = fit_rigid_motion(trains);
             for pair in pairs.iter_mut().filter(|pair| pair.station == name) {
                 pair.points.iter_mut().for_each(|[_, p]| *p = apply(&moved, p));
             }
         }
     }
     let all = pairs.iter().filter(|pair| pair.is_held).flat_map(|pair| &pair.points);
-    let distances: Vec<f64> = all.map(|[m, p]| norm(&less(m, p))).collect();
+    let distances: Vec<f64> = all.map(|[m, p]| norm(&difference(m, p))).collect();
     distances.iter().sum::<f64>() / distances.len() as f64
 }
 
 fn pairs(
-    measured: &Sheet,
-    foretold: &Sheet,
+    measured: &CsvTable,
+    predicted: &CsvTable,
     columns: &[Columns],
     station: Option<&str>,
-    held: &[bool],
-) -> Vec<Pair> {
+    held_out: &[bool],
+) -> Vec<PointPairs> {
     let stations = station.map(|name| measured.texts(name));
     let each: Vec<[[Vec<f64>; 3]; 2]> = columns
         .iter()
         .map(|one| {
-            let of = |sheet: &Sheet, names: &[String; 3], m: f64| {
+            let of = |sheet: &CsvTable, names: &[String; 3], m: f64| {
                 [0, 1, 2].map(|k| sheet.numbers(&names[k]).iter().map(|x| m * x).collect())
             };
-            [of(measured, &one.measured, one.metres[0]), of(foretold, &one.foretold, one.metres[1])]
+            [
+                of(measured, &one.measured, one.metres[0]),
+                of(predicted, &one.predicted, one.metres[1]),
+            ]
         })
         .collect();
-    let rows = measured.len().min(foretold.len()).min(held.len());
+    let rows = measured.len().min(predicted.len()).min(held_out.len());
     let point = |all: &[Vec<f64>; 3], row: usize| [0, 1, 2].map(|k| all[k][row]);
     let pair = |row: usize| {
         let points = each.iter().map(|[m, p]| [point(m, row), point(p, row)]);
         let known = points.filter(|pair| pair.iter().flatten().all(|x| x.is_finite()));
-        Pair {
+        PointPairs {
             station: stations.as_ref().map_or(String::new(), |all| all[row].clone()),
-            is_held: held[row],
+            is_held: held_out[row],
             points: known.collect(),
         }
     };
@@ -85,14 +88,14 @@ fn pairs(
 
 /// A small rotation and shift that bring the predicted points nearest to the measured ones:
 /// rotation, shift, centre.
-fn small_motion<'a>(points: impl Iterator<Item = &'a [Point; 2]> + Clone) -> [Point; 3] {
+fn fit_rigid_motion<'a>(points: impl Iterator<Item = &'a [Point; 2]> + Clone) -> [Point; 3] {
     let count = points.clone().count().max(1) as f64;
     let mut middle = [0.0; 3];
     points.clone().for_each(|[_, p]| (0..3).for_each(|k| middle[k] += p[k] / count));
     let mut normal = [[0.0; 7]; 6];
     for [m, p] in points {
-        let r = less(p, &middle);
-        let off = less(m, p);
+        let r = difference(p, &middle);
+        let off = difference(m, p);
         // Rows of d(turn × r + shift).
         let rows = [
             [0.0, r[2], -r[1], 1.0, 0.0, 0.0],
@@ -130,10 +133,10 @@ fn solve(a: &mut [[f64; 7]; 6]) -> [f64; 6] {
     [0, 1, 2, 3, 4, 5].map(|k| if a[k][k] == 0.0 { 0.0 } else { a[k][6] / a[k][k] })
 }
 
-/// Turned about the middle (Rodrigues) and shifted.
+/// A point rotated about the centre (Rodrigues' formula) and shifted.
 fn apply([turn, shift, middle]: &[Point; 3], p: &Point) -> Point {
     let angle = norm(turn);
-    let r = less(p, middle);
+    let r = difference(p, middle);
     let turned = if angle > 0.0 {
         let axis = turn.map(|x| x / angle);
         let (sin, cos) = angle.sin_cos();
@@ -150,7 +153,7 @@ fn apply([turn, shift, middle]: &[Point; 3], p: &Point) -> Point {
     [0, 1, 2].map(|k| middle[k] + turned[k] + shift[k])
 }
 
-fn less(a: &Point, b: &Point) -> Point {
+fn difference(a: &Point, b: &Point) -> Point {
     [0, 1, 2].map(|k| a[k] - b[k])
 }
 
@@ -180,8 +183,8 @@ mod tests {
             p += &format!("{},{},{}\n", at[0], at[1], at[2]);
         }
         let names = || ["x", "y", "z"].map(str::to_owned);
-        let columns = [Columns { measured: names(), foretold: names(), metres: [1.0, 1.0] }];
-        let off = mean(&Sheet::read(&m), &Sheet::read(&p), &columns, None, &held);
+        let columns = [Columns { measured: names(), predicted: names(), metres: [1.0, 1.0] }];
+        let off = mean_distance(&CsvTable::read(&m), &CsvTable::read(&p), &columns, None, &held);
         assert!((off - 1e-3).abs() < 1e-9, "{off}");
     }
 }

@@ -24,7 +24,7 @@ pub(super) struct Section {
     /// Missing files; then nothing was run.
     pub(super) missing: Vec<String>,
     pub(super) cases: Vec<Case>,
-    /// Of the plot, where there is one.
+    /// Caption of the plot, if there is one.
     pub(super) caption: Option<String>,
 }
 
@@ -43,7 +43,7 @@ fn table(text: &mut String, sections: &[Section]) {
     line(text, "| --- | --- | --- | --- | --- | --- |");
     for section in sections {
         let name = section.set.name;
-        if let Some(why) = absent(section) {
+        if let Some(why) = reason_without_cases(section) {
             line(text, &format!("| [{name}](#{name}) | {why} | | | | |"));
         }
         for case in &section.cases {
@@ -52,8 +52,8 @@ fn table(text: &mut String, sections: &[Section]) {
                 case.concealed.clone(),
                 case.short.clone(),
                 errors(case),
-                case.reference.as_ref().map_or(String::new(), |one| one.says.to_owned()),
-                bars(case),
+                case.reference.as_ref().map_or(String::new(), |one| one.text.to_owned()),
+                limits(case),
             ];
             line(text, &format!("| {} |", cells.map(|cell| cell.replace('|', "/")).join(" | ")));
         }
@@ -61,9 +61,9 @@ fn table(text: &mut String, sections: &[Section]) {
     line(text, "");
 }
 
-/// Why a set has no case.
-fn absent(section: &Section) -> Option<String> {
-    if let Some(why) = section.set.cannot {
+/// Reason why a set has no case.
+fn reason_without_cases(section: &Section) -> Option<String> {
+    if let Some(why) = section.set.not_run_reason {
         return Some(format!("not run: {why}"));
     }
     (!section.missing.is_empty()).then(|| format!("absent: {}", section.missing.join(", ")))
@@ -76,11 +76,11 @@ fn errors(case: &Case) -> String {
     })
 }
 
-fn bars(case: &Case) -> String {
-    let missed = case.judged.iter().filter(|one| !one.met).count();
-    match (case.was_run, case.judged.len(), missed) {
+fn limits(case: &Case) -> String {
+    let missed = case.checks.iter().filter(|one| !one.met).count();
+    match (case.was_run, case.checks.len(), missed) {
         (false, ..) => "not run".to_owned(),
-        (_, 0, _) if case.rows.is_empty() && case.said.is_empty() => "no answer".to_owned(),
+        (_, 0, _) if case.rows.is_empty() && case.statements.is_empty() => "no answer".to_owned(),
         (_, 0, _) => "no limit".to_owned(),
         (_, all, 0) => format!("met ({all})"),
         (_, all, missed) => format!("**{missed} of {all} missed**"),
@@ -90,12 +90,12 @@ fn bars(case: &Case) -> String {
 fn write_section(text: &mut String, section: &Section) {
     let set = section.set;
     line(text, &format!("## {}\n", set.name));
-    line(text, &format!("{} Source: {}.\n", set.what, set.source));
-    if let Some(why) = absent(section) {
+    line(text, &format!("{} Source: {}.\n", set.description, set.source));
+    if let Some(why) = reason_without_cases(section) {
         line(text, &format!("{}.\n", super::case::sentence(&why).trim_end_matches('.')));
         return;
     }
-    line(text, &format!("Inputs of the program: {}\n", set.given));
+    line(text, &format!("Inputs of the program: {}\n", set.given_model));
     if let Some(caption) = &section.caption {
         let caption = super::case::sentence(caption);
         line(text, &format!("![{caption}](evidence/{}.svg)\n\n{caption}\n", set.name));
@@ -109,10 +109,10 @@ fn write_case(text: &mut String, case: &Case) {
     line(text, &format!("### {}\n", case.name));
     line(text, &format!("Concealed: {}. `{}`\n", case.concealed, case.command));
     line(text, &format!("Said: **{}**.\n", case.verdict));
-    for said in &case.said {
+    for said in &case.statements {
         line(text, &format!("- {said}"));
     }
-    if !case.said.is_empty() {
+    if !case.statements.is_empty() {
         line(text, "");
     }
     if !case.rows.is_empty() {
@@ -130,21 +130,21 @@ fn write_case(text: &mut String, case: &Case) {
         let reference = case
             .reference
             .as_ref()
-            .map_or(String::new(), |one| format!(" Reference: {}.", one.says));
+            .map_or(String::new(), |one| format!(" Reference: {}.", one.text));
         let unit = errors.unit;
         line(
             text,
             &format!(
                 "{}: {before} {unit} before, {after} {unit} after.{reference}\n",
-                super::case::sentence(errors.of).trim_end_matches('.')
+                super::case::sentence(errors.quantity).trim_end_matches('.')
             ),
         );
     }
-    if !case.judged.is_empty() {
+    if !case.checks.is_empty() {
         line(text, "| check | measured | limit | |\n| --- | --- | --- | --- |");
-        for one in &case.judged {
+        for one in &case.checks {
             let met = if one.met { "met" } else { "**missed**" };
-            line(text, &format!("| {} | {} | {} | {met} |", one.what, one.measured, one.bar));
+            line(text, &format!("| {} | {} | {} | {met} |", one.what, one.measured, one.limit));
         }
         line(text, "");
     }

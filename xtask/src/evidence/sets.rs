@@ -10,21 +10,21 @@ mod tracker;
 mod ur10e;
 mod workpiece;
 
-use super::bench::Bench;
 use super::case::Case;
+use super::set_runner::SetRunner;
 
 /// A set.
 pub(super) struct Set {
     pub(super) name: &'static str,
-    /// What it is, in a sentence.
-    pub(super) what: &'static str,
+    /// Description, one sentence.
+    pub(super) description: &'static str,
     pub(super) source: &'static str,
     /// The model given to the program.
-    pub(super) given: &'static str,
-    pub(super) needs: &'static [&'static str],
-    /// Why it is not run at all.
-    pub(super) cannot: Option<&'static str>,
-    pub(super) run: fn(&Bench) -> Result<Vec<Case>, String>,
+    pub(super) given_model: &'static str,
+    pub(super) files: &'static [&'static str],
+    /// Reason why it is not run at all.
+    pub(super) not_run_reason: Option<&'static str>,
+    pub(super) run: fn(&SetRunner) -> Result<Vec<Case>, String>,
 }
 
 /// All sets.
@@ -38,11 +38,11 @@ pub(super) const SETS: &[Set] = &[
     tracker::HILTI,
     Set {
         name: "dlr-elastic",
-        what: "A humanoid's arm and torso, two markers seen by cameras, 500 poses.",
+        description: "A humanoid's arm and torso, two markers seen by cameras, 500 poses.",
         source: "github.com/dlr-alr/dlr-elastic-calibration",
-        given: "",
-        needs: &[],
-        cannot: Some(
+        given_model: "",
+        files: &[],
+        not_run_reason: Some(
             "its nominal geometry and masses are published in an image only, and it is a branched body",
         ),
         run: |_| Ok(Vec::new()),

@@ -2,7 +2,7 @@
 //!
 //! Values are given with their uncertainty, if any; all are contained in the JSON.
 
-use report::{count, fixed, significant};
+use report::{fixed, pluralise, significant};
 
 use super::{AxesReport, CompliantJoint, StiffnessReport, SweepReport, TiltReport};
 
@@ -57,7 +57,7 @@ impl TiltReport {
             significant(turn, 2),
             significant(self.sigma_mrad, 2),
             self.row,
-            count(self.poses, "pose")
+            pluralise(self.poses, "pose")
         )
     }
 }
@@ -83,7 +83,7 @@ impl StiffnessReport {
             let (value, sigma) = (significant(joint.compliance_mrad_per_knm, 3), joint.sigma);
             format!("joint {} {value} ± {}", joint.joint, significant(sigma, 2))
         };
-        let pairs = count(self.pairs, "loaded and unloaded pose");
+        let pairs = pluralise(self.pairs, "loaded and unloaded pose");
         for (joints, from) in [
             (&self.joints, format!("from {pairs}")),
             (&self.one_by_one, "joint by joint, from targets on links".to_owned()),
@@ -102,7 +102,7 @@ impl StiffnessReport {
                 significant(load.enhanced_max, 2),
                 load.negligible_below,
                 load.negligible_rows.len(),
-                count(load.poses, "pose")
+                pluralise(load.poses, "pose")
             )
         }));
         lines

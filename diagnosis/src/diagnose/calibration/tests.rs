@@ -1,17 +1,17 @@
 //! Selection for robots with and without one additional effect.
 
 use crate::campaign::Campaign;
-use crate::made::{empty, nominal};
-use crate::proof::{Errors, calibrate};
-use crate::simulate;
+use crate::campaign_simulation;
+use crate::hold_out::{PositionErrors, calibrate};
+use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
 use glam::DVec3;
-use physics::{AnyEffect, Given, Model, Wrench};
+use physics::{AnyEffect, Model, ParameterValues, Wrench};
 
 /// Mean length of a point error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
 const NOISE_M: f64 = 2.0 * 5e-5 * 0.797_884_560_8;
 
 fn effect(kind: &str, joint: Option<usize>, numbers: &[(&str, &[f64])]) -> AnyEffect {
-    AnyEffect::build(kind, &nominal().arm, joint, Given(numbers)).expect("built")
+    AnyEffect::build(kind, &nominal_robot().arm, joint, ParameterValues(numbers)).expect("built")
 }
 
 /// Effects of every simulated robot: two joint compliances, a tilted axis, a zero offset.
@@ -26,14 +26,14 @@ fn common() -> Vec<AnyEffect> {
 
 /// Simulated measurements of a robot with these effects, under varying forces on the tool of at most `push_n` per axis, N.
 fn seen(truth: &[AnyEffect], push_n: f64, seed: u64) -> Campaign {
-    let mut campaign = empty(3, 160);
+    let mut campaign = unmeasured_campaign(3, 160);
     for (row, pose) in campaign.poses.iter_mut().enumerate() {
         let part = |by: f64| ((row + 1) as f64 * by).fract() * 2.0 - 1.0;
         let force = DVec3::new(part(0.7321), part(0.2361), part(0.4142)) * push_n;
         pose.inputs.wrench_base = Wrench { force, moment: DVec3::ZERO };
     }
-    let model = Model::new(nominal().arm, truth).expect("effects that fit each other");
-    simulate::readings(&campaign, &model, &campaign.surroundings, 1.0, seed)
+    let model = Model::new(nominal_robot().arm, truth).expect("effects that fit each other");
+    campaign_simulation::simulate_readings(&campaign, &model, &campaign.surroundings, 1.0, seed)
 }
 
 struct Said {
@@ -52,8 +52,8 @@ fn selected(campaign: &Campaign, base: &Model) -> Said {
     let chosen = found.advanced.chosen.iter().filter_map(|c| model.effects().nth(c.effect));
     Said {
         names: chosen.map(|e| (e.spec().kind, e.joint())).collect(),
-        heldout_m: Errors::of(&found.advanced.fit, campaign, &held).mean(),
-        before_m: Errors::of(&found.calibrated, campaign, &held).mean(),
+        heldout_m: PositionErrors::of(&found.advanced.fit, campaign, &held).mean(),
+        before_m: PositionErrors::of(&found.calibrated, campaign, &held).mean(),
         model,
     }
 }
@@ -66,7 +66,7 @@ fn value(said: &Said, kind: &str) -> f64 {
 /// Asserts that the additional effect `more` is selected and that the error on the other poses equals the noise.
 fn is_found(more: AnyEffect, push_n: f64, off: f64) {
     let truth: Vec<AnyEffect> = common().into_iter().chain([more]).collect();
-    let said = selected(&seen(&truth, push_n, 3), &nominal());
+    let said = selected(&seen(&truth, push_n, 3), &nominal_robot());
     let (kind, joint) = (more.spec().kind, more.joint());
     assert!(
         said.names.contains(&(kind, joint)),
@@ -98,7 +98,7 @@ fn a_spring_that_carries_the_arm_leaves_no_error() {
     ];
     let spring = effect("counterbalance", Some(1), numbers);
     let truth: Vec<AnyEffect> = common().into_iter().chain([spring]).collect();
-    let said = selected(&seen(&truth, 200.0, 3), &nominal());
+    let said = selected(&seen(&truth, 200.0, 3), &nominal_robot());
     assert!(said.heldout_m < 1.12 * NOISE_M, "{} mm, {:?}", said.heldout_m * 1e3, said.names);
     assert!(said.heldout_m < 0.7 * said.before_m, "{} mm before", said.before_m * 1e3);
 }
@@ -112,7 +112,7 @@ fn a_payload_that_the_model_does_not_know_is_found() {
 fn no_mass_below_zero_is_selected_where_a_robot_carries_less_than_its_model_says() {
     let lighter = effect("payload", None, &[("mass", &[-3.0]), ("com", &[0.9, 0.1, 1.2])]);
     let truth: Vec<AnyEffect> = common().into_iter().chain([lighter]).collect();
-    let said = selected(&seen(&truth, 300.0, 3), &nominal());
+    let said = selected(&seen(&truth, 300.0, 3), &nominal_robot());
     assert!(!said.names.iter().any(|(kind, _)| *kind == "payload"), "{:?}", said.names);
 }
 
@@ -122,7 +122,7 @@ fn a_base_that_leans_is_found_and_one_that_leans_absurdly_is_not_selected() {
         let leaning = effect("gravity_tilt", None, &[("tilt", &[tilt, 0.0])]);
         let heavy = effect("payload", None, &[("mass", &[60.0]), ("com", &[0.3, 0.1, 0.6])]);
         let truth: Vec<AnyEffect> = common().into_iter().chain([heavy, leaning]).collect();
-        let base = Model::new(nominal().arm, &[heavy]).expect("a model");
+        let base = Model::new(nominal_robot().arm, &[heavy]).expect("a model");
         let said = selected(&seen(&truth, 300.0, 3), &base);
         let found = said.names.iter().any(|(kind, _)| *kind == "gravity_tilt");
         assert_eq!(found, is_selected, "{tilt}: {:?}", said.names);
@@ -146,7 +146,7 @@ fn what_has_no_name_is_described() {
         &[("coefficients", &[0.0, 0.0, 0.0, 2e-3, -1.5e-3, 1e-3]), ("range", &range)];
     let truth: Vec<AnyEffect> =
         common().into_iter().chain([effect("joint_polynomial", Some(3), numbers)]).collect();
-    let said = selected(&seen(&truth, 0.0, 3), &nominal());
+    let said = selected(&seen(&truth, 0.0, 3), &nominal_robot());
     assert!(said.heldout_m < 1.12 * NOISE_M, "{} mm, {:?}", said.heldout_m * 1e3, said.names);
     assert!(said.names.contains(&("joint_polynomial", Some(3))), "{:?}", said.names);
 }
@@ -155,7 +155,7 @@ fn what_has_no_name_is_described() {
 fn a_robot_without_them_does_not_get_them() {
     let mut false_ones = Vec::new();
     for seed in 0..20 {
-        let said = selected(&seen(&common(), 300.0, 100 + seed), &nominal());
+        let said = selected(&seen(&common(), 300.0, 100 + seed), &nominal_robot());
         let own = |name: &&(&str, Option<usize>)| {
             **name != ("joint_compliance", Some(1)) && **name != ("joint_compliance", Some(2))
         };
@@ -168,7 +168,7 @@ fn a_robot_without_them_does_not_get_them() {
 #[test]
 fn what_a_model_states_is_not_doubled_by_the_whole_of_which_it_is_a_half() {
     let half = effect("load_compliance", Some(2), &[("compliance", &[1e-6])]);
-    let stated = Model::new(nominal().arm, &[half]).expect("sound");
+    let stated = Model::new(nominal_robot().arm, &[half]).expect("sound");
     let said = selected(&seen(&common(), 300.0, 3), &stated);
     said.model.check().expect("a model that loads");
     assert!(said.names.contains(&("gravity_compliance", Some(2))), "{:?}", said.names);

@@ -1,14 +1,14 @@
-//! Properties of the menu of experiments.
+//! Properties of the catalogue of experiments.
 
 use super::*;
-use crate::made::nominal;
+use crate::test_campaigns::nominal_robot;
 
 #[test]
 fn every_experiment_stays_inside_the_limits_and_speeds_of_the_arm() {
-    let arm = nominal().arm;
-    let all = menu(&arm);
+    let arm = nominal_robot().arm;
+    let all = catalogue(&arm);
     // Irrelevant temperatures are NaN, which equals nothing: compared as text.
-    assert_eq!(format!("{all:?}"), format!("{:?}", menu(&arm)));
+    assert_eq!(format!("{all:?}"), format!("{:?}", catalogue(&arm)));
     let mut names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
@@ -31,9 +31,9 @@ fn every_experiment_stays_inside_the_limits_and_speeds_of_the_arm() {
 
 #[test]
 fn a_request_is_a_recording_that_waits_for_its_measurements() {
-    let arm = nominal().arm;
-    let measured = Measured { channels: (0..3).map(Channel::Position).collect() };
-    for experiment in menu(&arm) {
+    let arm = nominal_robot().arm;
+    let measured = MeasuredChannels { channels: (0..3).map(Channel::Position).collect() };
+    for experiment in catalogue(&arm) {
         let recording = experiment.recording(&measured, f64::NAN);
         assert_eq!(recording.len(), experiment.rows.len());
         let loaded = experiment.name.contains("load");

@@ -7,37 +7,37 @@ use physics::Model;
 use recording::series::Recording;
 use std::collections::BTreeMap;
 
-use super::case::{Belief, Case};
-use super::found::{self, Weighed, with_instead};
-use super::law::{LEAK, SCALE, Slot, TURN};
-use super::laws;
-use super::names::{BEYOND, KINDS, TONE};
-use super::rest::{self, Rest};
+use super::beam_search;
+use super::candidates::{KINDS, PERMANENT_TONE_KIND, SENSOR_ERROR_MOST};
+use super::case::{Case, Estimates};
+use super::cut_model::{CROSS_TALK, ROTATION, SCALE, Slot};
+use super::parameters::{self, AssessedEffect, with_replacement};
 use super::rows::Rows;
-use super::sets;
-use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
-use crate::engine::library::Family;
-use crate::engine::normal_equations::Solved;
-use crate::engine::stepwise::{Search, Selection, others};
-use crate::engine::validation::{Listed, attributed, significant, size_of, supported};
-use crate::engine::verdict::{Verdict, VerdictSettings, Weight, claimed, decide_verdict};
-use crate::torque::{Finding, Refit};
+use super::unexplained::{self, UnexplainedForce};
+use super::varying_coefficients;
+use super::view::{ForceTrace, has_one_feed, not_tested, notes, signal_rms, traces};
+use crate::engine::dictionary::CandidateTerm;
+use crate::engine::normal_equations::LeastSquaresSolution;
+use crate::engine::stepwise::{TermSearch, TermSelection, without_term};
+use crate::engine::validation::{RankedTerm, attributed, significant, size_of, supported};
+use crate::engine::verdict::{FindingEvidence, Verdict, VerdictSettings, claimed, decide_verdict};
+use crate::torque::{Finding, RefittedParameter};
 
-/// Posterior probability from which an effect is unambiguous; its alternatives are listed beside it.
-const LIKELY: f64 = 0.95;
+/// Posterior probability from which an effect is unambiguous; below it, its alternatives make the verdict ambiguous.
+const UNAMBIGUOUS_PROBABILITY: f64 = 0.95;
 /// Maximum number of replacements or removals after the fit to all rows but the test set.
 const SWAPS: usize = 3;
 /// Minimum relative advantage of a single smooth law over all selected effects, on training and test rows together; effects approximate such a law to
 /// about this share.
-const CLEARLY: f64 = 0.01;
+const LAW_ADVANTAGE_LEAST: f64 = 0.01;
 /// And minimum advantage in log-likelihood.
-const BY_CHANCE: f64 = 10.0;
+const LAW_GAIN_LEAST: f64 = 10.0;
 /// Largest variance inflation, relative to a fit of the parameter alone, up to which an additional parameter is included.
-const APART: f64 = 1e5;
+const VARIANCE_INFLATION_MOST: f64 = 1e5;
 
 /// Result of a comparison with the stated cut.
 #[derive(Clone, Debug)]
-pub struct Compared {
+pub struct CutComparison {
     /// Verdict.
     pub verdict: Verdict,
     /// Claimed effects, most important first; SI units.
@@ -45,9 +45,9 @@ pub struct Compared {
     /// Selected effects with too low a probability to be claimed. They are part of the fit, of the tested residuals and of the written model.
     pub candidates: Vec<Finding>,
     /// Parameters that the model states with an uncertainty, as refitted. They are not findings, but part of the tested fit.
-    pub refits: Vec<Refit>,
+    pub refits: Vec<RefittedParameter>,
     /// Structure in the residual that no candidate effect explains.
-    pub unexplained: Option<Rest>,
+    pub unexplained: Option<UnexplainedForce>,
     /// RMS residual on test rows of the stated cut, and with all findings, N.
     pub heldout: [f64; 2],
     /// RMS residual on training and validation rows, N.
@@ -57,7 +57,7 @@ pub struct Compared {
     /// Number of compared rows.
     pub rows: usize,
     /// How the test rows were chosen, as text.
-    pub says: String,
+    pub heldout_description: String,
     /// Effects that this recording cannot show, with the reason.
     pub not_tested: Vec<(&'static str, &'static str)>,
     /// Notes on the processing of the data, as text.
@@ -67,7 +67,7 @@ pub struct Compared {
     /// Whether the tool was ever in air.
     pub has_air: bool,
     /// Plot data of each recorded axis.
-    pub traces: Vec<Traced>,
+    pub traces: Vec<ForceTrace>,
 }
 
 pub(super) fn finish(
@@ -76,34 +76,41 @@ pub(super) fn finish(
     recording: &Recording,
     rows: &Rows,
     names: &[usize],
-) -> Compared {
-    let seen = case.sets.seen();
-    let (mut names, is_patched) = standing(&mut case, names, &seen);
+) -> CutComparison {
+    let seen = case.row_sets.seen();
+    let (mut names, is_patched) = tested_effects(&mut case, names, &seen);
     // An effect is evaluated in its selected form, and reported with all of its parameters.
-    let mut weighed = reweighed(&mut case, &mut names, &seen);
-    names = filled(&mut case, names, &seen);
+    let mut weighed = assess_and_replace(&mut case, &mut names, &seen);
+    names = with_all_parameters(&mut case, names, &seen);
     let products = case.products(&seen);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(&names);
-    let rms = |solved: &Solved| case.rms(solved, &case.sets.test);
+    let rms = |solved: &LeastSquaresSolution| case.rms(solved, &case.row_sets.test);
     let listed = attributed(&search, &selection, &rms);
     let covariance = case.covariance(&selection.solved, &seen);
-    let is_tone = |one: &&Listed| case.library.families[one.name].kind == TONE;
+    let is_tone = |one: &&RankedTerm| case.library.terms[one.name].kind == PERMANENT_TONE_KIND;
     let hum = listed.iter().find(is_tone).map(|one| one.heldout);
     let stated = |kind: &str| model.effects().any(|effect| effect.spec().kind == kind);
-    let finding = |one: Listed| {
-        let family = &case.library.families[one.name];
+    let finding = |one: RankedTerm| {
+        let family = &case.library.terms[one.name];
         let own = search.own_columns(&selection, one.name);
-        let weighed = weighed.remove(family.kind).filter(|_| family.kind != TONE)?;
+        let weighed = weighed.remove(family.kind).filter(|_| family.kind != PERMANENT_TONE_KIND)?;
         Some(Finding {
             kind: family.kind,
             joint: None,
             recording: None,
             is_change: stated(family.kind),
-            numbers: found::numbers(&case, model, &search, &selection, family, &covariance),
+            parameters: parameters::parameters_of(
+                &case,
+                model,
+                &search,
+                &selection,
+                family,
+                &covariance,
+            ),
             confidence: weighed.confidence,
             gain: weighed.gain,
-            rivals: weighed.rivals,
+            alternatives: weighed.alternatives,
             heldout: one.heldout,
             heldout_without: one.heldout_without,
             size: size_of(&case.table, &case.library.columns, &selection.solved, &own),
@@ -111,17 +118,18 @@ pub(super) fn finish(
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
     let refits = refits(&case, model, &search, &selection, &covariance);
-    let (law, given) = (rest::rest(&case, &search.columns(&names)), search.solve(&[]));
+    let (law, given) =
+        (unexplained::strongest_structure(&case, &search.columns(&names)), search.solve(&[]));
     let heldout = [&given, &selection].map(|one| rms(&one.solved));
-    let creeping = rest::creeping(&case, &case.belief);
+    let creeping = unexplained::excessive_drift(&case, &case.estimates);
     let is_strange = is_patched || hum.is_some() || creeping.is_some();
     let verdict = verdict(&case, &findings, (&given, &selection), law.as_ref(), is_strange);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::DRIVE_OR_CUT, |one| one.confidence);
-    let tone = hum.map(|held| a_tone(&case, held));
-    let nameless = is_patched.then(|| beyond_names(heldout));
+    let tone = hum.map(|held| unexplained_line(&case, held));
+    let nameless = is_patched.then(|| implausible_parameters(heldout));
     let unexplained = tone.or(law).or(creeping).or(nameless);
-    Compared {
+    CutComparison {
         verdict,
         findings,
         candidates,
@@ -129,79 +137,98 @@ pub(super) fn finish(
         unexplained,
         heldout,
         noise: case.rms(&selection.solved, &seen),
-        signal: signal(&case),
-        rows: rows.at.len(),
-        says: case.sets.says.clone(),
+        signal: signal_rms(&case),
+        rows: rows.indices.len(),
+        heldout_description: case.row_sets.description.clone(),
         not_tested: not_tested(&case),
         notes: notes(&case, recording),
         has_one_feed: has_one_feed(&case),
-        has_air: case.law.rows.iter().any(|stood| !stood.cuts),
+        has_air: case.model.rows.iter().any(|stood| !stood.is_cutting),
         traces: traces(&case),
     }
 }
 
 /// The effects that all rows but the test set support. If they only approximate another structure: none, and `true`.
-fn standing(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
-    let names = settled(case, names, seen);
-    let is_patched = is_patched(case, &names);
-    (if is_patched { settled(case, &[], seen) } else { names }, is_patched)
+fn tested_effects(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
+    let names = supported_effects(case, names, seen);
+    let is_patched = is_only_approximation(case, &names);
+    (if is_patched { supported_effects(case, &[], seen) } else { names }, is_patched)
 }
 
 /// Whether the parameters of an effect, fitted by the nonlinear model, are within their limits.
 fn is_within(case: &Case, name: usize) -> bool {
-    let family = &case.library.families[name];
+    let family = &case.library.terms[name];
     family.columns.iter().zip(&family.signs).all(|(column, sign)| {
-        let number = case.belief.numbers.get(*column);
+        let number = case.estimates.parameters.get(*column);
         number.is_none_or(|number| sign.admits(*number))
     })
 }
 
 /// An oscillation that is present at all times, as unmodelled structure.
-fn a_tone(case: &Case, held: [f64; 2]) -> Rest {
+fn unexplained_line(case: &Case, held: [f64; 2]) -> UnexplainedForce {
     let words = vec!["t_s".to_owned()];
-    Rest { axis: 0, words, held, tone_hz: Some(case.law.tone_hz), carries: 0.0 }
+    UnexplainedForce {
+        axis: 0,
+        depends_on: words,
+        heldout: held,
+        tone_hz: Some(case.model.tone_hz),
+        energy_explained: 0.0,
+    }
 }
 
 /// A mismatch that the effects explain only with parameters that no sensor has.
-fn beyond_names(held: [f64; 2]) -> Rest {
-    Rest { axis: 0, words: vec!["wrench".to_owned()], held, tone_hz: None, carries: 0.0 }
+fn implausible_parameters(held: [f64; 2]) -> UnexplainedForce {
+    UnexplainedForce {
+        axis: 0,
+        depends_on: vec!["wrench".to_owned()],
+        heldout: held,
+        tone_hz: None,
+        energy_explained: 0.0,
+    }
 }
 
 /// Whether the effects only approximate another structure: a single smooth law explains more, or a parameter exceeds the range of a sensor.
-fn is_patched(case: &Case, names: &[usize]) -> bool {
+fn is_only_approximation(case: &Case, names: &[usize]) -> bool {
     if names.is_empty() {
         return false;
     }
-    let numbers = &case.belief.numbers;
-    let is_beyond = |slot: Slot| slot.of(numbers).iter().any(|number| number.abs() > BEYOND);
-    if [SCALE, TURN, LEAK].into_iter().any(is_beyond) {
+    let numbers = &case.estimates.parameters;
+    let is_beyond =
+        |slot: Slot| slot.of(numbers).iter().any(|number| number.abs() > SENSOR_ERROR_MOST);
+    if [SCALE, ROTATION, CROSS_TALK].into_iter().any(is_beyond) {
         return true;
     }
-    let products = case.products(&case.sets.train);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let products = case.products(&case.row_sets.train);
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let (given, selection) = (search.solve(&[]), search.solve(names));
-    let prices = names.iter().map(|name| sets::price_of(&search, &case.library.families[*name]));
+    let prices = names
+        .iter()
+        .map(|name| beam_search::penalty_with_forms(&search, &case.library.terms[*name]));
     let worth = selection.solved.gain - given.solved.gain - prices.sum::<f64>();
-    let bare = Case { belief: Belief::as_told(case.belief.spindle.clone()), ..case.clone() };
-    let law = laws::law(&bare, &case.always, &bare.belief);
+    let bare =
+        Case { estimates: Estimates::as_stated(case.estimates.spindle.clone()), ..case.clone() };
+    let law = varying_coefficients::best_confirmed_law(&bare, &case.always, &bare.estimates);
     let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
-    let carried = carried(case, &given, &selection);
-    let least = (1.0 + CLEARLY) * evidence(worth, carried) + BY_CHANCE;
+    let carried = energy_explained(case, &given, &selection);
+    let least = (1.0 + LAW_ADVANTAGE_LEAST) * evidence(worth, carried) + LAW_GAIN_LEAST;
     // The law must be ahead on test rows too: wear, which grows with feed travel, is hardly distinguishable from a law of time.
-    let is_ahead = |law: &laws::Law| {
-        law.rest.carries > carried && evidence(law.worth, law.rest.carries) > least
+    let is_ahead = |law: &varying_coefficients::ConfirmedLaw| {
+        law.structure.energy_explained > carried
+            && evidence(law.score, law.structure.energy_explained) > least
     };
     law.is_some_and(|law| is_ahead(&law))
 }
 
 /// Reduction of the residual energy on test rows by a selection, in units of the innovation variance.
-fn carried(case: &Case, given: &Selection, selection: &Selection) -> f64 {
-    let left = |selection: &Selection| 2.0 * case.left_white(&selection.solved, &case.sets.test);
+fn energy_explained(case: &Case, given: &TermSelection, selection: &TermSelection) -> f64 {
+    let left = |selection: &TermSelection| {
+        2.0 * case.negative_log_likelihood(&selection.solved, &case.row_sets.test)
+    };
     (left(given) - left(selection)).max(0.0)
 }
 
 /// Effects that are significant and that the test set supports, after a fit to all other rows; adopts their parameters.
-fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
+fn supported_effects(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     fit(case, names, seen);
     let mut names = names.to_vec();
     while let Some(wrong) = names.iter().position(|name| !is_within(case, *name)) {
@@ -210,11 +237,14 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
     }
     let kept = {
         let products = case.products(seen);
-        let search = Search { library: &case.library, products: &products, always: &case.always };
-        let covariance = |solved: &Solved| case.covariance(solved, seen);
-        let is_belief = |name: usize| case.library.families[name].revises;
+        let search =
+            TermSearch { library: &case.library, products: &products, always: &case.always };
+        let covariance = |solved: &LeastSquaresSolution| case.covariance(solved, seen);
+        let is_belief = |name: usize| case.library.terms[name].corrects_stated;
         let kept = significant(&search, names.clone(), &covariance, &is_belief);
-        let left = |solved: &Solved| case.left_white(solved, &case.sets.test);
+        let left = |solved: &LeastSquaresSolution| {
+            case.negative_log_likelihood(solved, &case.row_sets.test)
+        };
         supported(&search, kept, &left, &is_belief).0
     };
     if kept != names {
@@ -226,86 +256,94 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
 /// Fits effects by the nonlinear model to all rows but the test set and linearises there.
 fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
     let products = case.products(seen);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let columns = search.columns(names);
-    let (belief, _) = case.fitted(&case.belief, &columns, seen);
-    case.belief = belief;
-    case.take();
+    let (belief, _) = case.fit_nonlinear(&case.estimates, &columns, seen);
+    case.estimates = belief;
+    case.linearise();
 }
 
 /// Gain and alternatives of each effect, by kind.
-fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str, Weighed> {
+fn assess_effects(
+    case: &Case,
+    names: &[usize],
+    seen: &[bool],
+) -> BTreeMap<&'static str, AssessedEffect> {
     let products = case.products(seen);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(names);
     let one = |name: &usize| {
-        let kind = case.library.families[*name].kind;
-        (kind, found::weighed(case, &search, &selection, *name, seen))
+        let kind = case.library.terms[*name].kind;
+        (kind, parameters::assess_effect(case, &search, &selection, *name, seen))
     };
     names.iter().map(one).collect()
 }
 
 /// Gain and alternatives of each effect, after replacing effects by better alternatives and removing those below their penalty.
-fn reweighed(
+fn assess_and_replace(
     case: &mut Case,
     names: &mut Vec<usize>,
     seen: &[bool],
-) -> BTreeMap<&'static str, Weighed> {
+) -> BTreeMap<&'static str, AssessedEffect> {
     for _ in 0..SWAPS {
-        let weighed = weighed(case, names, seen);
-        let Some(better) = better(case, names, &weighed, seen) else { return weighed };
-        *names = settled(case, &better, seen);
+        let weighed = assess_effects(case, names, seen);
+        let Some(better) = improved_selection(case, names, &weighed, seen) else { return weighed };
+        *names = supported_effects(case, &better, seen);
     }
-    weighed(case, names, seen)
+    assess_effects(case, names, seen)
 }
 
 /// The effects with one replaced by a more probable alternative, or without one whose gain is below its penalty; `None` if there is neither.
-fn better(
+fn improved_selection(
     case: &Case,
     names: &[usize],
-    weighed: &BTreeMap<&'static str, Weighed>,
+    weighed: &BTreeMap<&'static str, AssessedEffect>,
     seen: &[bool],
 ) -> Option<Vec<usize>> {
     let products = case.products(seen);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
-    let families = &case.library.families;
-    let asked = || names.iter().filter(|name| !families[**name].revises);
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
+    let families = &case.library.terms;
+    let asked = || names.iter().filter(|name| !families[**name].corrects_stated);
     let of = |name: &usize| weighed.get(families[*name].kind);
     let swapped = asked().find_map(|name| {
-        let better = of(name)?.better(&search)?;
-        Some(with_instead(names, *name, better))
+        let better = of(name)?.better_alternative(&search)?;
+        Some(with_replacement(names, *name, better))
     });
-    let idle = || asked().find(|name| of(name).is_some_and(|one| one.is_idle));
-    swapped.or_else(|| idle().map(|name| others(names, *name)))
+    let idle = || asked().find(|name| of(name).is_some_and(|one| one.is_below_penalty));
+    swapped.or_else(|| idle().map(|name| without_term(names, *name)))
 }
 
 /// Refitted parameters with a stated uncertainty, of effects that are not findings.
 fn refits(
     case: &Case,
     model: &Model,
-    search: &Search<'_>,
-    selection: &Selection,
+    search: &TermSearch<'_>,
+    selection: &TermSelection,
     covariance: &DMatrix<f64>,
-) -> Vec<Refit> {
-    let families = &case.library.families;
-    let is_named = |kind: &str| selection.names.iter().any(|name| families[*name].kind == kind);
+) -> Vec<RefittedParameter> {
+    let families = &case.library.terms;
+    let is_named = |kind: &str| selection.terms.iter().any(|name| families[*name].kind == kind);
     let is_open = |slot: &Slot| {
         let own = slot.from..slot.from + slot.count;
-        case.doubts.iter().any(|doubt| own.contains(&doubt.number))
+        case.uncertain_parameters.iter().any(|doubt| own.contains(&doubt.parameter))
     };
     let open = KINDS.iter().filter(|(kind, slot)| is_open(slot) && !is_named(kind));
     let family = |(kind, _): &(&str, Slot)| families.iter().find(|family| family.kind == *kind);
-    let of = |family: &Family| {
+    let of = |family: &CandidateTerm| {
         let kind = family.kind;
-        let numbers = found::numbers(case, model, search, selection, family, covariance);
-        numbers.into_iter().map(move |number| Refit { kind, joint: None, number })
+        let numbers = parameters::parameters_of(case, model, search, selection, family, covariance);
+        numbers.into_iter().map(move |number| RefittedParameter {
+            kind,
+            joint: None,
+            parameter: number,
+        })
     };
     open.filter_map(family).flat_map(of).collect()
 }
 
 /// Extends effects to all of their parameters, if these remain within their limits.
-fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
-    let full = fullest(case, &names, seen);
+fn with_all_parameters(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
+    let full = with_fullest_forms(case, &names, seen);
     if full == names {
         return names;
     }
@@ -319,10 +357,10 @@ fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
 }
 
 /// The effects with all parameters of their kind, where the data determine these: an omitted parameter would be reported as exactly zero.
-fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
-    let families = &case.library.families;
+fn with_fullest_forms(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
+    let families = &case.library.terms;
     let products = case.products(seen);
-    let search = Search { library: &case.library, products: &products, always: &case.always };
+    let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let mut all = names.to_vec();
     for k in 0..all.len() {
         let own = &families[all[k]];
@@ -336,7 +374,9 @@ fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         let solved = search.solve(&tried).solved;
         let is_apart = |(at, column): (usize, &usize)| {
             let spread = solved.covariance()[(at, at)] * products.gram[(*column, *column)];
-            families[full].revises || !families[full].columns.contains(column) || spread < APART
+            families[full].corrects_stated
+                || !families[full].columns.contains(column)
+                || spread < VARIANCE_INFLATION_MOST
         };
         if own.settings.is_empty() && solved.columns.iter().enumerate().all(is_apart) {
             all = tried;
@@ -348,17 +388,20 @@ fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
 fn verdict(
     case: &Case,
     findings: &[Finding],
-    (given, selection): (&Selection, &Selection),
-    rest: Option<&Rest>,
+    (given, selection): (&TermSelection, &TermSelection),
+    rest: Option<&UnexplainedForce>,
     is_strange: bool,
 ) -> Verdict {
-    let explained = carried(case, given, selection);
-    let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
+    let explained = energy_explained(case, given, selection);
+    let share =
+        rest.map(|rest| explained / (explained + rest.energy_explained).max(f64::MIN_POSITIVE));
     if is_strange {
         return Verdict::UnknownStructure;
     }
-    let is_ambiguous = |one: &Finding| one.confidence < LIKELY && !one.rivals.is_empty();
-    let weight = |one: &Finding| Weight { gain: one.gain, is_ambiguous: is_ambiguous(one) };
-    let weights: Vec<Weight> = findings.iter().map(weight).collect();
+    let is_ambiguous =
+        |one: &Finding| one.confidence < UNAMBIGUOUS_PROBABILITY && !one.alternatives.is_empty();
+    let weight =
+        |one: &Finding| FindingEvidence { gain: one.gain, is_ambiguous: is_ambiguous(one) };
+    let weights: Vec<FindingEvidence> = findings.iter().map(weight).collect();
     decide_verdict(&weights, share, &VerdictSettings::DRIVE_OR_CUT)
 }

@@ -9,10 +9,10 @@ use nalgebra::{SMatrix, SVector};
 use std::f64::consts::TAU;
 
 use super::case::Case;
-use super::law::{Law, Spindle, Stood};
+use super::cut_model::{CutModel, RowState, Spindle};
 
 /// Largest relative deviation of the spindle speed.
-const OFF_MOST: f64 = 4e-3;
+const SPEED_DEVIATION_MOST: f64 = 4e-3;
 /// Step of the speed search: phase of the highest harmonic over the longest segment, in cycles.
 const STEP_TURNS: f64 = 0.2;
 /// Largest number of steps.
@@ -20,62 +20,65 @@ const STEPS_MOST: f64 = 3000.0;
 /// Number of harmonics of the tooth-passing frequency that are used.
 const HARMONICS: u32 = 2;
 /// Minimum ratio of the energy at the best speed to the median over all speeds.
-const STANDS_OUT: f64 = 3.0;
+const ENERGY_RATIO_LEAST: f64 = 3.0;
 /// Number of angles tried per pitch, and of finer steps around the best.
 const ANGLES: u32 = 72;
-const FINER: i32 = 8;
+const FINE_STEPS: i32 = 8;
 /// Prior standard deviation of the coefficients, relative to the largest.
-const DOUBT: f64 = 0.3;
+const COEFFICIENT_SIGMA: f64 = 0.3;
 /// Angles whose log-likelihoods differ by less are equally good.
-const ALIKE: f64 = 3.0;
+const EQUALLY_GOOD: f64 = 3.0;
 /// Number of coefficients: three of the chip, three of the edge, three of the sensor's bias.
-const COUNT: usize = 9;
+const COEFFICIENTS: usize = 9;
 
-type Matrix = SMatrix<f64, COUNT, COUNT>;
-type Vector = SVector<f64, COUNT>;
+type Matrix = SMatrix<f64, COEFFICIENTS, COEFFICIENTS>;
+type Vector = SVector<f64, COEFFICIENTS>;
 
 /// Finds speed and angles of the spindle from the `used` rows.
 pub(super) fn find(case: &Case, used: &[bool]) -> Spindle {
-    let segments = case.belief.spindle.phases.len();
-    let mut spindle = Spindle { phases: vec![0.0; segments], faster: 0.0 };
-    if case.law.cutter.turning {
+    let segments = case.estimates.spindle.phases.len();
+    let mut spindle = Spindle { phases: vec![0.0; segments], excess_speed: 0.0 };
+    if case.model.cutter.turning {
         return spindle;
     }
-    spindle.faster = faster(case, used);
+    spindle.excess_speed = excess_speed(case, used);
     for segment in 0..segments {
         let rows: Vec<usize> = (0..used.len())
-            .filter(|row| used[*row] && case.law.rows[*row].segment == segment)
-            .filter(|row| case.law.rows[*row].cuts)
+            .filter(|row| used[*row] && case.model.rows[*row].segment == segment)
+            .filter(|row| case.model.rows[*row].is_cutting)
             .collect();
-        if rows.len() > 2 * COUNT {
-            spindle.phases[segment] = angle(case, &rows, &spindle, segment);
+        if rows.len() > 2 * COEFFICIENTS {
+            spindle.phases[segment] = start_angle(case, &rows, &spindle, segment);
         }
     }
     spindle
 }
 
 /// Relative excess of the spindle speed over the stated one.
-fn faster(case: &Case, used: &[bool]) -> f64 {
-    let teeth = case.law.cutter.teeth;
-    let rows: Vec<usize> = (0..used.len()).filter(|k| used[*k] && case.law.rows[*k].cuts).collect();
+fn excess_speed(case: &Case, used: &[bool]) -> f64 {
+    let teeth = case.model.cutter.teeth;
+    let rows: Vec<usize> =
+        (0..used.len()).filter(|k| used[*k] && case.model.rows[*k].is_cutting).collect();
     let turns = |segment: usize| {
-        let own = rows.iter().map(|row| &case.law.rows[*row]).filter(|s| s.segment == segment);
-        let [low, high] = own.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], stood: &Stood| {
-            [l.min(stood.angle_rad), h.max(stood.angle_rad)]
-        });
+        let own = rows.iter().map(|row| &case.model.rows[*row]).filter(|s| s.segment == segment);
+        let [low, high] = own
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], stood: &RowState| {
+                [l.min(stood.angle_rad), h.max(stood.angle_rad)]
+            });
         ((high - low) / TAU).max(0.0)
     };
-    let longest = (0..case.belief.spindle.phases.len()).map(turns).fold(0.0, f64::max);
+    let longest = (0..case.estimates.spindle.phases.len()).map(turns).fold(0.0, f64::max);
     let highest = f64::from(HARMONICS * teeth);
-    let step = (STEP_TURNS / (longest.max(1.0) * highest)).max(2.0 * OFF_MOST / STEPS_MOST);
-    let steps = (OFF_MOST / step) as i32;
+    let step =
+        (STEP_TURNS / (longest.max(1.0) * highest)).max(2.0 * SPEED_DEVIATION_MOST / STEPS_MOST);
+    let steps = (SPEED_DEVIATION_MOST / step) as i32;
     let gathered: Vec<f64> =
-        (-steps..=steps).map(|k| gathers(case, &rows, f64::from(k) * step)).collect();
+        (-steps..=steps).map(|k| harmonic_energy(case, &rows, f64::from(k) * step)).collect();
     let best = (0..gathered.len()).max_by(|a, b| gathered[*a].total_cmp(&gathered[*b]));
     let Some(best) = best.filter(|best| *best > 0 && *best + 1 < gathered.len()) else {
         return 0.0;
     };
-    if gathered[best] < STANDS_OUT * median(gathered.iter().copied()) {
+    if gathered[best] < ENERGY_RATIO_LEAST * median(gathered.iter().copied()) {
         return 0.0;
     }
     let [a, b, c] = [gathered[best - 1], gathered[best], gathered[best + 1]];
@@ -85,20 +88,20 @@ fn faster(case: &Case, used: &[bool]) -> f64 {
 }
 
 /// Energy of all segments at harmonics of the tooth-passing frequency.
-fn gathers(case: &Case, rows: &[usize], faster: f64) -> f64 {
-    let segments = case.belief.spindle.phases.len();
-    let teeth = f64::from(case.law.cutter.teeth);
+fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
+    let segments = case.estimates.spindle.phases.len();
+    let teeth = f64::from(case.model.cutter.teeth);
     let mut sums = vec![[[0.0; 2 * HARMONICS as usize]; 3]; segments];
     let mut means = vec![([0.0; 3], 0.0); segments];
     for row in rows {
-        let (sum, count) = &mut means[case.law.rows[*row].segment];
+        let (sum, count) = &mut means[case.model.rows[*row].segment];
         *count += 1.0;
         for (axis, measured) in case.measured.iter().enumerate() {
             sum[axis] += measured.as_ref().map_or(0.0, |values| values[*row]);
         }
     }
     for row in rows {
-        let stood = &case.law.rows[*row];
+        let stood = &case.model.rows[*row];
         let (sin, cos) = libm::sincos(teeth * stood.angle_rad * (1.0 + faster));
         let (mean, count) = &means[stood.segment];
         let values: [f64; 3] = std::array::from_fn(|axis| {
@@ -121,55 +124,55 @@ fn gathers(case: &Case, rows: &[usize], faster: f64) -> f64 {
 }
 
 /// Spindle angle at the start of a segment, rad.
-fn angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 {
-    let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
+fn start_angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 {
+    let pitch = TAU / f64::from(case.model.cutter.teeth.max(1));
     let step = pitch / f64::from(ANGLES);
     let at = |phase: f64| {
         let mut spindle = spindle.clone();
         spindle.phases[segment] = phase;
-        Sums::of(case, rows, &spindle)
+        AngleNormalEquations::of(case, rows, &spindle)
     };
-    let coarse: Vec<(f64, Sums)> = (0..ANGLES)
+    let coarse: Vec<(f64, AngleNormalEquations)> = (0..ANGLES)
         .map(|k| f64::from(k) * step)
         .map(|phase| (if phase > 0.5 * pitch { phase - pitch } else { phase }, at(phase)))
         .collect();
     // The noise is estimated from the residual of the best angle with unconstrained coefficients.
-    let free = coarse.iter().map(|(_, sums)| sums.left(&[1e-12; COUNT]));
+    let free = coarse.iter().map(|(_, sums)| sums.residual_with_ridge(&[1e-12; COEFFICIENTS]));
     let count = 3.0 * rows.len() as f64;
     let variance = |left: f64| (left / count).max(1e-18);
     let mut noise = variance(free.fold(f64::INFINITY, f64::min));
-    let told = Told::of(case, rows);
-    let mut best = told.best(&coarse, noise);
+    let told = CoefficientPrior::of(case, rows);
+    let mut best = told.best_angle(&coarse, noise);
     let mut finer = step;
     for _ in 0..3 {
         let from = best.0;
-        finer /= f64::from(FINER);
-        let mut around: Vec<(f64, Sums)> = (-FINER..=FINER)
+        finer /= f64::from(FINE_STEPS);
+        let mut around: Vec<(f64, AngleNormalEquations)> = (-FINE_STEPS..=FINE_STEPS)
             .map(|k| from + f64::from(k) * finer)
             .map(|phase| (phase, at(phase)))
             .collect();
-        let free = around.iter().map(|(_, sums)| sums.left(&[1e-12; COUNT]));
+        let free = around.iter().map(|(_, sums)| sums.residual_with_ridge(&[1e-12; COEFFICIENTS]));
         noise = noise.min(variance(free.fold(f64::INFINITY, f64::min)));
         around.push((0.0, at(0.0)));
-        best = told.best(&around, noise);
+        best = told.best_angle(&around, noise);
     }
     best.0
 }
 
 /// Normal equations of the tooth model at one angle.
-struct Sums {
+struct AngleNormalEquations {
     gram: Matrix,
     right: Vector,
     square: f64,
 }
 
-impl Sums {
+impl AngleNormalEquations {
     fn of(case: &Case, rows: &[usize], spindle: &Spindle) -> Self {
-        let law: &Law = &case.law;
+        let law: &CutModel = &case.model;
         let (mut gram, mut right, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
         for row in rows {
             let stood = &law.rows[*row];
-            let bite = law.bite(spindle, stood, 0.0);
+            let bite = law.tooth_forces(spindle, stood, 0.0);
             for (axis, measured) in case.measured.iter().enumerate() {
                 let Some(values) = measured else { continue };
                 let mut column = Vector::zeros();
@@ -188,16 +191,16 @@ impl Sums {
     }
 
     /// Residual sum of squares with a ridge penalty: `belief` per parameter, relative to the diagonal of the normal matrix.
-    fn left(&self, belief: &[f64; COUNT]) -> f64 {
+    fn residual_with_ridge(&self, belief: &[f64; COEFFICIENTS]) -> f64 {
         let prior = std::array::from_fn(|k| belief[k] * self.gram[(k, k)]);
-        self.pulled(&prior, &Vector::zeros())
+        self.residual_with_prior(&prior, &Vector::zeros())
     }
 
-    fn pulled(&self, prior: &[f64; COUNT], told: &Vector) -> f64 {
+    fn residual_with_prior(&self, prior: &[f64; COEFFICIENTS], told: &Vector) -> f64 {
         let mut gram = self.gram;
         let mut right = self.right;
         let mut square = self.square;
-        for k in 0..COUNT {
+        for k in 0..COEFFICIENTS {
             gram[(k, k)] += prior[k];
             right[k] += prior[k] * told[k];
             square += prior[k] * told[k] * told[k];
@@ -216,39 +219,39 @@ impl Sums {
 }
 
 /// Prior of the coefficients: stated values and standard deviations.
-struct Told {
-    numbers: Vector,
-    doubt: Vector,
+struct CoefficientPrior {
+    values: Vector,
+    sigma: Vector,
 }
 
-impl Told {
+impl CoefficientPrior {
     fn of(case: &Case, rows: &[usize]) -> Self {
         let [(_, chip), (_, edge)] = case.coefficients();
-        let feeds = rows.iter().map(|row| case.law.rows[*row].feed_per_tooth_m);
+        let feeds = rows.iter().map(|row| case.model.rows[*row].feed_per_tooth_m);
         let feed = feeds.sum::<f64>() / rows.len().max(1) as f64;
-        let [of_chip, of_edge] = case.told();
+        let [of_chip, of_edge] = case.largest_stated_coefficients();
         let mut numbers = Vector::zeros();
         let mut doubt = Vector::repeat(f64::INFINITY);
         for k in 0..3 {
             (numbers[k], numbers[3 + k]) = (chip[k], edge[k]);
-            doubt[k] = DOUBT * of_chip.max(of_edge / feed.max(1e-9));
-            doubt[3 + k] = DOUBT * of_edge.max(of_chip * feed);
+            doubt[k] = COEFFICIENT_SIGMA * of_chip.max(of_edge / feed.max(1e-9));
+            doubt[3 + k] = COEFFICIENT_SIGMA * of_edge.max(of_chip * feed);
         }
-        Self { numbers, doubt }
+        Self { values: numbers, sigma: doubt }
     }
 
     /// The best angle and its misfit; 0 if it is equally good.
-    fn best(&self, tried: &[(f64, Sums)], noise: f64) -> (f64, f64) {
-        let misfit = |sums: &Sums| {
+    fn best_angle(&self, tried: &[(f64, AngleNormalEquations)], noise: f64) -> (f64, f64) {
+        let misfit = |sums: &AngleNormalEquations| {
             let prior = std::array::from_fn(|k| {
-                let one = self.doubt[k];
+                let one = self.sigma[k];
                 if one.is_finite() { noise / (one * one) } else { 1e-12 * sums.gram[(k, k)] }
             });
-            0.5 * sums.pulled(&prior, &self.numbers) / noise
+            0.5 * sums.residual_with_prior(&prior, &self.values) / noise
         };
         let all: Vec<(f64, f64)> = tried.iter().map(|(at, sums)| (*at, misfit(sums))).collect();
         let least = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0));
         let told = all.iter().copied().find(|(at, _)| *at == 0.0);
-        told.filter(|(_, misfit)| *misfit < least.1 + ALIKE).unwrap_or(least)
+        told.filter(|(_, misfit)| *misfit < least.1 + EQUALLY_GOOD).unwrap_or(least)
     }
 }

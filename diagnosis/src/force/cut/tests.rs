@@ -8,10 +8,10 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 use recording::model::RobotModel;
 use recording::series::{Channel, Cut, Recording};
-use world::milling::{Row, readings};
+use world::milling::{Row, measured_forces};
 
 use super::super::tests::NO_ARM;
-use super::super::{Compared, Diagnosis, Silence, diagnose};
+use super::super::{CutComparison, Diagnosis, NoComparison, diagnose};
 use crate::diagnose::Verdict;
 use crate::torque::Finding;
 
@@ -75,7 +75,7 @@ impl Made {
             })
             .collect();
         let model = model.with_cutting().expect("few effects");
-        let forces = readings(&model, &self.cut().cutter(), &rows);
+        let forces = measured_forces(&model, &self.cut().cutter(), &rows);
         let mut recording = Recording::new(rows.iter().map(|row| row.t_s).collect());
         recording.set(Channel::Spindle, vec![self.rpm * self.tells; count]);
         recording.set(Channel::Feed, rows.iter().map(|row| row.feed_m_s).collect());
@@ -90,12 +90,12 @@ impl Made {
             recording
                 .set(Channel::Wrench(axis), forces.iter().map(|f| f[axis] + noise()).collect());
         }
-        recording.about.cut = Some(self.cut());
+        recording.metadata.cut = Some(self.cut());
         recording
     }
 
-    fn compared(&self, effects: &str) -> Compared {
-        of(&self.recorded(effects)).compared.expect("compared")
+    fn compared(&self, effects: &str) -> CutComparison {
+        of(&self.recorded(effects)).cut_comparison.expect("compared")
     }
 }
 
@@ -108,14 +108,15 @@ fn effect(kind: &str, numbers: &str) -> String {
     format!("[[effect]]\nkind = \"{kind}\"\n{numbers}\n")
 }
 
-fn kinds(compared: &Compared) -> Vec<&'static str> {
+fn kinds(compared: &CutComparison) -> Vec<&'static str> {
     compared.findings.iter().map(|one| one.kind).collect()
 }
 
 /// Asserts that each true parameter is within four standard uncertainties of the found one.
 fn holds(finding: &Finding, truth: &[(&str, &[f64])]) {
     for (stem, wanted) in truth {
-        let found = finding.numbers.iter().find(|number| number.stem == *stem).expect("a number");
+        let found =
+            finding.parameters.iter().find(|number| number.stem == *stem).expect("a number");
         for (k, wanted) in wanted.iter().enumerate() {
             let (value, sigma) = (found.values[k], found.sigma[k]);
             assert!(
@@ -225,8 +226,12 @@ fn turned_at_one_feed_what_shears_and_what_rubs_is_not_told_apart() {
     let compared = made.compared(&effect("edge_force", "coefficient_N_per_mm = [4.0, 0, 0]"));
     assert_eq!(compared.verdict, Verdict::Undetermined, "{:?}", compared.findings);
     let [one] = &compared.findings[..] else { panic!("{:?}", compared.findings) };
-    let mut names: Vec<&str> =
-        one.rivals.iter().filter(|rival| rival.alike).map(|rival| rival.kind).collect();
+    let mut names: Vec<&str> = one
+        .alternatives
+        .iter()
+        .filter(|rival| rival.is_indistinguishable)
+        .map(|rival| rival.kind)
+        .collect();
     names.push(one.kind);
     for kind in ["edge_force", "cutting_force", "wrench_scale"] {
         assert!(names.contains(&kind), "{names:?}");
@@ -257,14 +262,14 @@ fn swapped_channels_another_unit_and_no_speed_are_never_a_finding() {
     let mut unknown = MADE.recorded("");
     unknown.set(Channel::Spindle, vec![f64::NAN; unknown.len()]);
     for (recording, why) in [
-        (swapped, Silence::Places),
-        (other_unit, Silence::Size),
-        (uncut, Silence::Size),
-        (speedless, Silence::NoSpeed),
-        (unknown, Silence::NoRows),
+        (swapped, NoComparison::SwappedChannels),
+        (other_unit, NoComparison::WrongMagnitude),
+        (uncut, NoComparison::WrongMagnitude),
+        (speedless, NoComparison::NoSpeed),
+        (unknown, NoComparison::NoRows),
     ] {
         let found = of(&recording);
-        assert_eq!(found.compared.as_ref().err(), Some(&why));
+        assert_eq!(found.cut_comparison.as_ref().err(), Some(&why));
         assert!(found.findings.is_empty(), "{why:?}: {:?}", found.findings);
         assert_eq!(found.verdict, Verdict::Undetermined, "{why:?}");
     }
@@ -281,7 +286,7 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
         let with_cutting = model.with_cutting().expect("few effects");
         let sigma: Vec<Vec<f64>> =
             model.sigma.iter().chain(&model.cutting_sigma).cloned().collect();
-        let compared = diagnose(&with_cutting, &sigma, &recording).expect("sound").compared;
+        let compared = diagnose(&with_cutting, &sigma, &recording).expect("sound").cut_comparison;
         let compared = compared.expect("compared");
         assert_eq!(compared.verdict, wanted, "{:?}", compared.findings);
         assert!(compared.findings.iter().all(|one| one.kind == "edge_force" && one.is_change));
@@ -289,7 +294,7 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
         // than stated.
         let refits = &compared.refits;
         assert_eq!(refits.len(), usize::from(wanted == Verdict::Consistent), "{refits:?}");
-        for number in refits.iter().map(|refit| &refit.number) {
+        for number in refits.iter().map(|refit| &refit.parameter) {
             for (k, off) in [400.0, -300.0, 200.0].iter().enumerate() {
                 let (value, sigma) = (number.values[k], number.sigma[k]);
                 assert!((value - off).abs() < 4.0 * sigma && sigma < 200.0, "{number:?}");
@@ -314,7 +319,7 @@ fn partly(share: &dyn Fn(f64) -> f64) -> Recording {
 
 #[test]
 fn air_that_is_fed_through_and_the_way_into_the_work_are_no_finding() {
-    let compared = of(&partly(&|t_s| ((t_s - 0.3) / 0.2).clamp(0.0, 1.0))).compared;
+    let compared = of(&partly(&|t_s| ((t_s - 0.3) / 0.2).clamp(0.0, 1.0))).cut_comparison;
     let compared = compared.expect("compared");
     assert!(compared.findings.is_empty(), "{:?}", compared.findings);
     assert_eq!(compared.verdict, Verdict::Consistent, "{:?}", compared.unexplained);

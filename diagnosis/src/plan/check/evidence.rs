@@ -3,14 +3,14 @@
 //! With `A` the columns of the nuisance parameters (scaled by their priors), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD −
 //! DᵀA N⁻¹ AᵀD`, `g = Dᵀr − DᵀA N⁻¹ Aᵀr`; the damage reduces the sum of squares by `gᵀ S⁻¹ g`. Unobservable directions of a damage are excluded.
 
-use super::super::choose::inverse;
+use super::super::pose_selection::inverse;
 use crate::campaign::Campaign;
-use crate::problem::{State, Weighing, data_rows};
+use crate::least_squares::{FitState, ReadingWeights, data_rows};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Information on a direction of damage, in squared standard deviations per squared unit, below which it is unobservable.
-const SHOWN: f64 = 1e-3;
+const INFORMATION_MIN: f64 = 1e-3;
 /// Eigenvalue of the normalised normal matrix below which a direction is linearly dependent on others.
 const DEPENDENT: f64 = 1e-9;
 /// Information added to each direction of damage in the selection of poses, which keeps the inverse finite.
@@ -18,13 +18,13 @@ const OPEN: f64 = 1e-2;
 
 /// The columns of one damage among those of all damages.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Look {
+pub(super) struct DamageColumns {
     pub(super) first: usize,
     pub(super) count: usize,
 }
 
 /// Estimate of a damage.
-pub(super) struct Explained {
+pub(super) struct DamageEstimate {
     pub(super) gain: f64,
     /// Estimated size in units of the columns.
     pub(super) size: Vec<f64>,
@@ -62,10 +62,10 @@ impl Evidence {
     }
 
     /// Sums of the measurements in `campaign`, linearised at `state`.
-    pub(super) fn of(campaign: &Campaign, state: &State, nuisance: usize) -> Self {
-        let widths = state.priors();
+    pub(super) fn of(campaign: &Campaign, state: &FitState, nuisance: usize) -> Self {
+        let widths = state.prior_sigmas();
         let all: Vec<usize> = (0..widths.len()).collect();
-        let weighing = Weighing::equal(campaign, &vec![true; campaign.poses.len()]);
+        let weighing = ReadingWeights::equal(campaign, &vec![true; campaign.poses.len()]);
         let mut evidence = Self::new(nuisance, widths.len() - nuisance);
         data_rows(campaign, state, &weighing, &all, |_, row, right| {
             let scaled = row.iter().zip(&widths).map(|(x, width)| x * width);
@@ -138,8 +138,8 @@ impl Evidence {
     }
 
     /// Information matrix (`S`) and score (`g`) of a damage.
-    fn left(&self, look: Look) -> (DMatrix<f64>, DVector<f64>) {
-        let Look { first, count } = look;
+    fn left(&self, look: DamageColumns) -> (DMatrix<f64>, DVector<f64>) {
+        let DamageColumns { first, count } = look;
         let taken = inverse(&self.nn) * self.nd.columns(first, count);
         let nd = self.nd.columns(first, count);
         let shows = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
@@ -148,18 +148,18 @@ impl Evidence {
     }
 
     /// Information on the least observable direction of a damage, in squared standard deviations per squared unit; `None` if it is unobservable.
-    pub(super) fn weakest(&self, look: Look) -> Option<f64> {
+    pub(super) fn weakest(&self, look: DamageColumns) -> Option<f64> {
         let least = self.left(look).0.symmetric_eigenvalues().min();
-        (least > SHOWN).then_some(least)
+        (least > INFORMATION_MIN).then_some(least)
     }
 
-    pub(super) fn explained(&self, look: Look) -> Option<Explained> {
+    pub(super) fn explained(&self, look: DamageColumns) -> Option<DamageEstimate> {
         let (shows, says) = self.left(look);
         let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(shows);
         let mut size = DVector::zeros(look.count);
         let (mut gain, mut spread, mut count) = (0.0, 0.0, 0);
         for (direction, shown) in eigenvectors.column_iter().zip(eigenvalues.iter()) {
-            if *shown > SHOWN {
+            if *shown > INFORMATION_MIN {
                 let along = direction.dot(&says) / shown;
                 size += direction * along;
                 gain += along * along * shown;
@@ -169,11 +169,16 @@ impl Evidence {
         }
         let length = size.norm();
         let sigma = if length > 0.0 { spread.sqrt() / length } else { 0.0 };
-        (count > 0).then(|| Explained { gain, size: size.iter().copied().collect(), sigma, count })
+        (count > 0).then(|| DamageEstimate {
+            gain,
+            size: size.iter().copied().collect(),
+            sigma,
+            count,
+        })
     }
 
     /// Reduction of the sum over all damages of `tr (S + OPEN)⁻¹` by each candidate's rows; poorly observable directions dominate it.
-    pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[Look]) -> Vec<f64> {
+    pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[DamageColumns]) -> Vec<f64> {
         let around = inverse(&self.nn);
         let taken = &around * &self.nd;
         let open = |count: usize| DMatrix::identity(count, count) * OPEN;
@@ -187,7 +192,7 @@ impl Evidence {
                 DMatrix::identity(rows.nrows(), rows.nrows()) + &n * &around * n.transpose();
             let Some(noise) = noise.cholesky() else { return 0.0 };
             let seen = noise.solve(&left);
-            let gain = |(look, (before, trace)): (&Look, (&DMatrix<f64>, &f64))| {
+            let gain = |(look, (before, trace)): (&DamageColumns, (&DMatrix<f64>, &f64))| {
                 let (a, b) =
                     (left.columns(look.first, look.count), seen.columns(look.first, look.count));
                 trace - inverse(&(before + a.transpose() * b)).trace()
@@ -259,7 +264,7 @@ mod tests {
     fn what_may_change_anyway_hides_a_damage_that_does_the_same() {
         let same = DMatrix::from_row_slice(2, 2, &[1e4, 1.0, 2e4, 2.0]);
         let other = DMatrix::from_row_slice(2, 2, &[1e4, 2.0, 2e4, -1.0]);
-        let look = Look { first: 0, count: 1 };
+        let look = DamageColumns { first: 0, count: 1 };
         let with = |rows: &DMatrix<f64>| {
             let mut evidence = Evidence::new(1, 1);
             evidence.add(rows, &[1.0, 2.0]);

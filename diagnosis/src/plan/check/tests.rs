@@ -1,32 +1,32 @@
 //! Checks of simulated robots: undamaged ones pass, damaged ones do not, and the damage is identified.
 
 use super::*;
+use crate::extrinsics::FitParameter;
 use crate::plan::Criterion;
 use crate::plan::tests::task;
-use crate::surroundings::Fitted;
-use crate::{Surroundings, simulate};
+use crate::{Extrinsics, campaign_simulation};
 use recording::model::presets::preset;
 
-const TERMS: Terms = Terms { alarm: 0.01, power: 0.9 };
+const TERMS: ErrorRates = ErrorRates { alarm: 0.01, power: 0.9 };
 
 /// The calibrated robot with its stated uncertainties; the tracker's frame is known or fitted.
 fn cell(is_frame_known: bool) -> (Task, Vec<Vec<f64>>) {
     let model = preset("irb1600-6-145-thesis").expect("preset").model().expect("sound");
     let mut task = task();
     task.hypothesis = Hypothesis::fixed(model.physics);
-    let Surroundings { frames, targets, .. } = &mut task.surroundings;
-    targets.iter_mut().for_each(|target| *target = Fitted::known(target.value));
+    let Extrinsics { frames, targets, .. } = &mut task.surroundings;
+    targets.iter_mut().for_each(|target| *target = FitParameter::known(target.value));
     frames.iter_mut().for_each(|frame| frame.free = !is_frame_known);
     (task, model.sigma)
 }
 
-fn ten(task: &Task, sigma: &[Vec<f64>]) -> Checkup {
+fn ten(task: &Task, sigma: &[Vec<f64>]) -> PlannedCheck {
     planned(10, task, sigma)
 }
 
-fn planned(count: usize, task: &Task, sigma: &[Vec<f64>]) -> Checkup {
-    let wish = Wish { count, criterion: Criterion::D, candidates: 200, seed: 1 };
-    poses(task, sigma, &wish, &TERMS).expect("poses")
+fn planned(count: usize, task: &Task, sigma: &[Vec<f64>]) -> PlannedCheck {
+    let wish = PlanSettings { count, criterion: Criterion::D, candidates: 200, seed: 1 };
+    plan_check(task, sigma, &wish, &TERMS).expect("poses")
 }
 
 /// Measurements of a robot that deviates from the model within its stated uncertainty, with damage of size `change` (m or rad) in the first parameter
@@ -52,7 +52,7 @@ fn shown_at(
 ) -> Campaign {
     use rand::RngExt;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let watch = Watch::of(&task.hypothesis.model, sigma);
+    let watch = DamageModel::of(&task.hypothesis.model, sigma);
     let mut step: Vec<f64> = watch
         .hypothesis
         .free
@@ -65,7 +65,13 @@ fn shown_at(
         step[place] = change;
     }
     let truth = watch.hypothesis.stepped(&step);
-    simulate::readings(&task.campaign(stops), &truth.model, &task.surroundings, scale, seed)
+    campaign_simulation::simulate_readings(
+        &task.campaign(stops),
+        &truth.model,
+        &task.surroundings,
+        scale,
+        seed,
+    )
 }
 
 #[test]
@@ -77,7 +83,8 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
         const RUNS: u64 = 150;
         for seed in 0..RUNS {
             let sound = shown(&task, &sigma, &checkup.poses, None, seed);
-            alarms += usize::from(!judge(&sound, &task.hypothesis.model, &sigma, &TERMS).holds);
+            alarms +=
+                usize::from(!check_model(&sound, &task.hypothesis.model, &sigma, &TERMS).holds);
         }
         // Requested rate: 1 in 100. Six or more of 150 occur in one of two hundred such tests.
         assert!(alarms < 6, "{known}: {alarms} of {RUNS}");
@@ -91,7 +98,7 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
             .expect("seen");
         for seed in 0..100 {
             let bent = shown(&task, &sigma, &checkup.poses, Some((damage, least)), seed);
-            seen += usize::from(!judge(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
+            seen += usize::from(!check_model(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
         }
         // Requested power: 90 of 100, less three standard deviations.
         assert!(seen > 80, "{known}: {seen} of 100 at {least}");
@@ -105,9 +112,9 @@ fn a_model_without_uncertainty_is_judged_where_frame_and_targets_are_known() {
     let checkup = ten(&task, &exact);
     let model = &task.hypothesis.model;
     let sound = shown(&task, &exact, &checkup.poses, None, 3);
-    assert!(judge(&sound, model, &exact, &TERMS).holds);
+    assert!(check_model(&sound, model, &exact, &TERMS).holds);
     let bent = shown(&task, &exact, &checkup.poses, Some((Damage::Offset(2), 2e-3)), 3);
-    assert!(!judge(&bent, model, &exact, &TERMS).holds);
+    assert!(!check_model(&bent, model, &exact, &TERMS).holds);
 }
 
 #[test]
@@ -125,7 +132,7 @@ fn the_joint_or_the_tool_that_moved_is_named() {
     ];
     for (damage, size) in damages {
         let bent = shown(&task, &sigma, &checkup.poses, Some((damage, size)), 7);
-        let judged = judge(&bent, &task.hypothesis.model, &sigma, &TERMS);
+        let judged = check_model(&bent, &task.hypothesis.model, &sigma, &TERMS);
         assert!(!judged.holds, "{damage:?}");
         let found = judged.suspects.iter().find(|suspect| suspect.damage == damage);
         assert!(found.is_some(), "{damage:?} is not among {:?}", judged.suspects);
@@ -143,7 +150,7 @@ fn the_joint_or_the_tool_that_moved_is_named() {
 #[test]
 fn a_frame_that_is_found_along_takes_the_first_joint_with_it() {
     let (task, sigma) = cell(false);
-    let first = |checkup: &Checkup| {
+    let first = |checkup: &PlannedCheck| {
         checkup.detectable.iter().find(|d| d.damage == Damage::Offset(0)).expect("there").least
     };
     assert_eq!(first(&ten(&task, &sigma)), None);
@@ -154,12 +161,13 @@ fn a_frame_that_is_found_along_takes_the_first_joint_with_it() {
 #[test]
 fn chosen_poses_show_smaller_damage_than_chance() {
     let (task, sigma) = cell(false);
-    let worst =
-        |detectable: &[Detectable]| detectable.iter().filter_map(|d| d.least).fold(0.0, f64::max);
+    let worst = |detectable: &[DetectableDamage]| {
+        detectable.iter().filter_map(|d| d.least).fold(0.0, f64::max)
+    };
     let chosen = worst(&ten(&task, &sigma).detectable);
     let stops = task.random(10, 8).expect("drawn");
     let random =
-        judge(&shown(&task, &sigma, &stops, None, 1), &task.hypothesis.model, &sigma, &TERMS);
+        check_model(&shown(&task, &sigma, &stops, None, 1), &task.hypothesis.model, &sigma, &TERMS);
     assert!(chosen < 0.8 * worst(&random.detectable), "{chosen} {}", worst(&random.detectable));
 }
 
@@ -176,7 +184,7 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
             at[axis] += 1e-3;
         }
     }
-    let judged = judge(&odd, &task.hypothesis.model, &sigma, &TERMS);
+    let judged = check_model(&odd, &task.hypothesis.model, &sigma, &TERMS);
     assert!(!judged.holds && !judged.is_explained, "{judged:?}");
 }
 
@@ -188,7 +196,7 @@ fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     const RUNS: u64 = 100;
     let scatter = |scale: f64, seed: u64| {
         let seen = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
-        judge(&seen, &task.hypothesis.model, &sigma, &TERMS).scatter
+        check_model(&seen, &task.hypothesis.model, &sigma, &TERMS).scatter
     };
     // Requested rate: 1 in 200. Four or more of 100 occur in one of five hundred such tests.
     let chance = (0..RUNS).filter(|seed| scatter(1.0, *seed).is_some()).count();
@@ -197,8 +205,9 @@ fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     for seed in 0..10 {
         let model = &task.hypothesis.model;
         let stops = task.campaign(&checkup.poses);
-        let seen = simulate::readings(&stops, model, &task.surroundings, 0.25, seed);
-        let found = judge(&seen, model, &sigma, &TERMS).scatter.expect("far too little");
+        let seen =
+            campaign_simulation::simulate_readings(&stops, model, &task.surroundings, 0.25, seed);
+        let found = check_model(&seen, model, &sigma, &TERMS).scatter.expect("far too little");
         assert!((0.1..0.5).contains(&found), "{found} of 0.25 stated");
     }
 }

@@ -2,7 +2,7 @@
 
 use physics::Arm;
 
-use super::{VISITS, Visits, visits};
+use super::{PoseVisits, VISITS_REQUIRED, pose_visits};
 use crate::campaign::Campaign;
 use crate::iso9283::{self, DistanceFigures, IsoError, Placement, PoseFigures};
 
@@ -10,7 +10,7 @@ use crate::iso9283::{self, DistanceFigures, IsoError, Placement, PoseFigures};
 #[derive(Clone, Debug)]
 pub struct EvaluatedPose {
     /// Command and visits.
-    pub visits: Visits,
+    pub visits: PoseVisits,
     /// Accuracy and repeatability.
     pub figures: PoseFigures,
 }
@@ -38,13 +38,13 @@ impl Evaluation {
         let around = &campaign.surroundings;
         let is_frame_known = around.frames.iter().all(|frame| !frame.free);
         let is_point_known = around.targets.iter().all(|target| !target.free);
-        let found = visits(arm, campaign);
+        let found = pose_visits(arm, campaign);
         if found.is_empty() {
             return Err(IsoError::NoVisits);
         }
         let distance = distance(&found).filter(|_| is_point_known);
-        let evaluated = |visits: Visits| {
-            let figures = iso9283::pose(&visits.command, &visits.attained)?;
+        let evaluated = |visits: PoseVisits| {
+            let figures = iso9283::pose_figures(&visits.command, &visits.attained)?;
             Ok(EvaluatedPose { visits, figures })
         };
         let poses = found.into_iter().map(evaluated).collect::<Result<_, IsoError>>()?;
@@ -57,16 +57,16 @@ impl Evaluation {
         self.is_frame_known && self.is_point_known
     }
 
-    /// Whether every pose was visited as often as the standard requires ([`VISITS`]).
+    /// Whether every pose was visited as often as the standard requires ([`VISITS_REQUIRED`]).
     #[must_use]
     pub fn has_all_visits(&self) -> bool {
-        self.poses.iter().all(|pose| pose.visits.attained.len() >= VISITS)
+        self.poses.iter().all(|pose| pose.visits.attained.len() >= VISITS_REQUIRED)
     }
 }
 
 /// Distance accuracy and repeatability of the two poses farthest apart.
-fn distance(found: &[Visits]) -> Option<DistanceFigures> {
-    let place = |pose: &Visits| Placement::point(pose.command.position_m);
+fn distance(found: &[PoseVisits]) -> Option<DistanceFigures> {
+    let place = |pose: &PoseVisits| Placement::point(pose.command.position_m);
     let pairs = (0..found.len()).flat_map(|i| (i + 1..found.len()).map(move |j| (i, j)));
     let length = |(i, j): &(usize, usize)| {
         found[*i].command.position_m.distance(found[*j].command.position_m)
@@ -76,5 +76,5 @@ fn distance(found: &[Visits]) -> Option<DistanceFigures> {
     let visits: Vec<[Placement; 2]> = visits
         .map(|(a, b)| [Placement::point(a.position_m), Placement::point(b.position_m)])
         .collect();
-    iso9283::distance([place(&found[i]), place(&found[j])], &visits).ok()
+    iso9283::distance_figures([place(&found[i]), place(&found[j])], &visits).ok()
 }

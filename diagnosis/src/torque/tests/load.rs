@@ -5,8 +5,8 @@ use physics::JointKind;
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::torque::columns::{Law, shortest_way, slip};
-use crate::torque::found::Number;
+use crate::torque::parameters::FittedParameter;
+use crate::torque::regressors::{TorqueTerm, maxwell_slip, shortest_reversal};
 use crate::torque::reinterpretation;
 
 /// The pendulum, with its mass unstated.
@@ -56,21 +56,21 @@ fn a_delay_of_many_rows_is_told_as_long_as_it_is() {
 fn a_memory_too_short_for_the_band_is_dry_friction_and_a_longer_one_is_not() {
     let told = |way: &dyn Fn(f64) -> f64| {
         let model = Model::new(slider(true), &[]).unwrap();
-        let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+        let stated = StatedModel { model: &model, sigma: &[], delay_s: 0.0 };
         let made = recording(JointKind::Prismatic, 0.5, |[_, _, a]| MASS * a);
         let mut case = Case::new(&stated, &[made], None, 1);
-        let shortest = shortest_way(&case.motion, 0);
-        let law = |distance: f64| Law::Memory { distance }.column(&case.motion, 0);
+        let shortest = shortest_reversal(&case.motion, 0);
+        let law = |distance: f64| TorqueTerm::Dahl { distance }.column(&case.motion, 0);
         let acts = law(way(shortest)).parts[0].1.to_vec();
         let column = law(shortest);
         case.table.target[0].iter_mut().flatten().zip(acts).for_each(|(sum, x)| *sum += 20.0 * x);
-        let mut families = case.library.families.iter();
+        let mut families = case.library.terms.iter();
         let name = families.position(|family| family.kind == "hysteresis").unwrap();
-        let place = case.library.families[name].columns[0];
+        let place = case.library.terms[name].columns[0];
         case.library.columns[place] = column;
-        case.library.families[name].settings[0].1 = shortest;
+        case.library.terms[name].settings[0].1 = shortest;
         let names = reinterpretation::hysteresis_as_friction(&case, &[], vec![name]);
-        case.library.families[names[0]].kind
+        case.library.terms[names[0]].kind
     };
     assert_eq!(told(&|shortest| 0.1 * shortest), "coulomb_friction");
     assert_eq!(told(&|shortest| 30.0 * shortest), "hysteresis");
@@ -81,7 +81,7 @@ fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
     let arm = slider(true);
     let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
     let model = Model::new(arm, &[dry]).unwrap();
-    let stated = Stated { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
+    let stated = StatedModel { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
     // At a low sampling rate, motion in the torque's own band would reverse too gradually.
     let mut made = recording(JointKind::Prismatic, 0.0, |_| 0.0);
     let rare: Vec<usize> = (0..made.t_s.len()).step_by(4).collect();
@@ -91,8 +91,8 @@ fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
     made.set(Channel::Motor(0), rare.iter().map(|row| q[*row]).collect());
     made.set(Channel::Torque(0), vec![0.0; rare.len()]);
     let case = Case::new(&stated, &[made], None, 1);
-    let name = Law::Direction.column(&case.motion, 0).parts[0].1.to_vec();
-    let both = case.stated[0].iter().zip(&name).zip(&case.table.moves[0]);
+    let name = TorqueTerm::VelocitySign.column(&case.motion, 0).parts[0].1.to_vec();
+    let both = case.stated_torque[0].iter().zip(&name).zip(&case.table.moves[0]);
     let rigid = physics_of(&case);
     let off = both.zip(rigid).filter(|((_, moves), _)| **moves);
     let off: Vec<f64> = off.map(|(((all, name), _), rigid)| all - rigid - 20.0 * name).collect();
@@ -110,13 +110,13 @@ fn physics_of(case: &Case) -> Vec<f64> {
 fn a_loop_of_springs_that_slip_is_told_within_the_doubt_of_how_it_remembers() {
     let (height, way) = (30.0, 0.02);
     let mut made = recording(JointKind::Prismatic, 0.3, |[_, _, a]| MASS * a);
-    let z = slip(made.column(Channel::Motor(0)).unwrap(), way);
+    let z = maxwell_slip(made.column(Channel::Motor(0)).unwrap(), way);
     let torques = made.column(Channel::Torque(0)).unwrap().iter().zip(z);
     let torques = torques.map(|(torque, z)| torque + 0.5 * height * z).collect();
     made.set(Channel::Torque(0), torques);
     let found = of(&slider(true), &[], made);
     let one = found.findings.iter().find(|finding| finding.kind == "hysteresis").unwrap();
-    let Number { values, sigma, .. } = &one.numbers[0];
+    let FittedParameter { values, sigma, .. } = &one.parameters[0];
     assert!((values[0] - height).abs() < 2.5 * sigma[0], "{one:?}");
     assert!(sigma[0] < 0.05 * height, "{one:?}");
 }

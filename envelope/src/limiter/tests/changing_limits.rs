@@ -48,7 +48,7 @@ fn longest_s(from: Motion, goal: f64, larger: &Limits) -> f64 {
         (-larger.rate(), larger.rate()),
         larger.jerk(),
     );
-    stop.lasts_s() + way.lasts_s()
+    stop.remaining_s() + way.remaining_s()
 }
 
 /// Whether four samples in a row keep the limits.
@@ -79,7 +79,7 @@ proptest! {
         let larger = old.union(&new);
         let from = motion_within(&old, shares, share);
         let mut limiter = Limiter::from_motion(from.value, from.rate, from.acceleration);
-        limiter.take_limits(&old);
+        limiter.update_limits(&old);
         let goal = wanted * old.angle().max(new.angle());
         let held = goal.clamp(-new.angle(), new.angle());
         let longest_s = longest_s(from, held, &larger) + 3.0 * DT_S;
@@ -109,7 +109,7 @@ proptest! {
     ) {
         let from = motion_within(&old, shares, 1.0);
         let mut limiter = Limiter::from_motion(from.value, from.rate, from.acceleration);
-        limiter.take_limits(&old);
+        limiter.update_limits(&old);
         // Towards the new limits, or to a stop: the rate changes its sign at most once.
         let (mut last, mut sign, mut turns) = (from.value, 0.0, 0);
         for _ in 0..6000 {
@@ -156,7 +156,7 @@ proptest! {
     ) {
         let from = motion_within(&old, shares, 1.0);
         let mut limiter = Limiter::from_motion(from.value, from.rate, from.acceleration);
-        limiter.take_limits(&old);
+        limiter.update_limits(&old);
         let goal = wanted * new.angle();
         // While it brakes into the new limits it may still move across all of them.
         let way = goal.abs() + old.angle() + 2.0 * new.angle();

@@ -23,8 +23,8 @@ proptest! {
             // intervals; the deviations do not accumulate.
             let elapsed = Elapsed { dt_s: DT_S + jitter_s / 2.0 * (noise - before), jitter_s };
             before = *noise;
-            if !limiter.step_with(wanted, &l, elapsed) {
-                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            if !limiter.try_follow(wanted, &l, elapsed) {
+                limiter.step_on_plan(&l, LimitShares::FULL, elapsed);
             }
             prop_assert!((limiter.value() - wanted).abs() < 0.1 * amplitude + 2e-5, "{} for {wanted} of {amplitude} at {k}, gap {gap}", limiter.value());
             if k > 2000 {
@@ -54,8 +54,8 @@ proptest! {
                 None if k < 200 => smooth,
                 None => 0.0,
             };
-            if !limiter.step_with(wanted, &l, elapsed) {
-                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            if !limiter.try_follow(wanted, &l, elapsed) {
+                limiter.step_on_plan(&l, LimitShares::FULL, elapsed);
             }
             outputs.push(limiter.value());
             if k < 12 {
@@ -81,15 +81,15 @@ proptest! {
         for (k, dt_s) in steps_s.into_iter().enumerate() {
             t += dt_s;
             let elapsed = Elapsed { dt_s, jitter_s };
-            if !limiter.step_with(signal.at(k, t), &l, elapsed) {
-                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            if !limiter.try_follow(signal.at(k, t), &l, elapsed) {
+                limiter.step_on_plan(&l, LimitShares::FULL, elapsed);
             }
             let output = limiter.value();
             prop_assert!(output.abs() <= l.angle(), "{output} at {t}");
             let rate = (output - last) / dt_s;
             let rounding = 4e-18 / dt_s;
             // Closer samples are checked against the rate together.
-            let is_node = dt_s.min(before_s) >= NODES_S;
+            let is_node = dt_s.min(before_s) >= NODE_SPACING_S;
             let most = l.rate() * (1.0 + 1e-9) + rounding;
             prop_assert!(rate.abs() <= most || !is_node, "rate {rate} at {t}");
             before_s = dt_s;
@@ -112,8 +112,8 @@ proptest! {
                 let wanted = if j + 1 < steps_s.len() { limiter.value() } else { wanted };
                 let jitter_s = if (20..28).contains(&k) { again_s } else { 0.0 };
                 let elapsed = Elapsed { dt_s: *dt_s, jitter_s };
-                if !limiter.step_with(wanted, &l, elapsed) {
-                    limiter.step_onto(&l, Pace::ALONE, elapsed);
+                if !limiter.try_follow(wanted, &l, elapsed) {
+                    limiter.step_on_plan(&l, LimitShares::FULL, elapsed);
                 }
             }
             outputs.push(limiter.value());
@@ -143,8 +143,8 @@ proptest! {
             now_ns += 3_000 + hash % 2_000 + if hash % 199 == 0 { pause_ns } else { 0 };
             let elapsed = intervals.elapse(now_ns, None).expect("no silence");
             let wanted = amplitude * libm::sin(rad_s * 1e-9 * now_ns as f64);
-            if !limiter.step_with(wanted, &l, elapsed) {
-                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            if !limiter.try_follow(wanted, &l, elapsed) {
+                limiter.step_on_plan(&l, LimitShares::FULL, elapsed);
             }
             follows += usize::from(limiter.is_following());
             // The request may change while nothing is put out.

@@ -7,7 +7,7 @@ fn text(text: &str) -> Option<String> {
     Some(text.to_owned())
 }
 
-fn good() -> Texts {
+fn good() -> KernelInfo {
     let core = |number| Core {
         number,
         governor: text("performance"),
@@ -18,7 +18,7 @@ fn good() -> Texts {
         ],
         fair_runtime_ns: text(if number < 2 { "50000000" } else { "0" }),
     };
-    Texts {
+    KernelInfo {
         version: text("Linux version 6.12.1-rt1 (a@b) #1 SMP PREEMPT_RT"),
         realtime: text("1"),
         cores: (0..4).map(core).collect(),
@@ -37,22 +37,23 @@ fn good() -> Texts {
     }
 }
 
-fn state_of(texts: &Texts, name: &str) -> (State, String) {
-    let check = examine(texts).into_iter().find(|check| check.name == name).expect("such a check");
+fn state_of(texts: &KernelInfo, name: &str) -> (State, String) {
+    let check =
+        run_checks(texts).into_iter().find(|check| check.name == name).expect("such a check");
     assert_eq!(check.fix.is_empty(), check.state == State::Pass, "{check:?}");
     (check.state, check.found + ": " + &check.fix)
 }
 
 #[test]
 fn a_machine_made_for_it_passes_every_check() {
-    let checks = examine(&good());
+    let checks = run_checks(&good());
     assert_eq!(checks.len(), 11);
     assert!(checks.iter().all(|check| check.state == State::Pass), "{checks:#?}");
 }
 
 #[test]
 fn each_fault_is_found_by_its_own_check_alone_and_has_a_fix() {
-    type Spoil = fn(&mut Texts);
+    type Spoil = fn(&mut KernelInfo);
     let faults: [(&str, Spoil); 12] = [
         ("real-time kernel", |t| {
             t.realtime = None;
@@ -81,7 +82,7 @@ fn each_fault_is_found_by_its_own_check_alone_and_has_a_fix() {
         let mut texts = good();
         spoil(&mut texts);
         assert_eq!(state_of(&texts, name).0, State::Fix, "{name}");
-        let others = examine(&texts).into_iter().filter(|check| check.name != name);
+        let others = run_checks(&texts).into_iter().filter(|check| check.name != name);
         assert!(others.into_iter().all(|check| check.state == State::Pass), "{name}");
     }
 }
@@ -99,7 +100,7 @@ fn since_the_fair_server_the_old_bound_tells_nothing() {
 
 #[test]
 fn missing_information_is_unknown_and_never_passes() {
-    let checks = examine(&Texts::default());
+    let checks = run_checks(&KernelInfo::default());
     assert!(checks.iter().all(|check| check.state != State::Pass), "{checks:#?}");
 }
 
@@ -114,7 +115,7 @@ fn nonsense_is_never_good_and_never_a_panic() {
         };
         let (governor, siblings, fair_runtime_ns) = (said(), said(), said());
         let core = Core { number: 0, governor, siblings, idle: vec![idle], fair_runtime_ns };
-        let texts = Texts {
+        let texts = KernelInfo {
             version: said(),
             realtime: said(),
             cores: vec![core],
@@ -131,7 +132,7 @@ fn nonsense_is_never_good_and_never_a_panic() {
             cpuinfo: said(),
             product: said(),
         };
-        let good = examine(&texts).into_iter().find(|check| check.state == State::Pass);
+        let good = run_checks(&texts).into_iter().find(|check| check.state == State::Pass);
         assert_eq!(good, None, "{nonsense:?}");
     }
 }

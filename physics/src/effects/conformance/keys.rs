@@ -2,12 +2,12 @@
 //!
 //! Angles that stay angles on a prismatic joint (the direction of an axis, a tilt under a moment) keep `_mrad`.
 
-use crate::Given;
 use crate::JointKind::{Prismatic, Revolute};
+use crate::ParameterValues;
 use crate::effects::{
     AnyEffect, CUTTING, DRIVES, OVER_PATHS, SPECS, is_modelled, spec_for, specs_of,
 };
-use crate::spec::{ActsOn, Place, Spec};
+use crate::spec::{ActsOn, EffectScope, Spec};
 
 /// Name, keys, keys on a prismatic joint (empty: not available there). In the order of the lists.
 const KEYS: &[(&str, &str, &str)] = &[
@@ -107,7 +107,7 @@ fn every_key_is_the_contracts() {
         if !slides.is_empty() {
             assert_eq!(keys(Prismatic), *slides, "{kind}");
         }
-        let may_slide = matches!(spec.place, Place::Joint | Place::JointOrBase);
+        let may_slide = matches!(spec.scope, EffectScope::Joint | EffectScope::JointOrBase);
         assert_eq!(may_slide, !slides.is_empty(), "{kind}");
         for key in turns.split_whitespace() {
             assert!(spec.has_key(key, Revolute), "{kind}: {key}");
@@ -154,7 +154,8 @@ fn a_hysteresis_is_built_by_its_stems() {
         [("amplitude", ActsOn::JointPosition), ("amplitude_N", ActsOn::DriveTorque)]
     {
         let given: &[(&str, &[f64])] = &[(stem, &[0.1]), ("reversal", &[0.2])];
-        let built = AnyEffect::build("hysteresis", &arm, Some(1), Given(given)).expect("sound");
+        let built =
+            AnyEffect::build("hysteresis", &arm, Some(1), ParameterValues(given)).expect("sound");
         assert_eq!(built.spec().acts_on, acts_on, "{stem}");
     }
 }

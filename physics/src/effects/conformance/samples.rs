@@ -3,8 +3,8 @@
 use super::scene::{Scene, scene, sliding_scene};
 use crate::effects::{AnyEffect, CUTTING, DRIVES, SPECS};
 use crate::frame::normals;
-use crate::spec::{Count, Parameter, Place, Range, Role, Spec, Unit};
-use crate::{Arm, Given, JointKind};
+use crate::spec::{Count, EffectScope, Parameter, Range, Role, Spec, Unit};
+use crate::{Arm, JointKind, ParameterValues};
 
 /// An effect in a suitable scene.
 pub(super) struct Sample {
@@ -54,11 +54,11 @@ fn sets(spec: &Spec) -> Vec<Vec<&'static Parameter>> {
 
 fn of_set(spec: &'static Spec, set: &[&'static Parameter]) -> Vec<Sample> {
     let has = |stem: &str| set.iter().any(|p| p.stem == stem);
-    let scenes = match spec.place {
+    let scenes = match spec.scope {
         // A revolute joint has an inertia, a prismatic one a mass.
-        Place::Joint if spec.kind == "inertia" && has("inertia") => vec![scene()],
-        Place::Joint if spec.kind == "inertia" => vec![sliding_scene()],
-        Place::Joint => vec![scene(), sliding_scene()],
+        EffectScope::Joint if spec.kind == "inertia" && has("inertia") => vec![scene()],
+        EffectScope::Joint if spec.kind == "inertia" => vec![sliding_scene()],
+        EffectScope::Joint => vec![scene(), sliding_scene()],
         _ => vec![scene()],
     };
     let sample = |scene: Scene| {
@@ -73,8 +73,8 @@ fn of_set(spec: &'static Spec, set: &[&'static Parameter]) -> Vec<Sample> {
 
 fn built(spec: &Spec, arm: &Arm, entries: &[(&'static str, Vec<f64>)]) -> AnyEffect {
     let given: Vec<(&str, &[f64])> = entries.iter().map(|(s, v)| (*s, v.as_slice())).collect();
-    let joint = (spec.place != Place::Robot).then_some(JOINT);
-    AnyEffect::build(spec.kind, arm, joint, Given(&given))
+    let joint = (spec.scope != EffectScope::Robot).then_some(JOINT);
+    AnyEffect::build(spec.kind, arm, joint, ParameterValues(&given))
         .unwrap_or_else(|e| panic!("{}: {e}", spec.kind))
 }
 
@@ -117,7 +117,7 @@ impl Sample {
             self.effect.spec().kind,
             &self.scene.arm,
             self.effect.joint(),
-            Given(&given),
+            ParameterValues(&given),
         )
     }
 }

@@ -5,9 +5,9 @@
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use core::f64::consts::TAU;
 
 /// `chatter`.
@@ -19,7 +19,7 @@ pub struct Chatter {
 impl Effect for Chatter {
     const SPEC: Spec = Spec {
         kind: "chatter",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::ToolForce,
         needs: &[Need::Time],
         has_memory: false,
@@ -29,7 +29,7 @@ impl Effect for Chatter {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: [site.one("frequency"), site.one("amplitude")] })
     }
 
@@ -38,6 +38,6 @@ impl Effect for Chatter {
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [frequency, amplitude] = self.values;
         let swing = libm::sin(TAU * frequency * signals.inputs.time_s);
-        Contribution::ToolForce(ForceTerm::Ring(amplitude * swing))
+        Contribution::ToolForce(ForceTerm::Oscillation(amplitude * swing))
     }
 }

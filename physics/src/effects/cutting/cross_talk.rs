@@ -5,9 +5,9 @@
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Need, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DMat3;
 
 /// `cross_talk`.
@@ -19,14 +19,14 @@ pub struct CrossTalk {
 impl Effect for CrossTalk {
     const SPEC: Spec = Spec {
         kind: "cross_talk",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::ToolForce,
         needs: &[Need::Wrench],
         has_memory: false,
         parameters: &[Parameter::linear("matrix", Unit::One, Range::Any).of(Count::Exactly(9))],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("matrix") })
     }
 
@@ -34,6 +34,6 @@ impl Effect for CrossTalk {
 
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let leak = DMat3::from_cols_array(&self.values).transpose();
-        Contribution::ToolForce(ForceTerm::Leak(leak))
+        Contribution::ToolForce(ForceTerm::CrossTalk(leak))
     }
 }

@@ -5,9 +5,9 @@
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use glam::DVec3;
 
 /// `edge_force`.
@@ -19,7 +19,7 @@ pub struct EdgeForce {
 impl Effect for EdgeForce {
     const SPEC: Spec = Spec {
         kind: "edge_force",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::ToolForce,
         needs: &[],
         has_memory: false,
@@ -27,7 +27,7 @@ impl Effect for EdgeForce {
             .of(Count::Exactly(3))],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: site.array("coefficient") })
     }
 

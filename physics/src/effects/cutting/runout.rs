@@ -6,9 +6,9 @@
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `runout`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Runout {
 impl Effect for Runout {
     const SPEC: Spec = Spec {
         kind: "runout",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::ToolForce,
         needs: &[Need::SpindleSpeed],
         has_memory: false,
@@ -29,7 +29,7 @@ impl Effect for Runout {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: [site.one("radial"), site.one("phase")] })
     }
 

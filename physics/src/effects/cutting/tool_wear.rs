@@ -5,9 +5,9 @@
 
 use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `tool_wear`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,14 +18,14 @@ pub struct ToolWear {
 impl Effect for ToolWear {
     const SPEC: Spec = Spec {
         kind: "tool_wear",
-        place: Place::Robot,
+        scope: EffectScope::Robot,
         acts_on: ActsOn::ToolForce,
         needs: &[],
         has_memory: false,
         parameters: &[Parameter::linear("growth", Unit::PerMetre, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         Ok(Self { values: [site.one("growth")] })
     }
 

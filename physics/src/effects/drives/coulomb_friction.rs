@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `coulomb_friction`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,14 +19,14 @@ pub struct CoulombFriction {
 impl Effect for CoulombFriction {
     const SPEC: Spec = Spec {
         kind: "coulomb_friction",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Velocity],
         has_memory: false,
         parameters: &[Parameter::linear("level", Unit::NewtonMetre, Range::NotNegative)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("level")];
         Ok(Self { joint: site.joint, values })
     }

@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `friction_asymmetry`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct FrictionAsymmetry {
 impl Effect for FrictionAsymmetry {
     const SPEC: Spec = Spec {
         kind: "friction_asymmetry",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Velocity],
         has_memory: false,
@@ -31,8 +31,8 @@ impl Effect for FrictionAsymmetry {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let given = match (site.maybe("offset"), site.maybe("coefficient")) {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let given = match (site.optional_value("offset"), site.optional_value("coefficient")) {
             (Some(_), Some(_)) => (0, 2),
             (Some(_), None) => (0, 1),
             (None, Some(_)) => (1, 2),

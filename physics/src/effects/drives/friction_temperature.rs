@@ -5,10 +5,10 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
-use crate::heat::{REFERENCE, REFERENCE_C};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
+use crate::thermal::{REFERENCE, REFERENCE_C};
 
 /// `friction_temperature`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,15 +21,15 @@ pub struct FrictionTemperature {
 impl Effect for FrictionTemperature {
     const SPEC: Spec = Spec {
         kind: "friction_temperature",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Velocity, Need::Temperature],
         has_memory: false,
         parameters: &[Parameter::nonlinear("per_K", Unit::One, Range::Any), REFERENCE],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let reference_celsius = site.maybe("reference").unwrap_or(REFERENCE_C);
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let reference_celsius = site.optional_value("reference").unwrap_or(REFERENCE_C);
         Ok(Self { joint: site.joint, reference_celsius, values: [site.one("per_K")] })
     }
 

@@ -6,9 +6,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Count, Parameter, EffectScope, Range, Spec, Unit};
 use crate::trig::sin_cos;
 use glam::DVec3;
 
@@ -23,7 +23,7 @@ pub struct GravityTorque {
 impl Effect for GravityTorque {
     const SPEC: Spec = Spec {
         kind: "gravity_torque",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[],
         has_memory: false,
@@ -36,8 +36,8 @@ impl Effect for GravityTorque {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        let given = |stem| site.maybe(stem).is_some();
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
+        let given = |stem| site.optional_value(stem).is_some();
         match (given("cos"), given("sin"), given("first_moment")) {
             (true, true, false) => {
                 let values = [site.one("cos"), site.one("sin"), 0.0];

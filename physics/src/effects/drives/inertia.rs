@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::JointKind;
 
 /// `inertia`.
@@ -21,7 +21,7 @@ pub struct Inertia {
 impl Effect for Inertia {
     const SPEC: Spec = Spec {
         kind: "inertia",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Acceleration],
         has_memory: false,
@@ -31,9 +31,9 @@ impl Effect for Inertia {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let slides = site.arm.joints()[site.joint].kind == JointKind::Prismatic;
-        match (slides, site.maybe("inertia"), site.maybe("mass")) {
+        match (slides, site.optional_value("inertia"), site.optional_value("mass")) {
             (false, Some(value), None) | (true, None, Some(value)) => {
                 Ok(Self { joint: site.joint, slides, values: [value] })
             }

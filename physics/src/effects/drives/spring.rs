@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `spring`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Spring {
 impl Effect for Spring {
     const SPEC: Spec = Spec {
         kind: "spring",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[],
         has_memory: false,
@@ -29,7 +29,7 @@ impl Effect for Spring {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("stiffness"), site.one("rest_position")];
         Ok(Self { joint: site.joint, values })
     }

@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 
 /// `spring_hardening`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,14 +19,14 @@ pub struct SpringHardening {
 impl Effect for SpringHardening {
     const SPEC: Spec = Spec {
         kind: "spring_hardening",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[],
         has_memory: false,
         parameters: &[Parameter::linear("cubic_stiffness", Unit::One, Range::Any)],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("cubic_stiffness")];
         Ok(Self { joint: site.joint, values })
     }

@@ -9,9 +9,9 @@
 use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Need, Parameter, EffectScope, Range, Spec, Unit};
 use crate::effects::hysteresis::{carry, settle};
 
 /// `hysteresis` of a torque, `amplitude_Nm`.
@@ -24,7 +24,7 @@ pub struct TorqueHysteresis {
 impl Effect for TorqueHysteresis {
     const SPEC: Spec = Spec {
         kind: "hysteresis",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[Need::Direction],
         has_memory: true,
@@ -35,7 +35,7 @@ impl Effect for TorqueHysteresis {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("amplitude_N"), site.one("reversal")];
         Ok(Self { joint: site.joint, values })
     }

@@ -5,9 +5,9 @@
 
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::effect::{BuildError, Effect, Memory, BuildContext};
 use crate::signals::Signals;
-use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::spec::{ActsOn, Parameter, EffectScope, Range, Spec, Unit};
 use crate::trig::sin_cos;
 
 /// `torque_ripple`.
@@ -20,7 +20,7 @@ pub struct TorqueRipple {
 impl Effect for TorqueRipple {
     const SPEC: Spec = Spec {
         kind: "torque_ripple",
-        place: Place::Joint,
+        scope: EffectScope::Joint,
         acts_on: ActsOn::DriveTorque,
         needs: &[],
         has_memory: false,
@@ -31,7 +31,7 @@ impl Effect for TorqueRipple {
         ],
     };
 
-    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+    fn build(site: &BuildContext<'_>) -> Result<Self, BuildError> {
         let values = [site.one("amplitude"), site.one("cycles"), site.one("phase")];
         Ok(Self { joint: site.joint, values })
     }

@@ -191,7 +191,7 @@ mod tests {
                 ..Default::default()
             },
             spool: crate::message::SpoolState { first: 1, bytes: 1, budget_bytes: 1 },
-            status: Some(live::report::Report::of("cell", &status, None)),
+            status: Some(live::report::Report::new("cell", &status, None)),
         };
         let message = crate::message::Message {
             schema: crate::message::SCHEMA,

@@ -9,7 +9,7 @@ use rand::{Rng, RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use trends::Settings;
-use trends::results::{Count, Found, Number, Recording, Results, Robot};
+use trends::results::{Finding, ParameterKey, Recording, Results, Robot, RobotCounts};
 
 pub(crate) const ROBOTS: usize = 40;
 const NUMBERS: i64 = 6;
@@ -37,7 +37,7 @@ pub(crate) fn fleet(seed: u64, visits: usize) -> Results {
                 }
             })
             .collect();
-        results.counts.push(Count {
+        results.counts.push(RobotCounts {
             robot: name.clone(),
             recordings: visits,
             refused: 0,
@@ -61,7 +61,7 @@ fn series(
     joint: i64,
     recordings: &[Recording],
     rng: &mut ChaCha8Rng,
-) -> (Number, BTreeMap<String, Found>) {
+) -> (ParameterKey, BTreeMap<String, Finding>) {
     let sigma = 0.005;
     let scatter = sigma * rng.random_range(0.0..3.0);
     let limit = 5.0 * sigma;
@@ -82,11 +82,16 @@ fn series(
             let per_unit = Some(0.5);
             found.insert(
                 recording.key.clone(),
-                Found { value, sigma: Some(sigma), rms_per_unit: per_unit, max_per_unit: per_unit },
+                Finding {
+                    value,
+                    sigma: Some(sigma),
+                    rms_per_unit: per_unit,
+                    max_per_unit: per_unit,
+                },
             );
         }
     }
-    let number = Number {
+    let number = ParameterKey {
         robot: robot.to_owned(),
         domain: "position".to_owned(),
         effect: "joint_offset".to_owned(),

@@ -3,7 +3,7 @@
 mod fleet;
 
 use fleet::{ROBOTS, fleet};
-use trends::{Settings, answer};
+use trends::{Settings, evaluate};
 
 fn main() {
     let words: Vec<usize> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
@@ -12,7 +12,7 @@ fn main() {
     let settings = Settings::default();
     let (mut alarmed, mut alerts, mut searched) = (0, 0, 0);
     for seed in 0..fleets {
-        let answer = answer(&fleet(seed as u64, recordings), &settings);
+        let answer = evaluate(&fleet(seed as u64, recordings), &settings);
         let reported = answer.alerts.len() + answer.decreases.len();
         alarmed += usize::from(reported > 0);
         alerts += reported;

@@ -3,7 +3,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use trends::{Answer, Settings, answer, read};
+use trends::{Answer, Settings, evaluate, read};
 
 use crate::written::{Finding, Folder, Recorded, backlash};
 
@@ -41,7 +41,7 @@ fn offset(value: f64) -> Finding {
 
 fn reported(recordings: &[Recorded], settings: &Settings) -> Answer {
     let folder = Folder::with(recordings);
-    answer(&read(std::slice::from_ref(&folder.0), settings).unwrap(), settings)
+    evaluate(&read(std::slice::from_ref(&folder.0), settings).unwrap(), settings)
 }
 
 /// What a diagnosis finds of a width: nothing below five standard uncertainties.
@@ -150,7 +150,7 @@ fn the_order_of_files_and_folders_changes_nothing() {
     let settings = Settings::default();
     let json = |folders: &[&Folder]| {
         let folders: Vec<_> = folders.iter().map(|folder| folder.0.clone()).collect();
-        serde_json::to_string(&answer(&read(&folders, &settings).unwrap(), &settings)).unwrap()
+        serde_json::to_string(&evaluate(&read(&folders, &settings).unwrap(), &settings)).unwrap()
     };
     assert_eq!(json(&[&one, &two]), json(&[&two, &one]));
     assert_eq!(json(&[&one, &two]), json(&[&one, &two, &one]), "a folder twice");
@@ -176,7 +176,7 @@ fn two_names_for_one_wear_are_one_alert() {
 #[test]
 fn forty_robots_that_do_not_change_raise_no_alarm() {
     for (seed, recordings) in [(1, 12), (2, 30), (3, 60)] {
-        let answer = trends::answer(&crate::still::fleet(seed, recordings), &Settings::default());
+        let answer = trends::evaluate(&crate::still::fleet(seed, recordings), &Settings::default());
         assert!(answer.series > 180, "{recordings} recordings: {} series", answer.series);
         assert!(answer.alerts.is_empty(), "{recordings} recordings: {:#?}", answer.alerts);
     }

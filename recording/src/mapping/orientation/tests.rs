@@ -2,7 +2,7 @@
 
 use crate::faults::Faults;
 use crate::mapping::Mapping;
-use crate::series::{Channel, Need, Recording, read_text};
+use crate::series::{Channel, Recording, RequiredData, read_text};
 use proptest::prelude::*;
 
 fn apply(orientation: &str, rows: &str) -> Result<Recording, Faults> {
@@ -11,7 +11,7 @@ fn apply(orientation: &str, rows: &str) -> Result<Recording, Faults> {
          t_s = {{ per_row = 1.0 }}\nq1_deg = {{ constant = 0.0 }}\norientation = {{ {orientation} }}\n"
     );
     let mapping = Mapping::parse("m.toml", &mapping)?;
-    read_text("x.csv", rows, Some(&mapping), None, Need::Measurement)
+    read_text("x.csv", rows, Some(&mapping), None, RequiredData::Measurement)
 }
 
 /// w, x, y, z of the only row, w not below zero.

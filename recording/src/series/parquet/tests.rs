@@ -12,7 +12,7 @@ use parquet::schema::parser::parse_message_type;
 use proptest::prelude::*;
 
 use crate::files::FileError;
-use crate::series::{Channel, Need, Recording, read};
+use crate::series::{Channel, Recording, RequiredData, read};
 
 const SCHEMA: &str = "message recording {
     required double t_s; optional int32 segment; required float q1_deg; required int64 q2_deg;
@@ -53,10 +53,10 @@ fn written(schema: &str, compression: Compression) -> Vec<u8> {
 }
 
 fn taken(name: &str, bytes: &[u8]) -> Result<Recording, FileError> {
-    taken_as(name, bytes, Need::Measurement)
+    taken_as(name, bytes, RequiredData::Measurement)
 }
 
-fn taken_as(name: &str, bytes: &[u8], need: Need) -> Result<Recording, FileError> {
+fn taken_as(name: &str, bytes: &[u8], need: RequiredData) -> Result<Recording, FileError> {
     let file = format!("trued-{name}-{}.parquet", std::process::id());
     let path: PathBuf = std::env::temp_dir().join(file);
     fs::write(&path, bytes).expect("a file");
@@ -122,7 +122,7 @@ fn a_foreign_column_keeps_its_cells_and_is_a_number_only_where_each_cell_is_one(
     ];
     let bytes = recording.to_parquet().expect("a table");
     assert_eq!(bytes, recording.to_parquet().expect("a table"), "the same bytes each time");
-    let back = taken_as("foreign", &bytes, Need::Path).expect("sound");
+    let back = taken_as("foreign", &bytes, RequiredData::Path).expect("sound");
     assert_eq!(back.other, recording.other);
     assert_eq!(back.to_csv(), recording.to_csv());
 }
@@ -140,7 +140,7 @@ proptest! {
         recording.segment = rows.iter().map(|(.., step)| { segment += step; segment }).collect();
         recording.set(Channel::Command(0), rows.iter().map(|row| f64::from(row.0) * 1e-9).collect());
         recording.set(Channel::Torque(0), rows.iter().map(|row| row.1.unwrap_or(f64::NAN)).collect());
-        let back = taken_as("back", &recording.to_parquet().expect("a table"), Need::Path).expect("sound");
+        let back = taken_as("back", &recording.to_parquet().expect("a table"), RequiredData::Path).expect("sound");
         prop_assert_eq!(&back.segment, &recording.segment);
         for channel in [Channel::Command(0), Channel::Torque(0)] {
             let bits = |recording: &Recording| -> Vec<u64> {

@@ -1,14 +1,14 @@
 //! An EGM controller and its application.
 
-use super::{CYCLE_NS, Cell, JITTER_NS, Summary, VirtualDaemon, model, oracle};
+use super::{CYCLE_NS, ControllerCell, JITTER_NS, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
-use crate::chance::Chance;
 use crate::egm::proto;
 use crate::oracle::Oracle;
+use crate::rng::TestRng;
 use bridge::Counts;
+use bridge::corrections::Corrections;
 use bridge::egm::forwarder::{Forwarder, Settings};
-use bridge::egm::joints::Order;
-use bridge::feed::Feed;
+use bridge::egm::joints::JointOrder;
 use bridge::settings::RunRules;
 use prost::Message;
 use recording::bridge::Guidance;
@@ -29,14 +29,14 @@ pub(super) struct EgmCell {
     /// The oracle under the hypothesis that the last run continued the previous one, until that is
     /// refuted.
     goes_on: Option<Oracle>,
-    chance: Chance,
+    chance: TestRng,
     summary: Summary,
     now_ns: u64,
     /// Time at rest of the application, ns.
     standing_ns: u64,
     robot_number: u32,
     application_number: u32,
-    /// Where the robot is, rad.
+    /// Position of the robot, rad.
     stands: [f64; JOINTS],
     mci_state: i32,
     /// Whether the first target of a run is still to come.
@@ -48,18 +48,18 @@ pub(super) struct EgmCell {
 
 impl EgmCell {
     pub(super) fn new(seed: u64) -> Self {
-        let mut chance = Chance::new(seed);
+        let mut chance = TestRng::new(seed);
         let settings = Settings {
             robot: at("10.0.0.1:6510").ip(),
             robot_port: None,
             application: Some(at("10.0.0.3:6511")),
             guidance: Guidance::Joints,
-            order: Order { count: JOINTS, seventh_after: None },
+            order: JointOrder { count: JOINTS, seventh_after: None },
             is_shadow: false,
             path_period_ns: 48_000_000,
             runs: RunRules::default(),
         };
-        let feed = Feed::over(VirtualDaemon::new(chance.bits()));
+        let feed = Corrections::with_link(VirtualDaemon::new(chance.next_u64()));
         let now_ns = 1 << 40;
         Self {
             forwarder: Forwarder::new(
@@ -87,7 +87,7 @@ impl EgmCell {
 
     fn of_robot(&mut self, datagram: &[u8], from: &str, now_ns: u64) -> bool {
         self.forwarder.link().now_ns = now_ns;
-        self.forwarder.of_robot(datagram, at(from), now_ns)
+        self.forwarder.receive_from_robot(datagram, at(from), now_ns)
     }
 
     /// Handles a datagram of the application, and its effect on the robot.
@@ -95,7 +95,10 @@ impl EgmCell {
         self.forwarder.link().now_ns = now_ns;
         let mut datagram = original.to_vec();
         let from = at("10.0.0.3:6511");
-        let Some(screened) = self.forwarder.of_application(&datagram, from, now_ns) else { return };
+        let Some(screened) = self.forwarder.receive_from_application(&datagram, from, now_ns)
+        else {
+            return;
+        };
         let Some(to) = self.forwarder.answer(&mut datagram, &screened) else { return };
         if to != at("10.0.0.1:6510") {
             return self.summary.breaks(&format!("sent to {to}"));
@@ -184,9 +187,9 @@ impl EgmCell {
         self.begins = true;
     }
 
-    /// An old datagram of either side again, or one overtaken.
+    /// Repeats an old datagram of either side, or reorders two.
     fn replay(&mut self, now_ns: u64) {
-        let pick = |list: &[Vec<u8>], c: &mut Chance| {
+        let pick = |list: &[Vec<u8>], c: &mut TestRng| {
             (!list.is_empty()).then(|| list[c.below(list.len() as u64) as usize].clone())
         };
         if self.chance.below(2) == 0 {
@@ -212,7 +215,7 @@ impl EgmCell {
     }
 }
 
-impl Cell for EgmCell {
+impl ControllerCell for EgmCell {
     fn fault(&mut self) {
         let now_ns = self.now_ns + 3_000_000;
         let c = &mut self.chance;

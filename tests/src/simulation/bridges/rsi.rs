@@ -1,13 +1,13 @@
 //! An RSI controller: it owns the clock, counts late answers, and accumulates the corrections.
 
-use super::{CYCLE_NS, Cell, FEED, Summary, VirtualDaemon, model, oracle};
+use super::{CYCLE_NS, ControllerCell, FEED, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
-use crate::chance::Chance;
 use crate::oracle::Oracle;
+use crate::rng::TestRng;
 use bridge::Counts;
-use bridge::feed::Feed;
+use bridge::corrections::Corrections;
 use bridge::rsi::answer::Answerer;
-use recording::bridge::{Ethernet, RsiConfig};
+use recording::bridge::{EthernetConfig, RsiConfig};
 use std::fmt::Write as _;
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ fn at(address: &str) -> SocketAddr {
 pub(super) struct RsiCell {
     answerer: Answerer<VirtualDaemon>,
     oracle: Oracle,
-    chance: Chance,
+    chance: TestRng,
     summary: Summary,
     is_relative: bool,
     now_ns: u64,
@@ -31,18 +31,18 @@ pub(super) struct RsiCell {
     late: u64,
     /// The count in the newest telegram received.
     told_late: u64,
-    /// What the controller adds to the program's axes, rad.
+    /// Accumulated correction added to the programmed axes, rad.
     sum: [f64; JOINTS],
     telegrams: Vec<String>,
     /// The override of the newest answer, percent.
     written: f64,
-    /// What the controller took last, and when, ns.
+    /// The override used last by the controller, and its time, ns.
     taken: Option<(f64, u64)>,
 }
 
 impl RsiCell {
     pub(super) fn new(seed: u64, is_relative: bool) -> Self {
-        let mut chance = Chance::new(seed);
+        let mut chance = TestRng::new(seed);
         let xml = include_str!("../../../../deploy/rsi-ethernet.xml");
         let text = include_str!("../../../../deploy/bridge-rsi.toml");
         let (xml, text) = if is_relative {
@@ -57,9 +57,9 @@ impl RsiCell {
         let element = "<ELEMENT TAG=\"OvPro\" TYPE=\"DOUBLE\" INDX=\"8\" HOLDON=\"1\" />";
         let xml = xml.replace(receive, &format!("{receive}{element}"));
         let text = text.replace("[others]", "[feed]\ntag = \"OvPro\"\n[others]");
-        let ethernet = Ethernet::parse("ethernet.xml", &xml).expect("the shipped file");
+        let ethernet = EthernetConfig::parse("ethernet.xml", &xml).expect("the shipped file");
         let config = RsiConfig::parse("bridge.toml", &text, ethernet).expect("the shipped file");
-        let feed = Feed::over(VirtualDaemon::new(chance.bits()));
+        let feed = Corrections::with_link(VirtualDaemon::new(chance.next_u64()));
         let counts = Arc::new(Counts::default());
         Self {
             answerer: Answerer::new(config, model().arm, feed, counts),
@@ -109,7 +109,7 @@ impl RsiCell {
 
     fn answer(&mut self, telegram: &str, from: &str) -> Option<[f64; JOINTS]> {
         self.answerer.link().now_ns = self.now_ns;
-        let asked = self.answerer.of_robot(telegram.as_bytes(), at(from))?;
+        let asked = self.answerer.receive(telegram.as_bytes(), at(from))?;
         let mut buffer = [0; 1000];
         let (length, _) = self.answerer.answer(&asked, &mut buffer)?;
         let text = std::str::from_utf8(&buffer[..length]).expect("text");
@@ -151,7 +151,7 @@ impl RsiCell {
     }
 }
 
-impl Cell for RsiCell {
+impl ControllerCell for RsiCell {
     fn fault(&mut self) {
         match self.chance.below(200) {
             0 => self.silence(),
@@ -170,7 +170,7 @@ impl Cell for RsiCell {
                 let other = telegram(self.ipoc + 4000, 0, &[0.0; JOINTS]);
                 self.answer(&other, "192.168.1.3:6008");
                 let half = other.len() / 2;
-                self.answerer.of_robot(&other.as_bytes()[..half], at("192.168.1.2:6008"));
+                self.answerer.receive(&other.as_bytes()[..half], at("192.168.1.2:6008"));
             }
             _ => {}
         }

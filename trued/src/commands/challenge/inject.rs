@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use challenge::answer::Answer;
 use challenge_report::injection::{InjectionReport, RealRecording, cases};
 
-use super::Work;
+use super::ParallelWork;
 use super::solver::Solver;
 use crate::exit::{self, Failure, Outcome};
 use crate::input::Reading;
@@ -20,20 +20,20 @@ pub(super) struct Injection<'a> {
     pub(super) solver: &'a Solver,
 }
 
-/// What the solver gave: its answer, if valid, and the text of its model.
-struct Solved {
+/// Result of the solver: its answer, if valid, and the text of its model.
+struct SolverResult {
     answer: Option<Answer>,
     model: Option<String>,
 }
 
 impl Injection<'_> {
-    pub(super) fn run(&self, console: &mut Console, work: &Work<'_>) -> Outcome {
+    pub(super) fn run(&self, console: &mut Console, work: &ParallelWork<'_>) -> Outcome {
         let mut recordings = Vec::new();
         for path in self.recordings {
             recordings.push(self.diagnosed(path, work.stop)?);
         }
         let (cases, cannot) = cases(&recordings, self.seed);
-        let lines = work.each(console, cases.len(), "solving", |index| {
+        let lines = work.map_cases(console, cases.len(), "solving", |index| {
             let case = &cases[index];
             let name = format!("{index:03}");
             let solved = self.solve(case.recording, &name, case.table(), work.stop)?;
@@ -73,7 +73,7 @@ impl Injection<'_> {
         case: &str,
         table: String,
         stop: &AtomicBool,
-    ) -> Result<Solved, Failure> {
+    ) -> Result<SolverResult, Failure> {
         let folder = self.out.join("cases").join(&recording.name).join(case);
         std::fs::create_dir_all(&folder).map_err(Failure::system)?;
         let files = [("model.toml", recording.model.clone()), ("recording.csv", table)];
@@ -81,6 +81,6 @@ impl Injection<'_> {
         let out = self.out.join("answers").join(&recording.name).join(case);
         let given = self.solver.answer(&folder, &out, stop)?;
         let answer = given.diagnosis.as_deref().and_then(|text| Answer::parse(text, "torque").ok());
-        Ok(Solved { answer, model: given.model })
+        Ok(SolverResult { answer, model: given.model })
     }
 }

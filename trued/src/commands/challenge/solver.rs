@@ -11,16 +11,16 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use challenge_report::SolverAnswer;
-use harness::child::Guarded;
+use harness::child::ChildGuard;
 
-use crate::child::myself;
+use crate::child::this_program;
 use crate::exit::Failure;
 use crate::interrupt;
 
 /// Interval of checks whether the solver has ended.
-const LOOK: Duration = Duration::from_millis(3);
+const POLL_EVERY: Duration = Duration::from_millis(3);
 /// An answer longer than this is none, bytes.
-const LONGEST: u64 = 16 << 20;
+const ANSWER_BYTES_MAX: u64 = 16 << 20;
 
 /// How the solver is started.
 #[derive(Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Solver {
 }
 
 impl Solver {
-    pub(super) fn of(command: Option<&str>, limit: Duration) -> Result<Self, Failure> {
+    pub(super) fn new(command: Option<&str>, limit: Duration) -> Result<Self, Failure> {
         let words =
             command.map(|text| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
         if words.as_ref().is_some_and(Vec::is_empty) {
@@ -48,7 +48,7 @@ impl Solver {
                 Ok(command)
             }
             _ => {
-                let mut command = myself().map_err(Failure::system)?;
+                let mut command = this_program().map_err(Failure::system)?;
                 command.args(["diagnose", "--quiet"]);
                 Ok(command)
             }
@@ -74,16 +74,16 @@ impl Solver {
         command.arg(case.join("recording.csv"));
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
         let start = Instant::now();
-        let mut child = Guarded::spawn(&mut command).map_err(Failure::system)?;
+        let mut child = ChildGuard::spawn(&mut command).map_err(Failure::system)?;
         let ended = loop {
-            if let Some(status) = child.ended() {
+            if let Some(status) = child.try_exit_status() {
                 break Some(status);
             }
             if start.elapsed() > self.limit {
                 break None;
             }
             interrupt::check(stop)?;
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_EVERY);
         };
         let seconds = start.elapsed().as_secs_f64();
         drop(child);
@@ -102,6 +102,6 @@ impl Solver {
 /// A text that is there and not too long.
 fn read(path: &Path) -> Option<String> {
     let mut text = String::new();
-    File::open(path).ok()?.take(LONGEST).read_to_string(&mut text).ok()?;
+    File::open(path).ok()?.take(ANSWER_BYTES_MAX).read_to_string(&mut text).ok()?;
     Some(text)
 }

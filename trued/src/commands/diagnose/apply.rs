@@ -6,10 +6,10 @@
 use std::path::Path;
 
 use diagnosis::diagnose::Verdict;
-use diagnosis_report::{Diagnosed, MODEL};
+use diagnosis_report::{MODEL, RobotDiagnosis};
 use recording::cell::CellConfig;
 
-use super::super::reload::Swap;
+use super::super::reload::ReloadResult;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::unusable;
 use crate::output::Console;
@@ -24,13 +24,18 @@ pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
 }
 
 /// Loads the model in `dir` into the daemon of `cell`, or reports why not.
-pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &Path) -> Outcome {
-    if let Some(why) = why_not(found) {
+pub(super) fn apply(
+    console: &mut Console,
+    cell: &str,
+    found: &RobotDiagnosis,
+    dir: &Path,
+) -> Outcome {
+    if let Some(why) = reason_not_applied(found) {
         console.say(format!("not applied: {why}; the daemon keeps its current model"))?;
         return Ok(Answer::No);
     }
     let model = dir.join(MODEL);
-    let answer = Swap::ask(cell, Some(&model))?.tell(console)?;
+    let answer = ReloadResult::request_reload(cell, Some(&model))?.report(console)?;
     if answer == Answer::Done {
         console.say(format!(
             "valid until the daemon of {cell} restarts; to keep it, set `model` in its configuration to {}",
@@ -41,7 +46,7 @@ pub(super) fn apply(console: &mut Console, cell: &str, found: &Diagnosed, dir: &
 }
 
 /// Why a model must not be used; `None` if it may.
-fn why_not(found: &Diagnosed) -> Option<&'static str> {
+fn reason_not_applied(found: &RobotDiagnosis) -> Option<&'static str> {
     match found.diagnosis.as_ref().map(|diagnosis| diagnosis.verdict) {
         Some(Verdict::MissingPhysics) => None,
         Some(Verdict::Consistent) => Some("the model explains the recordings; nothing to apply"),

@@ -6,21 +6,21 @@
 use std::path::{Path, PathBuf};
 
 use batch::check::unusable_robots;
-use batch::{Existing, Failed, Item, Job, Row, Shard, Summary, Undiagnosed};
+use batch::{DiagnosisError, Existing, Item, Job, Row, Shard, Summary, UndiagnosedRecording};
 use clap::Args;
-use diagnosis_report::{DiagnosedForces, Settings, diagnose};
+use diagnosis_report::{ForceDiagnosis, Settings, diagnose};
 use recording::files::FileError;
 use recording::manifest::Manifest;
-use report::count;
+use report::pluralise;
 use serde::Serialize;
 use tracing::info;
 use tracing::subscriber::{NoSubscriber, with_default};
 
-use super::Read;
-use super::rows::{Temperatures, of_reports};
+use super::DiagnosisInput;
+use super::rows::{MeanTemperatures, of_reports};
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Faulty, Reading, unusable};
-use crate::output::{Console, Paint};
+use crate::input::{FaultyFile, Reading, unusable};
+use crate::output::{Console, Emphasis};
 use crate::pages::Outputs;
 use crate::progress;
 
@@ -70,7 +70,7 @@ struct NotDiagnosed {
 }
 
 impl NotDiagnosed {
-    fn of(one: &Undiagnosed) -> Self {
+    fn of(one: &UndiagnosedRecording) -> Self {
         Self { files: one.files.clone(), why: one.why.clone() }
     }
 }
@@ -83,7 +83,7 @@ impl Batch {
         let base = base.parent().unwrap_or(Path::new("/"));
         let faults = unusable_robots(&manifest, base, &file.display().to_string());
         if !faults.is_empty() {
-            let texts = faults.into_iter().map(|faults| Faulty(faults).to_string());
+            let texts = faults.into_iter().map(|faults| FaultyFile(faults).to_string());
             return Err(Failure::input(texts.collect::<Vec<_>>().join("\n")));
         }
         let mut outputs = console.outputs();
@@ -113,7 +113,7 @@ impl Batch {
             batch::RunError::Exists { .. } => Failure::input(error),
             _ => Failure::system(error),
         })?;
-        say(&summary, out, outputs, console)
+        print_summary(&summary, out, outputs, console)
     }
 }
 
@@ -133,15 +133,15 @@ fn inputs(file: &Path, manifest: &Manifest, base: &Path) -> Vec<PathBuf> {
 fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
     let reading = Reading { model: Some(item.model.clone()), mapping: item.mapping.clone() };
     let seed = manifest.seed;
-    match Read::of(&reading, &item.files)? {
-        Read::Forces(alone) => {
+    match DiagnosisInput::of(&reading, &item.files)? {
+        DiagnosisInput::Forces(alone) => {
             let (model, recording) = *alone;
-            let temperatures = Temperatures::of(std::slice::from_ref(&recording));
-            let found = DiagnosedForces::of(model, &recording, seed)?;
+            let temperatures = MeanTemperatures::of(std::slice::from_ref(&recording));
+            let found = ForceDiagnosis::of(model, &recording, seed)?;
             Ok(of_reports(&[found.report()], &temperatures))
         }
-        Read::Robot(model, recordings) => {
-            let temperatures = Temperatures::of(&recordings);
+        DiagnosisInput::Robot(model, recordings) => {
+            let temperatures = MeanTemperatures::of(&recordings);
             let settings = Settings { seed, band_hz: manifest.band_hz, ..Settings::default() };
             let found = diagnose(*model, recordings, &settings, &mut |_| {})?;
             Ok(of_reports(&found.reports(), &temperatures))
@@ -151,19 +151,24 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
 
 /// Why a recording is not diagnosed, with paths as in the manifest, so that the text does not
 /// depend on the manifest's location.
-fn failed(failure: &Failure, item: &Item<'_>) -> Failed {
+fn failed(failure: &Failure, item: &Item<'_>) -> DiagnosisError {
     let words = item.as_named(&failure.to_string());
     let is_io = |error: &FileError| matches!(error, FileError::Io { .. });
     match failure {
         Failure::Input(error) if !error.downcast_ref::<FileError>().is_some_and(is_io) => {
-            Failed::Refused(words)
+            DiagnosisError::Refused(words)
         }
-        _ => Failed::Unread(words),
+        _ => DiagnosisError::Unread(words),
     }
 }
 
-fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -> Outcome {
-    let of = |all: &[Undiagnosed]| all.iter().map(NotDiagnosed::of).collect();
+fn print_summary(
+    summary: &Summary,
+    out: &Path,
+    outputs: Outputs,
+    console: &mut Console,
+) -> Outcome {
+    let of = |all: &[UndiagnosedRecording]| all.iter().map(NotDiagnosed::of).collect();
     let digest = &summary.digest;
     let report = Report {
         written: summary.written,
@@ -174,8 +179,8 @@ fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -
         digest_sha256: digest.sha256.clone(),
     };
     console.write(outputs, "trued.batch/1", &report)?;
-    let (written, kept) = (count(summary.written, "result"), summary.kept);
-    let head = console.paint(Paint::Strong, &format!("{written} written"));
+    let (written, kept) = (pluralise(summary.written, "result"), summary.kept);
+    let head = console.paint(Emphasis::Strong, &format!("{written} written"));
     console.say(format!("{head}, {kept} kept, {} in {}", digest.results, out.display()))?;
     for (what, all) in [("refused", &summary.refused), ("not read", &summary.unread)] {
         for one in all.iter().take(LISTED_MAX) {
@@ -189,7 +194,7 @@ fn say(summary: &Summary, out: &Path, outputs: Outputs, console: &mut Console) -
     }
     console.say(format!("digest {}", digest.sha256))?;
     if !summary.unread.is_empty() {
-        let unread = count(summary.unread.len(), "recording");
+        let unread = pluralise(summary.unread.len(), "recording");
         let why = format!(
             "no result for {unread} that could not be read; run the same command with --resume to retry"
         );

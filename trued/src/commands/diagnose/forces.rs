@@ -1,15 +1,15 @@
 //! `trued diagnose` of forces (or accelerations) without joints: the same three files as for a robot, together or not at all.
 
-use diagnosis_report::{DiagnosedForces, JSON, MODEL, PAGE, Whole, lines};
+use diagnosis_report::{DiagnosisJson, ForceDiagnosis, JSON, MODEL, PAGE, lines};
 use recording::model::RobotModel;
 use recording::series::Recording;
 
 use super::{Diagnose, outputs};
 use crate::exit::{Answer, Failure, Outcome};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 
 /// Diagnoses a recording without joints, of forces.
-pub(super) fn alone(
+pub(super) fn diagnose_forces(
     asked: &Diagnose,
     (base, recording): (RobotModel, Recording),
     console: &mut Console,
@@ -24,13 +24,17 @@ pub(super) fn alone(
     }
     let mut outputs = outputs(console.outputs(), &asked.out);
     outputs.check(asked.inputs())?;
-    let found = DiagnosedForces::of(base, &recording, asked.seed.settle())?;
+    let found = ForceDiagnosis::of(base, &recording, asked.seed.resolve())?;
     let report = found.report();
     outputs.put(&asked.out.join(JSON), found.json()?);
     outputs.put(&asked.out.join(MODEL), found.model_toml()?);
     outputs.put_page(&asked.out.join(PAGE), found.page());
-    console.write(outputs, "trued.diagnosis/1", &Whole::of(std::slice::from_ref(&report)))?;
-    let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
+    console.write(
+        outputs,
+        "trued.diagnosis/1",
+        &DiagnosisJson::of(std::slice::from_ref(&report)),
+    )?;
+    let head = console.paint(Emphasis::Strong, &report.verdict.replace('_', " "));
     console.say(format!("{head}: {}", report.heldout))?;
     for line in lines(&report) {
         console.say(line)?;

@@ -3,18 +3,18 @@
 //! The numbers are those of `trued.diagnosis/1`, in the same units; no others are added.
 
 use batch::{FindingParameter, Row, Subject};
-use diagnosis_report::{Interval, Report, ReportedFinding, Value, lead};
+use diagnosis_report::{Interval, Report, ReportedFinding, Value, summary};
 use recording::series::{Channel, Recording};
 
 /// Mean temperatures of recordings, °C.
-pub(super) struct Temperatures {
+pub(super) struct MeanTemperatures {
     ambient: Option<f64>,
     /// By joint.
     joints: Vec<Option<f64>>,
 }
 
-impl Temperatures {
-    /// What was recorded of them.
+impl MeanTemperatures {
+    /// Means over the recordings.
     pub(super) fn of(recordings: &[Recording]) -> Self {
         let joints = recordings.iter().map(Recording::joint_count).max().unwrap_or(0);
         Self {
@@ -40,11 +40,11 @@ fn mean(recordings: &[Recording], channel: Channel) -> Option<f64> {
 }
 
 /// The rows of each domain's report.
-pub(super) fn of_reports(reports: &[Report], temperatures: &Temperatures) -> Vec<Row> {
+pub(super) fn of_reports(reports: &[Report], temperatures: &MeanTemperatures) -> Vec<Row> {
     reports.iter().flat_map(|report| of_report(report, temperatures)).collect()
 }
 
-fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
+fn of_report(report: &Report, temperatures: &MeanTemperatures) -> Vec<Row> {
     let domain = Row {
         subject: Subject::Recording,
         domain: Some(report.domain.to_owned()),
@@ -56,10 +56,10 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
         error_after: report.heldout_rms_after,
         ambient_c: temperatures.ambient,
         joint_c: None,
-        fact: None,
-        says: lead(report),
+        finding: None,
+        sentence: summary(report),
     };
-    let claimed = report.claims().map(|reported| (reported, true));
+    let claimed = report.all_findings().map(|reported| (reported, true));
     let all = claimed.chain(report.candidates.iter().map(|reported| (reported, false)));
     let findings = all.flat_map(|(reported, is_claimed)| parameters_of(reported, is_claimed));
     let finding = |(reported, fact): (&ReportedFinding, FindingParameter)| Row {
@@ -67,8 +67,8 @@ fn of_report(report: &Report, temperatures: &Temperatures) -> Vec<Row> {
         error_before: reported.heldout_rms_before,
         error_after: reported.heldout_rms_after,
         joint_c: reported.joint.and_then(|joint| temperatures.of_joint(joint)),
-        fact: Some(fact),
-        says: reported.says.clone(),
+        finding: Some(fact),
+        sentence: reported.says.clone(),
         ..domain.clone()
     };
     let findings: Vec<Row> = findings.map(finding).collect();

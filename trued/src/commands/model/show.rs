@@ -9,7 +9,7 @@ use report::TextTable;
 use serde::Serialize;
 
 use crate::exit::{Answer, Outcome};
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 use crate::table::on_stdout;
 
 #[derive(Serialize)]
@@ -66,7 +66,7 @@ struct Value {
 pub(super) fn run(console: &mut Console, path: &PathBuf, model: &RobotModel) -> Outcome {
     console.json_of([path], "trued.model/1", &shown(model))?;
     let file = &model.file;
-    console.say(console.paint(Paint::Strong, &file.name))?;
+    console.say(console.paint(Emphasis::Strong, &file.name))?;
     console.say(format!("robot: {}", file.identity()))?;
     console.say(format!("hash {:016x}\n\n", model.hash))?;
     console.say(joints(&file.joints))?;

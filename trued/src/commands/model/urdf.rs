@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recording::urdf::{self, Ends, Import as Imported};
-use report::count;
+use recording::urdf::{self, ChainEnds, Import as Imported};
+use report::pluralise;
 use serde::Serialize;
 
 use crate::exit::{Answer, Outcome};
 use crate::input;
-use crate::output::{Console, Paint};
+use crate::output::{Console, Emphasis};
 
 /// Create a model from the arm in a URDF
 ///
@@ -77,7 +77,7 @@ impl Import {
     pub(super) fn run(&self, console: &mut Console) -> Outcome {
         let mut outputs = console.outputs().file(&self.out);
         outputs.check([&self.file])?;
-        let ends = Ends { base: self.base.as_deref(), tip: self.tip.as_deref() };
+        let ends = ChainEnds { base: self.base.as_deref(), tip: self.tip.as_deref() };
         let found = urdf::read(&self.file, &ends).map_err(input::unusable)?;
         let Imported { model, base, tip, notes } = &found;
         let joints = model.file.joints.iter().map(|joint| joint.name.as_str()).collect();
@@ -93,8 +93,8 @@ impl Import {
             notes,
         };
         console.write(outputs, "trued.model/1", &report)?;
-        console.say(console.paint(Paint::Strong, report.name))?;
-        let (joints, masses) = (count(report.joints.len(), "joint"), bodies_in_words(bodies));
+        console.say(console.paint(Emphasis::Strong, report.name))?;
+        let (joints, masses) = (pluralise(report.joints.len(), "joint"), bodies_in_words(bodies));
         console
             .say(format!("{base} to {tip}: {joints}: {}; {masses}", report.joints.join(", ")))?;
         for note in notes {
@@ -107,7 +107,7 @@ impl Import {
 fn bodies_in_words(bodies: usize) -> String {
     match bodies {
         0 => "no masses; gravity loads require them".to_owned(),
-        bodies => format!("{} with a mass", count(bodies, "link")),
+        bodies => format!("{} with a mass", pluralise(bodies, "link")),
     }
 }
 
@@ -125,7 +125,7 @@ impl Export {
             left_out: parts.collect(),
         };
         console.write(outputs, "trued.model/1", &report)?;
-        console.say(console.paint(Paint::Strong, report.name))?;
+        console.say(console.paint(Emphasis::Strong, report.name))?;
         if !report.carried.is_empty() {
             console.say(format!("included in the frames: {}", report.carried.join(", ")))?;
         }

@@ -13,9 +13,9 @@ use crate::exit::Failure;
 
 /// Numbers separated by commas.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Tuple<const N: usize>(pub(super) [f64; N]);
+pub(super) struct CommaTuple<const N: usize>(pub(super) [f64; N]);
 
-impl<const N: usize> FromStr for Tuple<N> {
+impl<const N: usize> FromStr for CommaTuple<N> {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -46,10 +46,10 @@ impl FromStr for Target {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Ok(Tuple(place_mm)) = text.parse() {
+        if let Ok(CommaTuple(place_mm)) = text.parse() {
             return Ok(Self { place_mm, facing: None });
         }
-        let Tuple([x, y, z, a, b, c]) = text.parse().map_err(|_| {
+        let CommaTuple([x, y, z, a, b, c]) = text.parse().map_err(|_| {
             "expected X,Y,Z or X,Y,Z,A,B,C: the place on the tool in mm, and the direction that it looks".to_owned()
         })?;
         Ok(Self { place_mm: [x, y, z], facing: Some([a, b, c]) })
@@ -62,7 +62,7 @@ impl FromStr for Target {
 pub(super) struct Setup {
     /// Position of the instrument, base frame, mm; without it, the line of sight is not checked
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with_all = ["anchor", "plane", "sphere"])]
-    instrument: Option<Tuple<3>>,
+    instrument: Option<CommaTuple<3>>,
     /// Position of a target on the tool, tool frame, mm, optionally with the direction that it faces (a reflector); may be repeated. By default the TCP is measured
     #[arg(long, value_name = "X,Y,Z[,A,B,C]", allow_hyphen_values = true)]
     target: Vec<Target>,
@@ -80,7 +80,7 @@ pub(super) struct Setup {
     accept_deg: f64,
     /// Smallest and largest distance that the instrument can measure, mm
     #[arg(long, value_name = "MIN,MAX", default_value = "300,30000", requires = "instrument")]
-    range_mm: Tuple<2>,
+    range_mm: CommaTuple<2>,
     /// Standard uncertainty of a measured length, mm; by default that of the recordings, else 0.05
     #[arg(long, value_name = "MM")]
     sigma_mm: Option<f64>,
@@ -89,10 +89,10 @@ pub(super) struct Setup {
     orientation_sigma_mrad: Option<f64>,
     /// Approximate position of the fixed end of a ballbar or cable, base frame, mm
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "length_mm")]
-    anchor: Option<Tuple<3>>,
+    anchor: Option<CommaTuple<3>>,
     /// Shortest and longest length of the ballbar or cable, mm
     #[arg(long, value_name = "MIN,MAX", requires = "anchor")]
-    length_mm: Option<Tuple<2>>,
+    length_mm: Option<CommaTuple<2>>,
     /// Plane touched by a probe: a point, the outward normal, and the extent around the point; base frame, mm; may be repeated
     #[arg(
         long,
@@ -100,10 +100,10 @@ pub(super) struct Setup {
         allow_hyphen_values = true,
         conflicts_with = "anchor"
     )]
-    plane: Vec<Tuple<7>>,
+    plane: Vec<CommaTuple<7>>,
     /// Sphere touched by a probe: centre and radius, base frame, mm; may be repeated
     #[arg(long, value_name = "X,Y,Z,R", allow_hyphen_values = true, conflicts_with = "anchor")]
-    sphere: Vec<Tuple<4>>,
+    sphere: Vec<CommaTuple<4>>,
     /// Margin to the joint limits, degrees
     #[arg(long, value_name = "DEG", default_value_t = 5.0)]
     margin_deg: f64,
@@ -118,7 +118,7 @@ pub(super) struct Setup {
     floor_mm: Option<Floor>,
     /// Box that the arm must not enter: two corners, base frame, mm; may be repeated
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
-    keep_out: Vec<Tuple<6>>,
+    keep_out: Vec<CommaTuple<6>>,
 }
 
 fn floor(word: &str) -> Result<Floor, String> {
@@ -136,7 +136,7 @@ fn metres(mm: [f64; 3]) -> DVec3 {
 }
 
 /// Least and largest corner of a box that two corners in mm give, m.
-pub(super) fn corners_m(Tuple([a, b, c, d, e, f]): &Tuple<6>) -> [DVec3; 2] {
+pub(super) fn corners_m(CommaTuple([a, b, c, d, e, f]): &CommaTuple<6>) -> [DVec3; 2] {
     let (one, other) = (metres([*a, *b, *c]), metres([*d, *e, *f]));
     [one.min(other), one.max(other)]
 }
@@ -159,7 +159,7 @@ impl Setup {
         let ranges = [("--range-mm", Some(self.range_mm)), ("--length-mm", self.length_mm)];
         let turned = ranges
             .iter()
-            .find(|(_, r)| r.is_some_and(|Tuple([low, high])| !(low >= 0.0 && low <= high)));
+            .find(|(_, r)| r.is_some_and(|CommaTuple([low, high])| !(low >= 0.0 && low <= high)));
         if let Some((name, _)) = turned {
             return Err(Failure::input(format!(
                 "{name}: expected the smaller number first, neither below 0"
@@ -186,19 +186,19 @@ impl Setup {
             place_tool_m: metres(target.place_mm),
             facing_tool: facing(target),
         };
-        let patch = |Tuple([x, y, z, a, b, c, r]): &Tuple<7>| {
+        let patch = |CommaTuple([x, y, z, a, b, c, r]): &CommaTuple<7>| {
             let normal = DVec3::new(*a, *b, *c).try_normalize();
             let normal_base =
                 normal.ok_or_else(|| Failure::input("--plane: its direction is 0,0,0"))?;
             Ok(TouchedPatch { middle_base_m: metres([*x, *y, *z]), normal_base, within_m: m(*r) })
         };
-        let sphere = |Tuple([x, y, z, r]): &Tuple<4>| TouchedSphere {
+        let sphere = |CommaTuple([x, y, z, r]): &CommaTuple<4>| TouchedSphere {
             centre_base_m: metres([*x, *y, *z]),
             radius_m: m(*r),
         };
         let ballbar = self.anchor.zip(self.length_mm);
         Ok(MeasuringSetup {
-            instrument_base_m: self.instrument.map(|Tuple(at)| metres(at)),
+            instrument_base_m: self.instrument.map(|CommaTuple(at)| metres(at)),
             range_m: self.range_mm.0.map(m),
             acceptance_rad: self.accept_deg.to_radians(),
             targets: self.target.iter().map(target).collect(),
@@ -207,7 +207,7 @@ impl Setup {
             frame_known: self.frame_known,
             length_sigma_m: self.sigma_mm.map(m),
             orientation_sigma_rad: self.orientation_sigma_mrad.map(|mrad| 1e-3 * mrad),
-            ballbar: ballbar.map(|(Tuple(at), Tuple(length_mm))| Ballbar {
+            ballbar: ballbar.map(|(CommaTuple(at), CommaTuple(length_mm))| Ballbar {
                 anchor_base_m: metres(at),
                 length_m: length_mm.map(m),
             }),

@@ -4,28 +4,28 @@
 
 use serde_json::Value;
 
-use super::super::bench::{Answer, Bench, json};
-use super::super::case::{Case, Judged};
+use super::super::case::{Case, LimitCheck};
+use super::super::set_runner::{RunOutcome, SetRunner, json};
 use super::Set;
 
 /// Required share of correct first answers for z of at least this value: of drawn cases, of
 /// injected ones.
-const DRAWN: [(f64, f64); 3] = [(20.0, 0.90), (40.0, 0.97), (80.0, 0.98)];
-const INJECTED: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
+const DRAWN_SHARES: [(f64, f64); 3] = [(20.0, 0.90), (40.0, 0.97), (80.0, 0.98)];
+const INJECTED_SHARES: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
 
 pub(super) const SET: Set = Set {
     name: "challenge",
-    what: "The blind challenge of the project ([challenge.md](challenge.md)): sealed cases of a generator that shares no physics with the program; answers are hashed before the truth is disclosed.",
+    description: "The blind challenge of the project ([challenge.md](challenge.md)): sealed cases of a generator that shares no physics with the program; answers are hashed before the truth is disclosed.",
     source: "`trued challenge`",
-    given: "a model and a recording per case.",
-    needs: &[],
-    cannot: None,
+    given_model: "a model and a recording per case.",
+    files: &[],
+    not_run_reason: None,
     run,
 };
 
-fn run(bench: &Bench) -> Result<Vec<Case>, String> {
+fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let Some(count) = bench.challenge else {
-        return Ok(vec![not_asked("blind cases", "an effect, or none, in every case")]);
+        return Ok(vec![not_requested("blind cases", "an effect, or none, in every case")]);
     };
     let count = count.to_string();
     let mut cases = Vec::new();
@@ -53,15 +53,15 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
             if !tier.is_empty() {
                 words.extend(["--tier", tier]);
             }
-            let answer = bench.ask(&run, &words)?;
+            let answer = bench.run_trued(&run, &words)?;
             let name = if tier.is_empty() {
                 format!("{domain}, all tiers")
             } else {
                 format!("{domain}, nothing missing")
             };
-            let mut case = Case::plain(&name, concealed, &words, &answer);
-            if let Answer::Done(folder) = &answer {
-                judge(&mut case, &json(&folder.join("said.json")), &count);
+            let mut case = Case::from_outcome(&name, concealed, &words, &answer);
+            if let RunOutcome::Done(folder) = &answer {
+                check_scores(&mut case, &json(&folder.join("said.json")), &count);
             }
             cases.push(case);
         }
@@ -69,7 +69,7 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
     Ok(cases)
 }
 
-fn not_asked(name: &str, concealed: &str) -> Case {
+fn not_requested(name: &str, concealed: &str) -> Case {
     Case {
         name: name.to_owned(),
         concealed: concealed.to_owned(),
@@ -81,17 +81,17 @@ fn not_asked(name: &str, concealed: &str) -> Case {
 }
 
 /// The figures with a limit; those based on too few cases are omitted.
-fn judge(case: &mut Case, said: &Value, count: &str) {
+fn check_scores(case: &mut Case, result: &Value, count: &str) {
     case.verdict =
-        format!("{count} cases, sealed {}", said["sealed_sha256"].as_str().unwrap_or("?"));
+        format!("{count} cases, sealed {}", result["sealed_sha256"].as_str().unwrap_or("?"));
     case.short = format!("{count} cases");
     let share = |value: f64| format!("{:.1} %", 100.0 * value);
-    for (z, bar) in DRAWN {
-        let bins = said["first_right_at_z"].as_array().into_iter().flatten();
+    for (z, bar) in DRAWN_SHARES {
+        let bins = result["first_right_at_z"].as_array().into_iter().flatten();
         let Some(bin) = bins.into_iter().find(|bin| bin["from"] == z) else { continue };
         let Some(right) = bin["first_right"].as_f64() else { continue };
         let what = format!("first answer right, z at least {z} ({} cases)", bin["cases"]);
-        case.judged.push(Judged::new(
+        case.checks.push(LimitCheck::new(
             what,
             share(right),
             format!("at least {}", share(bar)),
@@ -106,8 +106,8 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
         ("gain_vs_oracle_p10", "share of the oracle's gain, worst tenth", 0.85),
     ];
     for (key, what, bar) in least {
-        if let Some(value) = said[key].as_f64() {
-            case.judged.push(Judged::new(
+        if let Some(value) = result[key].as_f64() {
+            case.checks.push(LimitCheck::new(
                 what,
                 share(value),
                 format!("at least {}", share(bar)),
@@ -119,8 +119,8 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
         ("false_findings_on_nulls", "false findings where nothing is missing", 0.01),
         ("named_wrong", "wrong findings among all findings", 0.03),
     ] {
-        if let Some(value) = said[key].as_f64() {
-            case.judged.push(Judged::new(
+        if let Some(value) = result[key].as_f64() {
+            case.checks.push(LimitCheck::new(
                 what,
                 share(value),
                 format!("at most {}", share(bar)),
@@ -128,8 +128,8 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
             ));
         }
     }
-    if let Some(value) = said["coverage95"].as_f64() {
-        case.judged.push(Judged::new(
+    if let Some(value) = result["coverage95"].as_f64() {
+        case.checks.push(LimitCheck::new(
             "coverage of 95 % intervals",
             share(value),
             "93 to 97 %",
@@ -140,7 +140,7 @@ fn judge(case: &mut Case, said: &Value, count: &str) {
 
 /// Effects of torque added to real recordings of the set.
 pub(super) fn injected(
-    bench: &Bench,
+    bench: &SetRunner,
     model: &str,
     mapping: &str,
     recordings: &[&str],
@@ -150,7 +150,7 @@ pub(super) fn injected(
         "each effect of the torque table in turn, at z of 10, 20 and 40, random joints",
     );
     if bench.challenge.is_none() {
-        return Ok(not_asked(name, concealed));
+        return Ok(not_requested(name, concealed));
     }
     let mut words = vec![
         "challenge",
@@ -169,15 +169,15 @@ pub(super) fn injected(
         "--inject",
     ];
     words.extend(recordings);
-    let answer = bench.ask("injected", &words)?;
-    let mut case = Case::plain(name, concealed, &words, &answer);
-    let Answer::Done(folder) = &answer else { return Ok(case) };
+    let answer = bench.run_trued("injected", &words)?;
+    let mut case = Case::from_outcome(name, concealed, &words, &answer);
+    let RunOutcome::Done(folder) = &answer else { return Ok(case) };
     let said = json(&folder.join("said.json"));
-    for (z, bar) in INJECTED {
+    for (z, bar) in INJECTED_SHARES {
         let at = said["at_z"].as_array().into_iter().flatten().find(|one| one["z"] == z);
         if let Some((one, right)) = at.and_then(|one| Some((one, one["share"].as_f64()?))) {
             let measured = format!("{right:.2} ({} of {})", one["right"], one["cases"]);
-            case.judged.push(Judged::new(
+            case.checks.push(LimitCheck::new(
                 format!("first answer right at z of {z}"),
                 measured,
                 format!("at least {bar:.2}"),
@@ -185,15 +185,15 @@ pub(super) fn injected(
             ));
         }
     }
-    unanswered(&mut case, &said);
+    add_unanswered(&mut case, &said);
     case.verdict = "answered".to_owned();
     case.short = "see the section".to_owned();
     Ok(case)
 }
 
 /// Effects that were added and not found, and those that could not be added.
-fn unanswered(case: &mut Case, said: &Value) {
-    let wrong = said["cases"]
+fn add_unanswered(case: &mut Case, result: &Value) {
+    let wrong = result["cases"]
         .as_array()
         .into_iter()
         .flatten()
@@ -201,22 +201,22 @@ fn unanswered(case: &mut Case, said: &Value) {
     for one in wrong {
         let joint = one["joint"].as_u64().map_or(String::new(), |joint| format!(" {joint}"));
         let instead = one["first_new"].as_str().unwrap_or("nothing");
-        case.short_of.push(format!(
+        case.shortfall_notes.push(format!(
             "Added {}{joint} at z of {}: result {}.",
             one["effect"].as_str().unwrap_or("").replace('_', " "),
             report::significant(one["z"].as_f64().unwrap_or(f64::NAN), 2),
             instead.replace('_', " ")
         ));
     }
-    let mut barred: Vec<String> = said["cannot_be_added"]
+    let mut barred: Vec<String> = result["cannot_be_added"]
         .as_array()
         .into_iter()
         .flatten()
-        .filter_map(|one| Some(words_of(one.as_str()?.split(' ').next()?)))
+        .filter_map(|one| Some(spaced_words(one.as_str()?.split(' ').next()?)))
         .collect();
     barred.dedup();
     if !barred.is_empty() {
-        case.short_of.push(format!(
+        case.shortfall_notes.push(format!(
             "Cannot be added, since no realistic size is observable next to the fitted parameters: {}.",
             barred.join(", ")
         ));
@@ -224,7 +224,7 @@ fn unanswered(case: &mut Case, said: &Value) {
 }
 
 /// `SpringHardening` as `spring hardening`.
-fn words_of(name: &str) -> String {
+fn spaced_words(name: &str) -> String {
     let mut text = String::new();
     for letter in name.chars() {
         if letter.is_uppercase() && !text.is_empty() {

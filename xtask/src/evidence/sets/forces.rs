@@ -2,9 +2,9 @@
 
 use serde_json::Value;
 
-use super::super::bench::{Answer, Bench, json};
-use super::super::case::{Case, Judged, Reference, why};
-use super::super::said::Said;
+use super::super::case::{Case, LimitCheck, Reference, outcome_text};
+use super::super::diagnosis_result::DiagnosisResult;
+use super::super::set_runner::{RunOutcome, SetRunner, json};
 use super::Set;
 
 const TURNED: &str = include_str!("../../../../deploy/mappings/turning-force.mapping.toml");
@@ -12,60 +12,60 @@ const MILLED: &str = include_str!("../../../../deploy/mappings/milling-chatter.m
 
 pub(super) const TURNING: Set = Set {
     name: "turning-force",
-    what: "Turning of steel, three forces and a tacho at 10 kHz, 6.5 s: air, entry, cut, exit. A stable cut according to its authors.",
+    description: "Turning of steel, three forces and a tacho at 10 kHz, 6.5 s: air, entry, cut, exit. A stable cut according to its authors.",
     source: "github.com/mati-paredes/Turning-Cutting-Forces",
-    given: "depth, feed and the authors' cutting coefficient, in the mapping; no model.",
-    needs: &["f416_a100.csv"],
-    cannot: None,
+    given_model: "depth, feed and the authors' cutting coefficient, in the mapping; no model.",
+    files: &["f416_a100.csv"],
+    not_run_reason: None,
     run: turning,
 };
 
 pub(super) const MILLING: Set = Set {
     name: "milling-chatter",
-    what: "Milling, one accelerometer at 10 kHz, 8 s, 4 teeth at 5000 rev/min; the file has the single label \"chatter\". Its largest line is an electrical tone at 150 Hz.",
+    description: "Milling, one accelerometer at 10 kHz, 8 s, 4 teeth at 5000 rev/min; the file has the single label \"chatter\". Its largest line is an electrical tone at 150 Hz.",
     source: "github.com/mhrahimi/Real-time-chatter-detection-using-AutoML-CNN, MIT licence",
-    given: "the spindle's speed; no model.",
-    needs: &["N255_S5000_accY.csv"],
-    cannot: None,
+    given_model: "the spindle's speed; no model.",
+    files: &["N255_S5000_accY.csv"],
+    not_run_reason: None,
     run: milling,
 };
 
 pub(super) const BEAM: Set = Set {
     name: "beam-tone",
-    what: "A steel beam on a shaker, force and acceleration at 3200 Hz; the tones change at a known time, 9.75 s into test 3.",
+    description: "A steel beam on a shaker, force and acceleration at 3200 Hz; the tones change at a known time, 9.75 s into test 3.",
     source: "github.com/PujaChowdhury/Dataset-4-Univariate-signal-with-non-stationarity, CC BY-SA 4.0",
-    given: "nothing but the samples.",
-    needs: &["test_2_ds16.lvm", "test_3_ds16.lvm"],
-    cannot: None,
+    given_model: "nothing but the samples.",
+    files: &["test_2_ds16.lvm", "test_3_ds16.lvm"],
+    not_run_reason: None,
     run: beam,
 };
 
-fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
+fn turning(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["f416_a100.csv"])?;
     bench.write("f416_a100.mapping.toml", TURNED)?;
     let words = ["diagnose", "--seed", "1", "--out", "OUT", "f416_a100.csv"];
-    let answer = bench.ask("cut", &words)?;
-    let (mut case, said) = Case::of(
+    let answer = bench.run_trued("cut", &words)?;
+    let (mut case, said) = Case::from_diagnosis(
         "phases and chatter",
         "when the tool cuts; whether it chatters; the offset of the sensor",
         &words,
         &answer,
         "force",
     );
-    if let (Some(said), Answer::Done(folder)) = (said, &answer) {
-        bench.offer(
+    if let (Some(said), RunOutcome::Done(folder)) = (said, &answer) {
+        bench.offer_figure(
             &folder.join("report.html"),
             "Distance of the signal",
             "Distance of the signal from its mean at rest: the phases of the cut.",
         );
-        case.rms(&said, "N");
+        case.set_heldout_errors(&said, "N");
         case.reference = Some(Reference {
             value: None,
-            says: "means of the cut 250.9, 287.8, 725.6 N and K_s of 1609.5 N/mm² (the authors' tables)",
+            text: "means of the cut 250.9, 287.8, 725.6 N and K_s of 1609.5 N/mm² (the authors' tables)",
         });
         phases(&said, &mut case);
         let chatter = said.finding("chatter", None).is_some();
-        case.judged.push(Judged::new(
+        case.checks.push(LimitCheck::new(
             "chatter",
             if chatter { "named" } else { "none" },
             "none",
@@ -74,22 +74,22 @@ fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
     }
     let words =
         ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", "f416_a100.csv"];
-    let watch = bench.ask("watch", &words)?;
-    let mut watched = listened("the vibration monitor", "whether it chatters", &words, &watch);
-    if let Answer::Done(folder) = &watch {
+    let watch = bench.run_trued("watch", &words)?;
+    let mut watched = spectrum_case("the vibration monitor", "whether it chatters", &words, &watch);
+    if let RunOutcome::Done(folder) = &watch {
         let alarms = alarms(&json(&folder.join("said.json")));
         let told = lines(&alarms);
-        watched.judged.push(Judged::new("alarms", told, "none", alarms.is_empty()));
+        watched.checks.push(LimitCheck::new("alarms", told, "none", alarms.is_empty()));
     }
     Ok(vec![case, watched])
 }
 
 /// Air, cut and exit, and the forces of the cut.
-fn phases(said: &Said, case: &mut Case) {
-    let all = said.list("phases");
+fn phases(result: &DiagnosisResult, case: &mut Case) {
+    let all = result.list("phases");
     let states: Vec<&str> = all.iter().filter_map(|one| one["state"].as_str()).collect();
     let apart = ["air", "cut", "exit"].iter().all(|state| states.contains(state));
-    case.judged.push(Judged::new(
+    case.checks.push(LimitCheck::new(
         "phases",
         states.join(", "),
         "air, cut and exit distinguished",
@@ -104,33 +104,34 @@ fn phases(said: &Said, case: &mut Case) {
             .map(|x| report::significant(x.as_f64().unwrap_or(f64::NAN), 3))
             .collect();
         let state = one["state"].as_str().unwrap_or("");
-        case.said.push(format!(
+        case.statements.push(format!(
             "{state} from {} to {} s: {} {} in the mean",
             number("from_s"),
             number("to_s"),
             mean.join(", "),
-            said.text("unit")
+            result.text("unit")
         ));
     }
-    case.said.extend(
-        said.list("notes")
+    case.statements.extend(
+        result
+            .list("notes")
             .iter()
             .filter_map(|note| note.as_str())
             .map(super::super::case::sentence),
     );
 }
 
-fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
+fn milling(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["N255_S5000_accY.csv"])?;
     bench.write("N255_S5000_accY.mapping.toml", MILLED)?;
     let words = ["diagnose", "--seed", "1", "--out", "OUT", "N255_S5000_accY.csv"];
-    let answer = bench.ask("cut", &words)?;
+    let answer = bench.run_trued("cut", &words)?;
     let concealed = "when the tool cuts; whether it chatters, and where";
-    let (mut case, said) = Case::of("chatter", concealed, &words, &answer, "force");
+    let (mut case, said) = Case::from_diagnosis("chatter", concealed, &words, &answer, "force");
     let reference = || {
         Some(Reference {
             value: None,
-            says: "684 Hz from 4.0 to 5.0 s (our own reading, set's note); the authors' label covers the whole file",
+            text: "684 Hz from 4.0 to 5.0 s (our own reading, set's note); the authors' label covers the whole file",
         })
     };
     if let Some(said) = said {
@@ -139,7 +140,7 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
         let (told, right) = tone.map_or(("not named".to_owned(), false), |hz| {
             (format!("{hz:.1} Hz"), (hz - 684.0).abs() < 2.0)
         });
-        case.judged.push(Judged::new("chatter", told, "684 Hz within 2", right));
+        case.checks.push(LimitCheck::new("chatter", told, "684 Hz within 2", right));
     }
     let words = [
         "spectrum",
@@ -151,11 +152,11 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
         "OUT/report.html",
         "N255_S5000_accY.csv",
     ];
-    let watch = bench.ask("watch", &words)?;
-    let mut watched = listened("the vibration monitor", concealed, &words, &watch);
+    let watch = bench.run_trued("watch", &words)?;
+    let mut watched = spectrum_case("the vibration monitor", concealed, &words, &watch);
     watched.reference = reference();
-    if let Answer::Done(folder) = &watch {
-        bench.offer(
+    if let RunOutcome::Done(folder) = &watch {
+        bench.offer_figure(
             &folder.join("report.html"),
             "Power density",
             "Power density of the whole recording, and where the spindle's multiples are.",
@@ -163,9 +164,14 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
         let alarms = alarms(&json(&folder.join("said.json")));
         let near = |hz: f64| alarms.iter().any(|one| (one.1 - hz).abs() < 2.0);
         let told = lines(&alarms);
-        watched.judged.push(Judged::new("alarms near 684 Hz", told.clone(), "one", near(684.0)));
+        watched.checks.push(LimitCheck::new(
+            "alarms near 684 Hz",
+            told.clone(),
+            "one",
+            near(684.0),
+        ));
         let mains = near(150.0);
-        watched.judged.push(Judged::new(
+        watched.checks.push(LimitCheck::new(
             "alarm of the electrical tone at 150 Hz",
             if mains { "alarmed" } else { "none" },
             "none",
@@ -175,17 +181,17 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
     Ok(vec![case, watched])
 }
 
-fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
+fn beam(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let mut cases = Vec::new();
     for (name, file) in [("test 2", "test_2_ds16.lvm"), ("test 3", "test_3_ds16.lvm")] {
         bench.copy(&[file])?;
         let words = ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", file];
         let run = file.trim_end_matches(".lvm");
-        let answer = bench.ask(run, &words)?;
-        let mut case = listened(name, "which tones, and when they change", &words, &answer);
-        if let Answer::Done(folder) = &answer {
+        let answer = bench.run_trued(run, &words)?;
+        let mut case = spectrum_case(name, "which tones, and when they change", &words, &answer);
+        if let RunOutcome::Done(folder) = &answer {
             if name == "test 3" {
-                bench.offer(
+                bench.offer_figure(
                     &folder.join("report.html"),
                     "Power density",
                     "Test 3: power density of the whole recording.",
@@ -199,7 +205,7 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
                     .filter_map(|one| one["t_s"].as_f64())
                     .filter(|t| *t > 9.75)
                     .fold(f64::INFINITY, f64::min);
-                case.judged.push(Judged::at_most(
+                case.checks.push(LimitCheck::at_most(
                     "from the change at 9.75 s to the first event on the accelerometer",
                     first - 9.75,
                     0.5,
@@ -213,7 +219,7 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
                 .flatten()
                 .any(|one| one["alarm_s"].is_number() && one["class"] == "chatter");
             let told = if chatter { "said" } else { "not said" };
-            case.judged.push(Judged::new(
+            case.checks.push(LimitCheck::new(
                 "chatter, where nothing cuts",
                 told,
                 "not said",
@@ -221,7 +227,7 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
             ));
             case.reference = Some(Reference {
                 value: None,
-                says: "tones of 100, 120, 150 Hz and the change as the set's readme has them",
+                text: "tones of 100, 120, 150 Hz and the change as the set's readme has them",
             });
         }
         cases.push(case);
@@ -230,17 +236,17 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
 }
 
 /// Result of `trued spectrum`: its alarms as text.
-fn listened(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
+fn spectrum_case(name: &str, concealed: &str, arguments: &[&str], answer: &RunOutcome) -> Case {
     let mut case = Case {
         name: name.to_owned(),
         concealed: concealed.to_owned(),
-        command: super::super::case::shown(words),
-        verdict: why(answer),
+        command: super::super::case::command_text(arguments),
+        verdict: outcome_text(answer),
         ..Case::default()
     };
     case.short.clone_from(&case.verdict);
-    case.was_run = !matches!(answer, Answer::NotRun);
-    let Answer::Done(folder) = answer else { return case };
+    case.was_run = !matches!(answer, RunOutcome::NotRun);
+    let RunOutcome::Done(folder) = answer else { return case };
     let said = json(&folder.join("said.json"));
     let alarms = alarms(&said);
     case.verdict = if alarms.is_empty() {
@@ -254,7 +260,7 @@ fn listened(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Cas
     let more = told.len().saturating_sub(8);
     told.truncate(8);
     told.extend((more > 0).then(|| format!("and {more} more")));
-    case.said = told;
+    case.statements = told;
     case
 }
 
@@ -277,8 +283,8 @@ fn event(one: &Value) -> String {
 }
 
 /// Lines with an alarm: number and frequency, Hz, the strongest first as in the program's list.
-fn alarms(said: &Value) -> Vec<(u64, f64)> {
-    let all = said["episodes"].as_array().into_iter().flatten();
+fn alarms(result: &Value) -> Vec<(u64, f64)> {
+    let all = result["episodes"].as_array().into_iter().flatten();
     let alarmed = all.filter(|one| one["alarm_s"].is_number());
     alarmed.filter_map(|one| Some((one["line"].as_u64()?, one["frequency_Hz"].as_f64()?))).collect()
 }

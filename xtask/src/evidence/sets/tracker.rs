@@ -5,11 +5,11 @@
 //! Held-out rows remain in the recording without their readings, so that time and the approach to
 //! each pose are complete.
 
-use super::super::bench::{Answer, Bench};
-use super::super::case::{Case, Errors, Judged, Reference};
-use super::super::distance::{Columns, mean};
-use super::super::said::Said;
-use super::super::sheet::{Sheet, random_half};
+use super::super::case::{Case, Errors, LimitCheck, Reference};
+use super::super::csv_table::{CsvTable, random_half};
+use super::super::diagnosis_result::DiagnosisResult;
+use super::super::distance::{Columns, mean_distance};
+use super::super::set_runner::{RunOutcome, SetRunner};
 use super::Set;
 
 const IRB: &str = include_str!("../../../../deploy/mappings/irb120-tracker.mapping.toml");
@@ -21,42 +21,42 @@ const MM: f64 = 1e-3;
 
 pub(super) const IRB120: Set = Set {
     name: "irb120-tracker",
-    what: "ABB IRB 120, 1000 settled poses, three reflectors measured by a laser tracker.",
+    description: "ABB IRB 120, 1000 settled poses, three reflectors measured by a laser tracker.",
     source: "github.com/icelinker/Robot-Calibration-LaserTracker; no publication names a fit error",
-    given: "the preset `irb120`: the manufacturer's geometry, no effects.",
-    needs: &["poses_1000.csv"],
-    cannot: None,
+    given_model: "the preset `irb120`: the manufacturer's geometry, no effects.",
+    files: &["poses_1000.csv"],
+    not_run_reason: None,
     run: irb120,
 };
 
 pub(super) const MOTOMAN: Set = Set {
     name: "motoman-leica",
-    what: "Motoman with two arms on a rotary table, one reflector measured by a Leica tracker: a free grid of poses, and for the right arm poses that touch tables, a wall and the other arm.",
+    description: "Motoman with two arms on a rotary table, one reflector measured by a Leica tracker: a free grid of poses, and for the right arm poses that touch tables, a wall and the other arm.",
     source: "github.com/ctu-vras/multirobot-calibration (Stepanova et al., RCIM 73, 2022)",
-    given: "the presets `motoman-right` and `motoman-left`: the nominal geometry, no masses, no effect.",
-    needs: &["leica_poses_all.csv"],
-    cannot: None,
+    given_model: "the presets `motoman-right` and `motoman-left`: the nominal geometry, no masses, no effect.",
+    files: &["leica_poses_all.csv"],
+    not_run_reason: None,
     run: motoman,
 };
 
 pub(super) const SWEEPS: Set = Set {
     name: "kuka-3smr",
-    what: "A six-axis arm, 36 poses, one joint at a time, three reflectors. The set does not state the robot; its sweeps match a FANUC R-2000iB.",
+    description: "A six-axis arm, 36 poses, one joint at a time, three reflectors. The set does not state the robot; its sweeps match a FANUC R-2000iB.",
     source: "github.com/RABKKK/LaserTrackerPoseData4KinIdent (Boby, Klimchik)",
-    given: "the preset `fanuc-r2000ib`: published geometry, no effect.",
-    needs: &["poses_36.csv"],
-    cannot: None,
+    given_model: "the preset `fanuc-r2000ib`: published geometry, no effect.",
+    files: &["poses_36.csv"],
+    not_run_reason: None,
     run: sweeps,
 };
 
 pub(super) const HILTI: Set = Set {
     name: "hilti",
-    what: "A construction robot, a lifting column with an arm, one prism measured by a total station, seven places, one of them at 9 °C. For all places except `flat`, the stationing points locate the \
+    description: "A construction robot, a lifting column with an arm, one prism measured by a total station, seven places, one of them at 9 °C. For all places except `flat`, the stationing points locate the \
            robot; their evaluation points are not used in selection or fit.",
     source: "github.com/Hilti-Research/construction_robot_stationing_datasets, CC BY-NC-SA 3.0 (Kindle et al., RA-L 10(1), 2025)",
-    given: "the set's own URDF: geometry, masses, no deflection, no backlash, no temperature.",
-    needs: &["all_measurements.csv", "trailblazer.urdf"],
-    cannot: None,
+    given_model: "the set's own URDF: geometry, masses, no deflection, no backlash, no temperature.",
+    files: &["all_measurements.csv", "trailblazer.urdf"],
+    not_run_reason: None,
     run: hilti,
 };
 
@@ -67,18 +67,18 @@ struct Campaign<'a> {
     concealed: &'a str,
     model: &'a str,
     mapping: String,
-    sheet: Sheet,
-    /// Rows that are judged.
-    held: Vec<bool>,
-    /// Measured columns of each point, with the length of their unit, m; `foretold` as the program
-    /// writes them.
+    sheet: CsvTable,
+    /// Held-out rows.
+    held_out: Vec<bool>,
+    /// Measured columns of each point, with the length of their unit, m; then the predicted ones,
+    /// as the program writes them.
     points: Vec<([String; 3], [String; 3])>,
     metres: f64,
     station: Option<&'a str>,
 }
 
 impl Campaign<'_> {
-    fn case(&self, bench: &Bench) -> Result<(Case, Option<Said>), String> {
+    fn case(&self, bench: &SetRunner) -> Result<(Case, Option<DiagnosisResult>), String> {
         let file = format!("{}.csv", self.run);
         bench.write(&format!("{}.mapping.toml", self.run), &self.mapping)?;
         let mut whole = file.clone();
@@ -87,17 +87,20 @@ impl Campaign<'_> {
         } else {
             // A separate segment would restart time and lose the approach to a pose.
             let columns: Vec<&String> = self.points.iter().flat_map(|(seen, _)| seen).collect();
-            bench.write(&file, self.sheet.without(&columns, &self.held).text())?;
+            bench.write(&file, self.sheet.clear_cells(&columns, &self.held_out).text())?;
             whole = format!("{}-all.csv", self.run);
             bench.write(&whole, self.sheet.text())?;
             bench.write(&format!("{}-all.mapping.toml", self.run), &self.mapping)?;
         }
         let words =
             ["diagnose", "--model", self.model, "--seed", "1", "--out", "OUT", file.as_str()];
-        let answer = bench.ask(self.run, &words)?;
-        let (mut case, said) = Case::of(self.name, self.concealed, &words, &answer, "position");
-        let (Some(said), Answer::Done(folder)) = (said, &answer) else { return Ok((case, None)) };
-        bench.offer(
+        let answer = bench.run_trued(self.run, &words)?;
+        let (mut case, said) =
+            Case::from_diagnosis(self.name, self.concealed, &words, &answer, "position");
+        let (Some(said), RunOutcome::Done(folder)) = (said, &answer) else {
+            return Ok((case, None));
+        };
+        bench.offer_figure(
             &folder.join("report.html"),
             "Errors of the readings, before and after",
             &format!(
@@ -109,8 +112,12 @@ impl Campaign<'_> {
         let before = self.distance(bench, "given", self.model, &whole)?;
         let after = self.distance(bench, "found", &found, &whole)?;
         if let (Some(before), Some(after)) = (before, after) {
-            case.errors =
-                Some(Errors { before, after, unit: "mm", of: "mean distance on unseen rows" });
+            case.errors = Some(Errors {
+                before,
+                after,
+                unit: "mm",
+                quantity: "mean distance on unseen rows",
+            });
         }
         Ok((case, Some(said)))
     }
@@ -118,26 +125,32 @@ impl Campaign<'_> {
     /// Mean distance on held-out rows of a model run forward, mm.
     fn distance(
         &self,
-        bench: &Bench,
+        bench: &SetRunner,
         which: &str,
         model: &str,
         file: &str,
     ) -> Result<Option<f64>, String> {
         let run = format!("{}-{which}", self.run);
         let words = ["simulate", "--model", model, "--seed", "1", "--out", "OUT/sim", file];
-        let Answer::Done(folder) = bench.ask(&run, &words)? else { return Ok(None) };
+        let RunOutcome::Done(folder) = bench.run_trued(&run, &words)? else { return Ok(None) };
         let text =
             std::fs::read_to_string(folder.join("sim.csv")).map_err(|why| why.to_string())?;
         let columns: Vec<Columns> = self
             .points
             .iter()
-            .map(|(measured, foretold)| {
-                let in_mm = foretold[0].ends_with("_mm");
+            .map(|(measured, predicted)| {
+                let in_mm = predicted[0].ends_with("_mm");
                 let metres = [self.metres, if in_mm { MM } else { 1.0 }];
-                Columns { measured: measured.clone(), foretold: foretold.clone(), metres }
+                Columns { measured: measured.clone(), predicted: predicted.clone(), metres }
             })
             .collect();
-        let m = mean(&self.sheet, &Sheet::read(&text), &columns, self.station, &self.held);
+        let m = mean_distance(
+            &self.sheet,
+            &CsvTable::read(&text),
+            &columns,
+            self.station,
+            &self.held_out,
+        );
         Ok(m.is_finite().then_some(m / MM))
     }
 }
@@ -151,8 +164,8 @@ fn reflectors() -> Vec<([String; 3], [String; 3])> {
     (1..=3).map(|k| (axes(&format!("smr{k}_"), "mm"), axes(&format!("target{k}_"), "mm"))).collect()
 }
 
-fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
-    let sheet = Sheet::read(&bench.data("poses_1000.csv")?);
+fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
+    let sheet = CsvTable::read(&bench.data("poses_1000.csv")?);
     let count = sheet.len();
     let in_time: Vec<bool> = (0..count).map(|k| k >= count / 2).collect();
     let by_chance = random_half(count, 1);
@@ -169,7 +182,7 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
             model: "irb120",
             mapping: IRB.to_owned(),
             sheet: sheet.clone(),
-            held,
+            held_out: held,
             points: reflectors(),
             metres: MM,
             station: None,
@@ -177,11 +190,16 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
         let (mut case, said) = campaign.case(bench)?;
         case.reference = Some(Reference {
             value: Some(0.19),
-            says: "0.19 mm with the geometry of every joint (the set's note; the authors state none)",
+            text: "0.19 mm with the geometry of every joint (the set's note; the authors state none)",
         });
         if said.is_some() {
             let after = case.errors.as_ref().map_or(f64::NAN, |errors| errors.after);
-            case.judged.push(Judged::at_most("mean distance on unseen poses", after, 0.045, "mm"));
+            case.checks.push(LimitCheck::at_most(
+                "mean distance on unseen poses",
+                after,
+                0.045,
+                "mm",
+            ));
         }
         cases.push(case);
     }
@@ -192,32 +210,32 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
         model: "irb120",
         mapping: IRB.replace("\"q*_deg\" = { from = \"cmd_q*_deg\" }\n", ""),
         sheet: sheet.clone(),
-        held: in_time,
+        held_out: in_time,
         points: reflectors(),
         metres: MM,
         station: None,
     };
-    cases.push(feedback(read_back.case(bench)?));
+    cases.push(with_feedback_check(read_back.case(bench)?));
     let words = ["diagnose", "--model", "ur10e", "--seed", "1", "--out", "OUT", "in-time.csv"];
-    let answer = bench.ask("other-robot", &words)?;
+    let answer = bench.run_trued("other-robot", &words)?;
     let concealed = "that the recording is of another robot: the model is of the UR10e";
     let (mut case, said) =
-        Case::of("a model of another robot", concealed, &words, &answer, "position");
+        Case::from_diagnosis("a model of another robot", concealed, &words, &answer, "position");
     if let Some(said) = said {
-        case.judged.push(no_single_name(&said));
-        case.said.extend(said.unexplained().map(str::to_owned));
-        case.short_of.clear();
+        case.checks.push(check_several_mismatches(&said));
+        case.statements.extend(said.unexplained().map(str::to_owned));
+        case.shortfall_notes.clear();
     }
     cases.push(case);
     Ok(cases)
 }
 
-/// Many mismatches, or no claim at all.
-pub(super) fn no_single_name(said: &Said) -> Judged {
-    let count = said.findings().count();
-    let claims = matches!(said.verdict(), "missing_physics" | "consistent");
-    let told = format!("{}, {count} named", said.verdict().replace('_', " "));
-    Judged::new(
+/// Requires several mismatches, or no claim.
+pub(super) fn check_several_mismatches(result: &DiagnosisResult) -> LimitCheck {
+    let count = result.findings().count();
+    let claims = matches!(result.verdict(), "missing_physics" | "consistent");
+    let told = format!("{}, {count} named", result.verdict().replace('_', " "));
+    LimitCheck::new(
         "no single finding",
         told,
         "no missing physics, or five findings or more",
@@ -225,15 +243,15 @@ pub(super) fn no_single_name(said: &Said) -> Judged {
     )
 }
 
-fn feedback((mut case, said): (Case, Option<Said>)) -> Case {
+fn with_feedback_check((mut case, said): (Case, Option<DiagnosisResult>)) -> Case {
     if let Some(said) = said {
         let words = ["measured joint positions", "feedback", "settled"];
         let notes = said.list("notes").iter().filter_map(|note| note.as_str());
         let all: Vec<&str> = notes.chain(said.unexplained()).collect();
         let told = all.iter().find(|text| words.iter().any(|word| text.contains(word)));
-        case.said.extend(told.map(|text| super::super::case::sentence(text)));
+        case.statements.extend(told.map(|text| super::super::case::sentence(text)));
         let answer = if told.is_some() { "said" } else { "not said" };
-        case.judged.push(Judged::new(
+        case.checks.push(LimitCheck::new(
             "that the measured joint positions are wrong",
             answer,
             "said",
@@ -243,8 +261,8 @@ fn feedback((mut case, said): (Case, Option<Said>)) -> Case {
     case
 }
 
-fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
-    let whole = Sheet::read(&bench.data("leica_poses_all.csv")?);
+fn motoman(bench: &SetRunner) -> Result<Vec<Case>, String> {
+    let whole = CsvTable::read(&bench.data("leica_poses_all.csv")?);
     let arms = [
         ("right arm, a random half to the other", "right", RIGHT),
         ("left arm, a random half to the other", "left", LEFT),
@@ -253,7 +271,7 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
     for (name, run, mapping) in arms {
         let files = whole.texts("source_file");
         let kept = mapping.lines().find(|line| line.starts_with("keep = ")).unwrap_or("");
-        let sheet = whole.keep(|k| kept.contains(&format!("\"{}\"", files[k])));
+        let sheet = whole.filter_rows(|k| kept.contains(&format!("\"{}\"", files[k])));
         let held = random_half(sheet.len(), 1);
         let station = station_of(&sheet, mapping);
         let campaign = Campaign {
@@ -262,8 +280,8 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
             concealed: "everything except the nominal geometry",
             model: if run == "right" { "motoman-right" } else { "motoman-left" },
             mapping: mapping.to_owned(),
-            sheet: sheet.with("station_of_row", |k| station[k].clone()),
-            held,
+            sheet: sheet.with_column("station_of_row", |k| station[k].clone()),
+            held_out: held,
             points: vec![(axes("leica_", "m"), axes("target1_", "m"))],
             metres: 1.0,
             station: Some("station_of_row"),
@@ -271,11 +289,16 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
         let (mut case, said) = campaign.case(bench)?;
         case.reference = Some(Reference {
             value: Some(0.32),
-            says: "0.32 mm, free grid of the right arm, rigid fit of the nominal geometry (the set's note)",
+            text: "0.32 mm, free grid of the right arm, rigid fit of the nominal geometry (the set's note)",
         });
         if said.is_some() {
             let after = case.errors.as_ref().map_or(f64::NAN, |errors| errors.after);
-            case.judged.push(Judged::at_most("mean distance on unseen poses", after, 0.32, "mm"));
+            case.checks.push(LimitCheck::at_most(
+                "mean distance on unseen poses",
+                after,
+                0.32,
+                "mm",
+            ));
         }
         cases.push(case);
     }
@@ -283,7 +306,7 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
 }
 
 /// The station of each row, numbered by the mapping from its source file.
-fn station_of(sheet: &Sheet, mapping: &str) -> Vec<String> {
+fn station_of(sheet: &CsvTable, mapping: &str) -> Vec<String> {
     let numbers = mapping.lines().find(|line| line.starts_with("station = ")).unwrap_or("");
     let number = |file: &String| {
         let after = numbers.split_once(&format!("{file} = ")).map_or("0", |(_, rest)| rest);
@@ -292,8 +315,8 @@ fn station_of(sheet: &Sheet, mapping: &str) -> Vec<String> {
     sheet.texts("source_file").iter().map(number).collect()
 }
 
-fn sweeps(bench: &Bench) -> Result<Vec<Case>, String> {
-    let sheet = Sheet::read(&bench.data("poses_36.csv")?);
+fn sweeps(bench: &SetRunner) -> Result<Vec<Case>, String> {
+    let sheet = CsvTable::read(&bench.data("poses_36.csv")?);
     // One pose of each sweep of six.
     let held: Vec<bool> = (0..sheet.len()).map(|k| k % 6 == 2).collect();
     let campaign = Campaign {
@@ -303,7 +326,7 @@ fn sweeps(bench: &Bench) -> Result<Vec<Case>, String> {
         model: "fanuc-r2000ib",
         mapping: SWEPT.to_owned(),
         sheet: sheet.clone(),
-        held,
+        held_out: held,
         points: reflectors(),
         metres: MM,
         station: None,
@@ -311,7 +334,7 @@ fn sweeps(bench: &Bench) -> Result<Vec<Case>, String> {
     Ok(vec![campaign.case(bench)?.0])
 }
 
-fn hilti(bench: &Bench) -> Result<Vec<Case>, String> {
+fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["trailblazer.urdf"])?;
     let words = [
         "model",
@@ -324,14 +347,16 @@ fn hilti(bench: &Bench) -> Result<Vec<Case>, String> {
         "OUT/hilti.toml",
         "trailblazer.urdf",
     ];
-    let imported = bench.ask("imported", &words)?;
-    let Answer::Done(folder) = imported else {
-        return Ok(vec![Case::of("all scenes", "all", &words, &imported, "position").0]);
+    let imported = bench.run_trued("imported", &words)?;
+    let RunOutcome::Done(folder) = imported else {
+        return Ok(vec![
+            Case::from_diagnosis("all scenes", "all", &words, &imported, "position").0,
+        ]);
     };
     let model =
         std::fs::read_to_string(folder.join("hilti.toml")).map_err(|why| why.to_string())?;
     bench.write("hilti.toml", model)?;
-    let sheet = Sheet::read(&bench.data("all_measurements.csv")?);
+    let sheet = CsvTable::read(&bench.data("all_measurements.csv")?);
     let [scenes, kinds] = ["dataset", "kind"].map(|name| sheet.texts(name));
     let held: Vec<bool> =
         (0..sheet.len()).map(|k| scenes[k] != "flat" && kinds[k] == "evaluation").collect();
@@ -342,7 +367,7 @@ fn hilti(bench: &Bench) -> Result<Vec<Case>, String> {
         model: "hilti.toml",
         mapping: SCENES.to_owned(),
         sheet,
-        held,
+        held_out: held,
         points: vec![(axes("prism_", "m"), axes("", "m"))],
         metres: 1.0,
         station: Some("dataset"),
@@ -350,12 +375,12 @@ fn hilti(bench: &Bench) -> Result<Vec<Case>, String> {
     let (mut case, said) = campaign.case(bench)?;
     case.reference = Some(Reference {
         value: None,
-        says: "6.9 to 9.9 mm, URDF and a rigid base for each height (the set's note); the paper's tables were not found",
+        text: "6.9 to 9.9 mm, URDF and a rigid base for each height (the set's note); the paper's tables were not found",
     });
     if said.is_some()
         && let Some(Errors { before, after, .. }) = case.errors
     {
-        case.judged.push(Judged::at_most(
+        case.checks.push(LimitCheck::at_most(
             "mean distance on unseen points",
             after,
             before / 3.0,

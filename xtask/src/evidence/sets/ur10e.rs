@@ -2,13 +2,13 @@
 //!
 //! The masses of the links are not given.
 
-use super::super::bench::{Answer, Bench};
-use super::super::case::{Case, Errors, Judged, Reference};
-use super::super::said::{Found, Said};
-use super::super::sheet::{Sheet, with_about};
+use super::super::case::{Case, Errors, LimitCheck, Reference};
+use super::super::csv_table::{CsvTable, with_recording_line};
+use super::super::diagnosis_result::{DiagnosisResult, FindingView};
+use super::super::set_runner::{RunOutcome, SetRunner};
 use super::Set;
 use super::challenge::injected;
-use super::tracker::no_single_name;
+use super::tracker::check_several_mismatches;
 
 const PRESET: &str = include_str!("../../../../deploy/presets/ur10e.toml");
 const MAPPING: &str = include_str!("../../../../deploy/mappings/ur10e.mapping.toml");
@@ -26,21 +26,21 @@ const RUNS: [&str; 8] = [
     "ur-20_01_22-joint_2.csv",
     "ur-20_01_22-joint_3.csv",
 ];
-/// What was weighed, kg.
+/// Weighed mass of the payload, kg.
 const PAYLOAD_KG: f64 = 2.805;
 const WEIGHED: &str = "2.805 kg, weighed (the set's note)";
 
 pub(super) const SET: Set = Set {
     name: "ur10e",
-    what: "UR10e, joints and motor currents at about 95 Hz with uneven stamps: harmonic motions, point to point, single joints; one run with a payload of 2.805 kg.",
+    description: "UR10e, joints and motor currents at about 95 Hz with uneven stamps: harmonic motions, point to point, single joints; one run with a payload of 2.805 kg.",
     source: "github.com/shamilmamedov/dynamic_calibration",
-    given: "the preset `ur10e` without its masses: the published geometry, the drive gains that the authors identified (`torque_per_ampere`), no friction, no payload.",
-    needs: &RUNS,
-    cannot: None,
+    given_model: "the preset `ur10e` without its masses: the published geometry, the drive gains that the authors identified (`torque_per_ampere`), no friction, no payload.",
+    files: &RUNS,
+    not_run_reason: None,
     run,
 };
 
-fn run(bench: &Bench) -> Result<Vec<Case>, String> {
+fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&RUNS)?;
     let lines = PRESET.lines().filter(|line| !line.starts_with("link = "));
     bench.write("ur10e-bare.toml", lines.flat_map(|line| [line, "\n"]).collect::<String>())?;
@@ -48,53 +48,53 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
         bench.write(&name.replace(".csv", ".mapping.toml"), MAPPING)?;
     }
     Ok(vec![
-        together(bench)?,
-        alone(bench)?,
+        all_runs(bench)?,
+        each_run(bench)?,
         payload(bench)?,
         load_friction(bench)?,
-        other(bench)?,
+        other_robot(bench)?,
         injected(bench, "ur10e-bare.toml", "ur-20_02_12-50sec_12harm.mapping.toml", &[FIFTY])?,
     ])
 }
 
-fn words<'a>(model: &'a str, files: &[&'a str]) -> Vec<&'a str> {
+fn diagnose_arguments<'a>(model: &'a str, files: &[&'a str]) -> Vec<&'a str> {
     let mut words = vec!["diagnose", "--model", model, "--seed", "1", "--out", "OUT"];
     words.extend(files);
     words
 }
 
 /// Findings of a payload: recording and mass.
-fn payloads(said: &Said) -> Vec<String> {
-    let of = said.findings().filter(|one| one.effect() == "payload");
+fn payloads(result: &DiagnosisResult) -> Vec<String> {
+    let of = result.findings().filter(|one| one.effect() == "payload");
     of.map(|one| one.condition().split_once(", in ").map_or("all", |(_, only)| only).to_owned())
         .collect()
 }
 
-fn mass(said: &Said) -> Option<(f64, [f64; 2])> {
-    said.finding("payload", None)?.parameter("mass_kg")
+fn mass(result: &DiagnosisResult) -> Option<(f64, [f64; 2])> {
+    result.finding("payload", None)?.parameter("mass_kg")
 }
 
-fn load_shares(said: &Said, case: &mut Case) {
+fn load_shares(result: &DiagnosisResult, case: &mut Case) {
     for joint in [2, 3] {
-        let found = said.finding("load_friction", Some(joint));
-        let told = found.as_ref().map_or("not named".to_owned(), Found::parameters);
+        let found = result.finding("load_friction", Some(joint));
+        let told = found.as_ref().map_or("not named".to_owned(), FindingView::parameters);
         let what = format!("load friction of joint {joint}");
-        case.judged.push(Judged::new(what, told, "named", found.is_some()));
+        case.checks.push(LimitCheck::new(what, told, "named", found.is_some()));
     }
 }
 
 /// Four harmonic runs at once, of which one carries something.
-fn together(bench: &Bench) -> Result<Case, String> {
-    let words = words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE, LOADED]);
-    let answer = bench.ask("together", &words)?;
-    if let Answer::Done(folder) = &answer {
-        bench.offer(
+fn all_runs(bench: &SetRunner) -> Result<Case, String> {
+    let words = diagnose_arguments("ur10e-bare.toml", &[THIRTY, FIFTY, FREE, LOADED]);
+    let answer = bench.run_trued("together", &words)?;
+    if let RunOutcome::Done(folder) = &answer {
+        bench.offer_figure(
             &folder.join("report.html"),
             "Torque error over time",
             "Torque errors over time, four runs at once: recorded minus model, with the given model and with the findings.",
         );
     }
-    let (mut case, said) = Case::of(
+    let (mut case, said) = Case::from_diagnosis(
         "four runs at once",
         "masses, all friction, the payload of one run",
         &words,
@@ -102,19 +102,19 @@ fn together(bench: &Bench) -> Result<Case, String> {
         "torque",
     );
     let Some(said) = said else { return Ok(case) };
-    case.rms(&said, "Nm");
-    case.reference = Some(Reference { value: None, says: WEIGHED });
+    case.set_heldout_errors(&said, "Nm");
+    case.reference = Some(Reference { value: None, text: WEIGHED });
     let named = payloads(&said);
     let only = named == [format!("{LOADED} alone")];
     let told = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
-    case.judged.push(Judged::new("payload found in", told, format!("{LOADED} alone"), only));
-    case.judged.push(Judged::holds("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
+    case.checks.push(LimitCheck::new("payload found in", told, format!("{LOADED} alone"), only));
+    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
     load_shares(&said, &mut case);
     Ok(case)
 }
 
 /// Each run separately: an effect that none of them has must not be found.
-fn alone(bench: &Bench) -> Result<Case, String> {
+fn each_run(bench: &SetRunner) -> Result<Case, String> {
     let mut case = Case {
         name: "each run alone".to_owned(),
         concealed: "masses, all friction, the payload of one run".to_owned(),
@@ -125,18 +125,18 @@ fn alone(bench: &Bench) -> Result<Case, String> {
     let (mut verdicts, mut carried, mut silent) = (Vec::new(), Vec::new(), Vec::new());
     for name in RUNS {
         let stem = name.trim_end_matches(".csv");
-        let answer = bench.ask(stem, &words("ur10e-bare.toml", &[name]))?;
-        let (one, said) = Case::of(stem, "", &[], &answer, "torque");
+        let answer = bench.run_trued(stem, &diagnose_arguments("ur10e-bare.toml", &[name]))?;
+        let (one, said) = Case::from_diagnosis(stem, "", &[], &answer, "torque");
         case.was_run &= one.was_run;
         verdicts.push(one.verdict.clone());
         let Some(said) = said else {
-            case.said.push(format!("{stem}: {}", one.verdict));
+            case.statements.push(format!("{stem}: {}", one.verdict));
             continue;
         };
         let count = said.findings().count();
         let [before, after] = ["heldout_rms_before", "heldout_rms_after"]
             .map(|key| report::significant(said.number(key), 3));
-        case.said.push(format!(
+        case.statements.push(format!(
             "{stem}: {count} named ({}); held out {before} to {after} Nm",
             said.names(3)
         ));
@@ -153,7 +153,7 @@ fn alone(bench: &Bench) -> Result<Case, String> {
     case.short = format!("{}: see the section", case.verdict);
     if case.was_run {
         let told = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
-        case.judged.push(Judged::new(
+        case.checks.push(LimitCheck::new(
             "payload in runs without one",
             told,
             "none",
@@ -161,20 +161,21 @@ fn alone(bench: &Bench) -> Result<Case, String> {
         ));
     }
     if !silent.is_empty() {
-        case.short_of.push(format!("The payload was not testable in {} of {} single runs, since the masses are unknown there too.", silent.len(), RUNS.len()));
+        case.shortfall_notes.push(format!("The payload was not testable in {} of {} single runs, since the masses are unknown there too.", silent.len(), RUNS.len()));
     }
     Ok(case)
 }
 
 /// Share of the payload's residual on the held-out half that its finding explains.
-fn payload(bench: &Bench) -> Result<Case, String> {
+fn payload(bench: &SetRunner) -> Result<Case, String> {
     let name = "payload, first half of its run to the second";
-    let friction = bench.ask("friction", &words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]))?;
-    let Answer::Done(folder) = &friction else {
-        return Ok(Case::of(
+    let friction = bench
+        .run_trued("friction", &diagnose_arguments("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]))?;
+    let RunOutcome::Done(folder) = &friction else {
+        return Ok(Case::from_diagnosis(
             name,
             "the payload",
-            &words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]),
+            &diagnose_arguments("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]),
             &friction,
             "torque",
         )
@@ -183,22 +184,24 @@ fn payload(bench: &Bench) -> Result<Case, String> {
     let model =
         std::fs::read_to_string(folder.join("model.toml")).map_err(|why| why.to_string())?;
     bench.write("with-friction.toml", model)?;
-    let sheet = Sheet::read(&bench.data(LOADED)?);
+    let sheet = CsvTable::read(&bench.data(LOADED)?);
     let half = sheet.len() / 2;
     bench.write(
         "loaded-halves.csv",
-        sheet.with("half", |k| u8::from(k >= half).to_string()).text(),
+        sheet.with_column("half", |k| u8::from(k >= half).to_string()).text(),
     )?;
     let segment = "[columns]\nsegment = { from = \"half\" }\n";
-    let mapping = with_about(&MAPPING.replacen("[columns]\n", segment, 1), "heldout = [1]");
+    let mapping =
+        with_recording_line(&MAPPING.replacen("[columns]\n", segment, 1), "heldout = [1]");
     bench.write("loaded-halves.mapping.toml", mapping)?;
-    let words = words("with-friction.toml", &[THIRTY, FIFTY, FREE, "loaded-halves.csv"]);
-    let answer = bench.ask("payload", &words)?;
+    let words =
+        diagnose_arguments("with-friction.toml", &[THIRTY, FIFTY, FREE, "loaded-halves.csv"]);
+    let answer = bench.run_trued("payload", &words)?;
     let concealed =
         "the payload and the masses; friction is as identified on the three runs without it";
-    let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
+    let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "torque");
     let Some(said) = said else { return Ok(case) };
-    case.reference = Some(Reference { value: None, says: WEIGHED });
+    case.reference = Some(Reference { value: None, text: WEIGHED });
     let found = said.finding("payload", None);
     let errors = found
         .as_ref()
@@ -208,35 +211,38 @@ fn payload(bench: &Bench) -> Result<Case, String> {
         before,
         after,
         unit: "Nm",
-        of: "root mean square, unseen half, without and with the payload",
+        quantity: "root mean square, unseen half, without and with the payload",
     });
     let share = 100.0 * (1.0 - (after / before).powi(2));
-    case.judged.push(Judged::at_least(
+    case.checks.push(LimitCheck::at_least(
         "residual energy of the unseen half that the payload explains",
         share,
         95.0,
         "%",
     ));
-    case.judged.push(Judged::holds("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
+    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
     Ok(case)
 }
 
 /// The program's findings without load-dependent friction; other runs are held out.
-fn load_friction(bench: &Bench) -> Result<Case, String> {
+fn load_friction(bench: &SetRunner) -> Result<Case, String> {
     let name = "load friction of joints 2 and 3";
     for run in [THIRTY, FREE] {
         let stem = format!("unseen-{}", run.trim_end_matches(".csv"));
         bench.write(&format!("{stem}.csv"), bench.data(run)?)?;
-        bench.write(&format!("{stem}.mapping.toml"), with_about(MAPPING, "heldout = \"all\""))?;
+        bench.write(
+            &format!("{stem}.mapping.toml"),
+            with_recording_line(MAPPING, "heldout = \"all\""),
+        )?;
     }
     let [thirty, free] = [THIRTY, FREE].map(|run| format!("unseen-{run}"));
     let files = [FIFTY, thirty.as_str(), free.as_str()];
-    let whole = bench.ask("from-fifty", &words("ur10e-bare.toml", &files))?;
-    let Answer::Done(folder) = &whole else {
-        return Ok(Case::of(
+    let whole = bench.run_trued("from-fifty", &diagnose_arguments("ur10e-bare.toml", &files))?;
+    let RunOutcome::Done(folder) = &whole else {
+        return Ok(Case::from_diagnosis(
             name,
             "load friction",
-            &words("ur10e-bare.toml", &files),
+            &diagnose_arguments("ur10e-bare.toml", &files),
             &whole,
             "torque",
         )
@@ -246,34 +252,38 @@ fn load_friction(bench: &Bench) -> Result<Case, String> {
         std::fs::read_to_string(folder.join("model.toml")).map_err(|why| why.to_string())?;
     let kept = model.split("[[effect]]").filter(|part| !part.contains("\"load_friction\""));
     bench.write("without-load-friction.toml", kept.collect::<Vec<_>>().join("[[effect]]"))?;
-    let words = words("without-load-friction.toml", &files);
-    let answer = bench.ask("load-friction", &words)?;
+    let words = diagnose_arguments("without-load-friction.toml", &files);
+    let answer = bench.run_trued("load-friction", &words)?;
     let concealed = "masses and load friction; all other friction is as identified on the 50 s run. Held out: the runs of 30 s and of 14 harmonics";
-    let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
+    let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "torque");
     let Some(said) = said else { return Ok(case) };
     let joint = |key: &str| said.joint(2).and_then(|one| one[key].as_f64()).unwrap_or(f64::NAN);
     let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(joint);
-    case.errors =
-        Some(Errors { before, after, unit: "Nm", of: "root mean square of joint 2, unseen runs" });
+    case.errors = Some(Errors {
+        before,
+        after,
+        unit: "Nm",
+        quantity: "root mean square of joint 2, unseen runs",
+    });
     case.reference = Some(Reference {
         value: Some(2.4),
-        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least-squares fit of these runs)",
+        text: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least-squares fit of these runs)",
     });
     load_shares(&said, &mut case);
-    case.judged.push(Judged::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));
+    case.checks.push(LimitCheck::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));
     Ok(case)
 }
 
 /// Another robot's model.
-fn other(bench: &Bench) -> Result<Case, String> {
-    let words = words("kuka-kr240", &[FIFTY]);
-    let answer = bench.ask("other-robot", &words)?;
+fn other_robot(bench: &SetRunner) -> Result<Case, String> {
+    let words = diagnose_arguments("kuka-kr240", &[FIFTY]);
+    let answer = bench.run_trued("other-robot", &words)?;
     let concealed =
         "that the recording is of another robot: the model is of the KUKA KR 240, with masses";
     let (mut case, said) =
-        Case::of("a model of another robot", concealed, &words, &answer, "torque");
+        Case::from_diagnosis("a model of another robot", concealed, &words, &answer, "torque");
     if let Some(said) = said {
-        case.judged.push(no_single_name(&said));
+        case.checks.push(check_several_mismatches(&said));
     }
     Ok(case)
 }

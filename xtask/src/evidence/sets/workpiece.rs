@@ -1,7 +1,7 @@
 //! An impact test of a tool, and profiles of machined surfaces.
 
-use super::super::bench::{Answer, Bench, json};
-use super::super::case::{Case, Judged, Reference};
+use super::super::case::{Case, LimitCheck, Reference};
+use super::super::set_runner::{RunOutcome, SetRunner, json};
 use super::Set;
 
 /// Natural frequencies of the tool by the set's note, Hz.
@@ -9,25 +9,25 @@ const MODES_HZ: [f64; 3] = [1056.0, 1941.0, 2598.0];
 
 pub(super) const TAP: Set = Set {
     name: "tap-test",
-    what: "A tool struck once by an instrumented hammer, force and acceleration at 51.2 kHz.",
+    description: "A tool struck once by an instrumented hammer, force and acceleration at 51.2 kHz.",
     source: "github.com/leekunhwee/Vibration-Signal-Processing",
-    given: "the columns of force and response.",
-    needs: &["impact_time_Point1_Channel1_CH1.txt"],
-    cannot: None,
+    given_model: "the columns of force and response.",
+    files: &["impact_time_Point1_Channel1_CH1.txt"],
+    not_run_reason: None,
     run: tap,
 };
 
 pub(super) const SURFACE: Set = Set {
     name: "surface-profile",
-    what: "Stylus profiles of a milled and an eroded surface, 5.6 mm at 0.25 µm, with the parameters that the National Physical Laboratory computed of them.",
+    description: "Stylus profiles of a milled and an eroded surface, 5.6 mm at 0.25 µm, with the parameters that the National Physical Laboratory computed of them.",
     source: "github.com/NavierPy/surface-roughness-profile-analyser (data: National Physical Laboratory, UK)",
-    given: "only the profiles; a fitted line is subtracted as form.",
-    needs: &["mill_profile.csv", "edm_profile.csv", "mill.xml", "edm.xml"],
-    cannot: None,
+    given_model: "only the profiles; a fitted line is subtracted as form.",
+    files: &["mill_profile.csv", "edm_profile.csv", "mill.xml", "edm.xml"],
+    not_run_reason: None,
     run: surface,
 };
 
-fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
+fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let file = "impact_time_Point1_Channel1_CH1.txt";
     bench.copy(&[file])?;
     let words = [
@@ -44,10 +44,10 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
         "OUT/report.html",
         file,
     ];
-    let answer = bench.ask("tap", &words)?;
-    let mut case = Case::plain("natural frequencies", "the tool's modes", &words, &answer);
-    let Answer::Done(folder) = &answer else { return Ok(vec![case]) };
-    bench.offer(
+    let answer = bench.run_trued("tap", &words)?;
+    let mut case = Case::from_outcome("natural frequencies", "the tool's modes", &words, &answer);
+    let RunOutcome::Done(folder) = &answer else { return Ok(vec![case]) };
+    bench.offer_figure(
         &folder.join("report.html"),
         "Size of the accelerance",
         "Size of the accelerance, with the natural frequencies as found.",
@@ -67,7 +67,7 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
         .collect();
     case.verdict = format!("modes: {}", modes.len());
     for (hz, sigma, _) in &modes {
-        case.said.push(format!(
+        case.statements.push(format!(
             "A mode at {} ± {} Hz.",
             report::significant(*hz, 4),
             report::significant(*sigma, 2)
@@ -76,7 +76,7 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
     case.short.clone_from(&case.verdict);
     case.reference = Some(Reference {
         value: None,
-        says: "modes near 1056, 1941, 2598 Hz (noted with the set)",
+        text: "modes near 1056, 1941, 2598 Hz (noted with the set)",
     });
     for known in MODES_HZ {
         let nearest = modes
@@ -84,16 +84,21 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
             .map(|mode| mode.0)
             .min_by(|a, b| (a - known).abs().total_cmp(&(b - known).abs()));
         let off = nearest.map_or(f64::NAN, |hz| 100.0 * (hz - known).abs() / known);
-        case.judged.push(Judged::at_most(&format!("off the mode near {known} Hz"), off, 3.0, "%"));
+        case.checks.push(LimitCheck::at_most(
+            &format!("off the mode near {known} Hz"),
+            off,
+            3.0,
+            "%",
+        ));
     }
     let doubtful = modes.iter().filter(|mode| !mode.2).count();
     if doubtful > 0 {
-        case.short_of.push(format!("Marked unverified by the program: {doubtful} of {} modes, since one hit gives no coherence.", modes.len()));
+        case.shortfall_notes.push(format!("Marked unverified by the program: {doubtful} of {} modes, since one hit gives no coherence.", modes.len()));
     }
     Ok(vec![case])
 }
 
-fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
+fn surface(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let mut cases = Vec::new();
     for (name, run, xml) in
         [("milled surface", "mill", "mill.xml"), ("eroded surface", "edm", "edm.xml")]
@@ -102,14 +107,14 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
         bench.copy(&[file.as_str()])?;
         let words =
             ["surface", "--json", "OUT/said.json", "--report", "OUT/report.html", file.as_str()];
-        let answer = bench.ask(run, &words)?;
-        let mut case = Case::plain(name, "the parameters", &words, &answer);
-        let Answer::Done(folder) = &answer else {
+        let answer = bench.run_trued(run, &words)?;
+        let mut case = Case::from_outcome(name, "the parameters", &words, &answer);
+        let RunOutcome::Done(folder) = &answer else {
             cases.push(case);
             continue;
         };
         if run == "mill" {
-            bench.offer(
+            bench.offer_figure(
                 &folder.join("report.html"),
                 "",
                 "The milled profile as `trued surface` draws it.",
@@ -117,21 +122,21 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
         }
         case.reference = Some(Reference {
             value: None,
-            says: "the parameters in the set's own files, computed by the National Physical Laboratory",
+            text: "the parameters in the set's own files, computed by the National Physical Laboratory",
         });
         let said = json(&folder.join("said.json"));
         let text = bench.data(xml)?;
         let primary = &said["profiles"][0]["primary"];
         for (tag, key, what) in [("PA", "a_um", "Pa"), ("PQ", "q_um", "Pq")] {
-            let known = tagged(&text, tag);
+            let known = xml_value(&text, tag);
             let found = primary[key].as_f64().unwrap_or(f64::NAN);
-            case.said.push(format!(
+            case.statements.push(format!(
                 "{what} {} µm; reference {} µm.",
                 report::significant(found, 5),
                 report::significant(known, 5)
             ));
             let off = 100.0 * (found - known).abs() / known;
-            case.judged.push(Judged::at_most(&format!("{what} off theirs"), off, 0.1, "%"));
+            case.checks.push(LimitCheck::at_most(&format!("{what} off theirs"), off, 0.1, "%"));
         }
         let lines = said["profiles"][0]["lines"].as_array().map_or(0, Vec::len);
         case.verdict = format!("lines in the spectrum: {lines}");
@@ -142,7 +147,7 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
 }
 
 /// `<PA>0.19942</PA>`.
-fn tagged(xml: &str, tag: &str) -> f64 {
+fn xml_value(xml: &str, tag: &str) -> f64 {
     let after = xml.split_once(&format!("<{tag}>")).map_or("", |(_, rest)| rest);
     after.split('<').next().and_then(|number| number.trim().parse().ok()).unwrap_or(f64::NAN)
 }

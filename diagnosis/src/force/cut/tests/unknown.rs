@@ -10,17 +10,17 @@ fn a_force_that_no_name_has_is_unknown_structure() {
     let soft = along.iter().map(|force| force - 1.5e-3 * force * force.abs()).collect();
     recording.set(Channel::Wrench(0), soft);
     let found = of(&recording);
-    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.compared);
-    let rest = found.compared.expect("compared").unexplained.expect("a law");
-    assert_eq!((rest.axis, rest.words[0].as_str()), (0, "wrench"));
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.cut_comparison);
+    let rest = found.cut_comparison.expect("compared").unexplained.expect("a law");
+    assert_eq!((rest.axis, rest.depends_on[0].as_str()), (0, "wrench"));
 }
 
 #[test]
 fn a_force_that_rises_and_falls_from_turn_to_turn_is_unknown_structure_over_time() {
     let found = of(&partly(&|t_s| 1.0 + 0.3 * (9.0 * t_s).fract()));
-    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.compared);
-    let rest = found.compared.expect("compared").unexplained.expect("a law");
-    assert_eq!(rest.words, ["t_s"]);
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.cut_comparison);
+    let rest = found.cut_comparison.expect("compared").unexplained.expect("a law");
+    assert_eq!(rest.depends_on, ["t_s"]);
 }
 
 #[test]
@@ -31,9 +31,9 @@ fn an_amplifier_that_drifts_further_than_any_does_is_no_bias() {
     let times = recording.t_s.clone();
     let crept = column.iter().zip(times).map(|(force, t_s)| force + 2.0 * MADE.noise * t_s / last);
     recording.set(Channel::Wrench(2), crept.collect());
-    let found = of(&recording).compared.expect("compared");
+    let found = of(&recording).cut_comparison.expect("compared");
     assert_eq!(found.verdict, Verdict::UnknownStructure);
-    assert_eq!(found.unexplained.expect("told").words, ["t_s"]);
+    assert_eq!(found.unexplained.expect("told").depends_on, ["t_s"]);
 }
 
 /// Passes in succession, each as a segment.
@@ -48,7 +48,7 @@ fn joined(passes: &[Recording]) -> Recording {
     }
     let segments = passes.iter().zip(0..).flat_map(|(pass, k)| vec![k; pass.len()]);
     whole.segment = segments.collect();
-    whole.about = first.about.clone();
+    whole.metadata = first.metadata.clone();
     whole
 }
 
@@ -64,6 +64,6 @@ fn edges_that_plough_the_more_the_faster_they_go_follow_the_speed_and_not_the_fe
     let passes = [pass(3300.0, &[0.0, 8e-3]), pass(RPM, &[16e-3]), pass(4800.0, &[6e-3])];
     let found = of(&joined(&passes));
     assert_eq!(found.verdict, Verdict::UnknownStructure);
-    let rest = found.compared.expect("compared").unexplained.expect("a law");
-    assert_eq!(rest.words, ["spindle_rpm", "wrench"]);
+    let rest = found.cut_comparison.expect("compared").unexplained.expect("a law");
+    assert_eq!(rest.depends_on, ["spindle_rpm", "wrench"]);
 }

@@ -1,0 +1,385 @@
+//! Structure that no effect of the dictionary explains: whether there is any above the noise, and on which covariates it depends.
+//!
+//! The error of each joint is modelled as a smooth function (Chebyshev polynomials) of each covariate, and of pairs of covariates that are physically
+//! related; the function with the best criterion is reported (an additive model with few terms, Hastie and Tibshirani 1990). The size of each
+//! selected effect is also modelled as a function of a covariate (a varying-coefficient model, Hastie and Tibshirani 1993): if it varies, the
+//! selected effect is not the cause.
+//!
+//! The criterion includes penalties for the coefficients and for the number of functions tried.
+
+use super::covariates::Covariate;
+use super::residual_map::displacements;
+use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
+use super::terms::{count, pairs, singles, terms};
+use super::validation::validation_margin;
+use crate::fit::refit_with_fixed_weights;
+use crate::score_test::{ColumnGroups, ScoreTest};
+use crate::simd::dot;
+use crate::tool_motion::ToolMotion;
+use physics::spec::Need;
+use physics::{AnyEffect, Arm, Chain, Inputs};
+use std::rc::Rc;
+
+/// Degree of the polynomials of a single covariate.
+const DEGREE: usize = 5;
+/// Degree of the polynomials by which the size of a selected effect varies.
+const SIZE_DEGREE: usize = 3;
+/// Whitened residuals beyond this are outliers, in standard deviations.
+const OUTLIER_SIGMAS: f64 = 12.0;
+/// Relative margin by which the improvement of a smooth function has to exceed that of the selected effects that it replaces: their equations are
+/// simplified, too.
+const REPLACEMENT_MARGIN: f64 = 0.02;
+/// The same before the selection is complete, for selections of at least [`IMITATING_EFFECTS_MIN`] effects.
+const EARLY_REPLACEMENT_MARGIN: f64 = 0.1;
+/// Least number of selected effects that together may imitate an error of another kind.
+pub(super) const IMITATING_EFFECTS_MIN: usize = 4;
+/// Share of the total gain below which a selected effect is a minor one.
+const MAJOR_GAIN_SHARE: f64 = 0.1;
+/// Least improvement of a smooth function before the selection is complete, in the sum of squares: the AR noise model is still uncertain then.
+const EARLY_IMPROVEMENT_MIN: f64 = 200.0;
+/// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
+const COEFFICIENT_SIGMA: f64 = 5e-3;
+
+/// The motion that a smooth function multiplies.
+#[derive(Clone, Debug)]
+enum ModulatedMotion {
+    /// An error of the joint's position, rad or m.
+    JointError,
+    /// The motion by a selected effect: tool displacement at each pose, and index of the covariate that the effect itself depends on.
+    EffectSize(Rc<[ToolMotion]>, Option<usize>),
+}
+
+impl ModulatedMotion {
+    /// Tool displacement at a pose per unit of the smooth function.
+    fn unit(&self, arm: &Arm, joint: usize, inputs: &Inputs, pose: usize) -> ToolMotion {
+        match self {
+            Self::JointError => ToolMotion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
+            Self::EffectSize(motions, _) => motions[pose],
+        }
+    }
+
+    /// Degree of the polynomials of a single covariate.
+    fn degree(&self) -> usize {
+        match self {
+            Self::JointError => DEGREE,
+            Self::EffectSize(..) => SIZE_DEGREE,
+        }
+    }
+
+    /// Standard deviation of the prior of a coefficient: rad or m for an error of the joint, relative for the size of a selected effect.
+    fn coefficient_sigma(&self) -> f64 {
+        match self {
+            Self::JointError => COEFFICIENT_SIGMA,
+            Self::EffectSize(..) => 1.0,
+        }
+    }
+}
+
+/// A smooth function that models the error of a joint, or the size of an effect selected there.
+#[derive(Clone, Debug)]
+pub(super) struct SmoothFunction {
+    /// Index of the joint, from 0.
+    pub(super) joint: usize,
+    carrier: ModulatedMotion,
+    /// Indices of its covariates: one or two.
+    covariates: Vec<usize>,
+    /// Coefficients of the terms: rad or m for an error of the joint, relative for the size of a selected effect.
+    coefficients: Vec<f64>,
+    /// Reduction of the sum of squares less the penalty; a function above zero is significant.
+    pub(super) improvement: f64,
+}
+
+/// The function with the best criterion beside the selected effects, if the validation set supports it.
+pub(super) fn supported_function(
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    words: &[Covariate],
+    kept: &[bool],
+) -> Option<SmoothFunction> {
+    let fitted = ScoreTest::new(search.campaign, &selection.fit, &search.settings);
+    let best = best_varying_size(&fitted, words, search, selection, best_function(&fitted, words));
+    if_supported(&fitted, words, kept, best.filter(|law| law.improvement > 0.0)?)
+}
+
+/// The function if the validation set supports it, or if there is no validation set.
+fn if_supported(
+    fitted: &ScoreTest<'_>,
+    words: &[Covariate],
+    kept: &[bool],
+    law: SmoothFunction,
+) -> Option<SmoothFunction> {
+    if !kept.contains(&true) {
+        return Some(law);
+    }
+    let sums = law.sums_of_squares(fitted, words, kept);
+    law.is_supported(fitted.fit.design_effect, sums).then_some(law)
+}
+
+/// A smooth function that improves the criterion more than all selected effects do, or more than the minor ones do beside the others. In the first
+/// case the major effects alone must not be better either. Returns the remaining selection with the function: the effects that it replaces only
+/// imitated it together.
+pub(super) fn instead_of_effects(
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    words: &[Covariate],
+    kept: &[bool],
+) -> Option<(EffectSelection, SmoothFunction)> {
+    replacement(search, selection, words, kept, REPLACEMENT_MARGIN)
+}
+
+/// The same after the preselection, for many effects far behind the smooth function: further selection would take long and not catch up.
+pub(super) fn early_replacement(
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    words: &[Covariate],
+    kept: &[bool],
+) -> Option<(EffectSelection, SmoothFunction)> {
+    let many = selection.selected.len() >= IMITATING_EFFECTS_MIN;
+    let (few, law) =
+        many.then(|| replacement(search, selection, words, kept, EARLY_REPLACEMENT_MARGIN))??;
+    (law.improvement > EARLY_IMPROVEMENT_MIN).then_some((few, law))
+}
+
+/// The smooth function that exceeds all selected effects by the relative margin `share`, or, if the minor effects are many, exceeds these beside the
+/// others.
+fn replacement(
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    words: &[Covariate],
+    kept: &[bool],
+    share: f64,
+) -> Option<(EffectSelection, SmoothFunction)> {
+    let all: f64 = selection.selected.iter().map(|one| one.gain).sum();
+    let carries = |one: &&SelectedEffect| one.gain >= MAJOR_GAIN_SHARE * all;
+    let (few, gone): (Vec<&SelectedEffect>, Vec<&SelectedEffect>) =
+        selection.selected.iter().partition(carries);
+    let every: Vec<&SelectedEffect> = selection.selected.iter().collect();
+    replacement_of(search, selection, [&every, &few], share, (words, kept)).or_else(|| {
+        let are_patches = gone.len() >= IMITATING_EFFECTS_MIN && gone.len() < every.len();
+        are_patches
+            .then(|| replacement_of(search, selection, [&gone, &gone], share, (words, kept)))?
+    })
+}
+
+/// The smooth function that exceeds the effects `gone`, and the effects `few` among them alone, beside the remaining ones.
+fn replacement_of(
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    [gone, few]: [&[&SelectedEffect]; 2],
+    share: f64,
+    (words, kept): (&[Covariate], &[bool]),
+) -> Option<(EffectSelection, SmoothFunction)> {
+    if gone.is_empty() {
+        return None;
+    }
+    let Search { campaign, known, settings, dictionary: library, .. } = search;
+    let beside = |gone: &[&SelectedEffect]| {
+        let left = hypothesis_without(&selection.fit, &known.model, gone);
+        refit_with_fixed_weights(campaign, &left, &selection.fit, settings.used)
+    };
+    let bare = beside(gone);
+    let fitted = ScoreTest::new(campaign, &bare, settings);
+    let worth = |sum: f64, names: &[&SelectedEffect]| {
+        let numbers: usize = names.iter().map(|one| one.parameter_count).sum();
+        let names = names.len() as f64 * penalty(&fitted, 0, library.len());
+        (bare.sum_of_squares - sum) / bare.design_effect - penalty(&fitted, numbers, 1) - names
+    };
+    let mut names = worth(selection.fit.sum_of_squares, gone);
+    if few.len() < gone.len() {
+        let is_few = |one: &&SelectedEffect| few.iter().any(|few| std::ptr::eq(*few, *one));
+        let others: Vec<&SelectedEffect> =
+            gone.iter().copied().filter(|one| !is_few(one)).collect();
+        names = names.max(worth(beside(&others).sum_of_squares, few));
+    }
+    let few = selection.without_effects(gone, bare.clone());
+    let best = best_varying_size(&fitted, words, search, &few, best_function(&fitted, words));
+    let law = if_supported(&fitted, words, kept, best.filter(|law| law.improvement > 0.0)?)?;
+    if kept.contains(&true) {
+        // On the validation set the function must leave a smaller residual than the effects that it replaces.
+        let named = ScoreTest::new(campaign, &selection.fit, settings);
+        if law.sums_of_squares(&fitted, words, kept)[1]
+            >= law.sums_of_squares(&named, words, kept)[0]
+        {
+            return None;
+        }
+    }
+    (law.improvement > (1.0 + share) * names).then_some((few, law))
+}
+
+/// The function with the best criterion; `None` if none is significant.
+pub(super) fn best_function(fitted: &ScoreTest<'_>, words: &[Covariate]) -> Option<SmoothFunction> {
+    let joints = fitted.state.hypothesis.model.arm.count();
+    let mut best = best_over_joints(fitted, words, |joint| singles(words, joint), None);
+    best = best_over_joints(fitted, words, |joint| pairs(words, joint), best);
+    // The covariate of the best function may interact with any other covariate.
+    if let Some(one) = best.clone() {
+        let with = |joint: usize| {
+            let all = (0..words.len()).filter(|_| joint == one.joint);
+            all.filter(|w| !one.covariates.contains(w))
+                .map(|w| vec![one.covariates[0], w])
+                .collect()
+        };
+        best = best_over_joints(fitted, words, with, best);
+    }
+    debug_assert!(best.as_ref().is_none_or(|law| law.joint < joints));
+    best.filter(|law| law.improvement > 0.0)
+}
+
+/// The best function of `groups` of covariates (per joint), or `before` if that is better.
+fn best_over_joints(
+    fitted: &ScoreTest<'_>,
+    words: &[Covariate],
+    groups: impl Fn(usize) -> Vec<Vec<usize>>,
+    before: Option<SmoothFunction>,
+) -> Option<SmoothFunction> {
+    let joints = fitted.state.hypothesis.model.arm.count();
+    let groups: Vec<Vec<Vec<usize>>> = (0..joints).map(groups).collect();
+    let tried = groups.iter().map(Vec::len).sum();
+    groups.iter().enumerate().fold(before, |best, (joint, groups)| {
+        best_in_groups(fitted, words, (joint, &ModulatedMotion::JointError), (groups, tried), best)
+    })
+}
+
+/// The best function by which the size of a selected effect varies, or `before` if that is better.
+fn best_varying_size(
+    fitted: &ScoreTest<'_>,
+    words: &[Covariate],
+    search: &Search<'_>,
+    selection: &EffectSelection,
+    before: Option<SmoothFunction>,
+) -> Option<SmoothFunction> {
+    let whole = &selection.fit.hypothesis.model;
+    let tried = selection.selected.len() * words.len();
+    selection.selected.iter().fold(before, |best, one| {
+        let effect = whole.effects().nth(one.effect);
+        let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { return best };
+        let bare = hypothesis_without(&selection.fit, &search.known.model, &[one]).model;
+        let own = own_covariate(effect, joint, words);
+        let groups: Vec<Vec<usize>> =
+            (0..words.len()).filter(|w| Some(*w) != own).map(|w| vec![w]).collect();
+        let carrier =
+            ModulatedMotion::EffectSize(displacements(search.campaign, &bare, whole).into(), own);
+        best_in_groups(fitted, words, (joint, &carrier), (&groups, tried), best)
+    })
+}
+
+/// The best function of `groups` of covariates that multiplies `carrier`, or `before` if that is better.
+fn best_in_groups(
+    fitted: &ScoreTest<'_>,
+    words: &[Covariate],
+    (joint, carrier): (usize, &ModulatedMotion),
+    (groups, tried): (&[Vec<usize>], usize),
+    before: Option<SmoothFunction>,
+) -> Option<SmoothFunction> {
+    let arm = &fitted.state.hypothesis.model.arm;
+    let numbers: Vec<usize> =
+        groups.iter().map(|group| count(words, group, carrier.degree())).collect();
+    let asked = ColumnGroups {
+        sigmas: vec![carrier.coefficient_sigma(); numbers.iter().sum()],
+        column_counts: numbers,
+    };
+    let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
+    let scores = fitted.scores_of_multiples(&asked, unit, |pose, into| {
+        groups.iter().for_each(|group| {
+            terms(words, group, (pose, carrier.degree()), |term| into.push(term));
+        });
+    });
+    let mut best = before;
+    for score in scores {
+        let worth =
+            score.gain / fitted.fit.design_effect - penalty(fitted, score.parameter_count, tried);
+        if best.as_ref().is_none_or(|best| worth > best.improvement) {
+            let (carrier, words) = (carrier.clone(), groups[score.candidate].clone());
+            best = Some(SmoothFunction {
+                joint,
+                carrier,
+                covariates: words,
+                coefficients: score.values,
+                improvement: worth,
+            });
+        }
+    }
+    best
+}
+
+/// Index of the covariate that an effect depends on by its equation.
+fn own_covariate(effect: &AnyEffect, joint: usize, words: &[Covariate]) -> Option<usize> {
+    let needs = |need: Need| effect.spec().needs.contains(&need);
+    let n = joint + 1;
+    let name = match effect {
+        AnyEffect::OverPath(_) => format!("v{n}"),
+        _ if needs(Need::Direction) => format!("direction_{n}"),
+        _ if needs(Need::Temperature) => format!("temp{n}_C"),
+        _ if needs(Need::Time) => "t_s".to_owned(),
+        _ if needs(Need::Masses) => format!("tau{n}"),
+        _ if needs(Need::Wrench) => "wrench".to_owned(),
+        _ => format!("q{n}"),
+    };
+    words.iter().position(|word| word.name == name)
+}
+
+/// Penalty in the sum of squares: of `numbers` coefficients, and of the choice among `tried` functions.
+fn penalty(fitted: &ScoreTest<'_>, numbers: usize, tried: usize) -> f64 {
+    let readings = fitted.fit.readings as f64 / fitted.fit.design_effect;
+    numbers as f64 * readings.max(2.0).ln() + 2.0 * (tried.max(1) as f64).ln()
+}
+
+impl SmoothFunction {
+    /// Names of the covariates that it depends on (docs/reference/results.md), each once.
+    pub(super) fn covariate_names(&self, words: &[Covariate]) -> Vec<String> {
+        let own = if let ModulatedMotion::EffectSize(_, own) = &self.carrier { *own } else { None };
+        let all = own.iter().chain(&self.covariates);
+        let mut names: Vec<String> = all.map(|word| words[*word].name.clone()).collect();
+        names.dedup();
+        names
+    }
+
+    /// Whether rows outside the fit support it: the gain in log-likelihood there, from their sums of squares without it and with it, must be what selection
+    /// and validation together require.
+    pub(super) fn is_supported(&self, design_effect: f64, [without, with]: [f64; 2]) -> bool {
+        let gain = 0.5 * (without - with) / design_effect;
+        validation_margin(0.5 * self.improvement, gain) > 0.0
+    }
+
+    /// Tool displacement by it at a pose.
+    fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Covariate], pose: usize) -> ToolMotion {
+        let mut sum = 0.0;
+        let mut found = self.coefficients.iter();
+        let degree = self.carrier.degree();
+        terms(words, &self.covariates, (pose, degree), |term| {
+            sum += term * found.next().unwrap_or(&0.0);
+        });
+        self.carrier.unit(arm, self.joint, inputs, pose).scaled(sum)
+    }
+
+    /// Sums of squares of the whitened residuals on the poses `held`, without and with the function. The fitted parameters respond to the function as
+    /// they do on the training rows.
+    pub(super) fn sums_of_squares(
+        &self,
+        fitted: &ScoreTest<'_>,
+        words: &[Covariate],
+        held: &[bool],
+    ) -> [f64; 2] {
+        let arm = &fitted.state.hypothesis.model.arm;
+        let motion = |pose: usize, into: &mut Vec<ToolMotion>| {
+            let inputs = &fitted.campaign.poses[pose].inputs;
+            *into = vec![self.motion(arm, inputs, words, pose)];
+        };
+        let mut pull = vec![0.0; fitted.fit.columns().len()];
+        fitted.rows(1, motion, |row, law, _| {
+            pull.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * law[0]);
+        });
+        let triangle = &fitted.fit.triangle;
+        let follows = triangle.back(triangle.forward(pull));
+        let there = fitted.on_poses(held);
+        let mut sums = [0.0; 2];
+        there.rows(1, motion, |row, law, left| {
+            if left.abs() < OUTLIER_SIGMAS {
+                let with = left - law[0] + dot(row, &follows);
+                sums[0] += left * left;
+                sums[1] += with * with;
+            }
+        });
+        sums
+    }
+}

@@ -1,0 +1,277 @@
+//! Validation and test: removes effects that the validation set does not support; computes errors on the test set.
+//!
+//! Frames and targets are estimated on training rows. Outliers of the final model are excluded from the errors of all models that are compared.
+
+use super::selection::{EffectSelection, SelectedEffect, hypothesis_without, shift_indices_after};
+use crate::autocorrelation::{WhiteningFilter, series_index};
+use crate::campaign::Campaign;
+use crate::effect_size::EffectSize;
+use crate::engine::statistics::median;
+use crate::fit::refit_with_fixed_weights;
+use crate::fit_result::Fit;
+use crate::hold_out::HoldOutSplit;
+use crate::hypothesis::Hypothesis;
+use crate::least_squares::{FitState, VisitScope, visit_readings};
+use physics::{AnyEffect, Model};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Least gain in log-likelihood on the validation set for which an effect is kept. An absent effect loses there about as much as it gained on the
+/// training set.
+const VALIDATION_GAIN_MIN: f64 = 1.0;
+/// Least sum of an effect's margin on the training set (gain less penalty) and its gain on the validation set, in log-likelihood.
+const TOTAL_MARGIN_MIN: f64 = 7.0;
+/// A gain on the validation set below this, without sign and in log-likelihood, means that the set cannot show the effect: no reversal of that joint,
+/// no load on it. The effect is then kept if its margin on the training set exceeds [`TRAINING_MARGIN_ALONE`].
+const NO_INFORMATION_GAIN: f64 = 0.5;
+/// Margin on the training set, in log-likelihood, from which an effect needs no support by the validation set.
+const TRAINING_MARGIN_ALONE: f64 = 50.0;
+/// Number of effects, those with the smallest margins, that are validated again after one was removed.
+const REVALIDATED_EFFECTS: usize = 6;
+/// Number of poses of a path before each boundary between sets whose measurements are removed.
+const BOUNDARY_POSES: usize = 5;
+/// A deviation larger than this many times the median is an outlier.
+const OUTLIER_RATIO: f64 = 8.0;
+
+/// RMS errors of scalar values on the test set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TestErrors {
+    /// What the test set consists of, for users.
+    pub says: String,
+    /// Error of the model as given, with frames and targets estimated: m (rad if only joint positions were measured).
+    pub before: f64,
+    /// Error with all findings and candidates.
+    pub after: f64,
+    /// Weighted RMS residual of the training rows, corrected for the degrees of freedom: the noise level.
+    pub noise: f64,
+    /// Whether the errors are lengths (m) or angles (rad).
+    pub is_length: bool,
+}
+
+/// Removes the measurements of a path just before each boundary between sets, so that autocorrelated noise does not correlate the sets.
+pub(super) fn remove_rows_at_boundaries(campaign: &mut Campaign, splits: [&HoldOutSplit; 2]) {
+    let is_path = |k: usize| {
+        let source = campaign.recordings.get(campaign.poses[k].recording);
+        source.is_none_or(|source| source.is_path)
+    };
+    let moving = |k: usize| is_path(k) && campaign.poses[k].arrival == crate::Arrival::FromPrevious;
+    let count = campaign.poses.len();
+    let turns = |k: usize| splits.iter().any(|s| s.training[k] != s.training[k - 1]);
+    let borders = (1..count).filter(|k| turns(*k) && moving(*k));
+    let near: Vec<usize> = borders.flat_map(|k| k.saturating_sub(BOUNDARY_POSES)..k).collect();
+    near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
+}
+
+/// Margin of an effect after validation, in log-likelihood; above zero: supported. `margin`: gain less penalty on the training set; `gain`: on the
+/// validation set.
+pub(super) fn validation_margin(margin: f64, gain: f64) -> f64 {
+    if gain.abs() < NO_INFORMATION_GAIN && margin > TRAINING_MARGIN_ALONE {
+        return margin - TRAINING_MARGIN_ALONE;
+    }
+    (gain - VALIDATION_GAIN_MIN).min(margin + gain - TOTAL_MARGIN_MIN)
+}
+
+/// Removes the effects that the validation set does not support; it never adds one.
+pub(super) fn drop_unsupported(
+    campaign: &Campaign,
+    model: &Model,
+    (split, kept): (&HoldOutSplit, &[bool]),
+    mut selection: EffectSelection,
+) -> EffectSelection {
+    // The design effect of the full selection is kept: without an effect, measurements of one pose would appear more correlated.
+    let together = selection.fit.design_effect;
+    let mut margins = vec![f64::NEG_INFINITY; selection.selected.len()];
+    while !selection.selected.is_empty() && kept.contains(&true) {
+        let held = FitEvaluator::new(campaign, (split, kept), &selection.fit);
+        let left = held.whitened_sum(&selection.fit);
+        let told = |one: &SelectedEffect| {
+            let mut bare = hypothesis_without(&selection.fit, model, &[one]);
+            if one.previous_priors.is_some() {
+                // If the parameters stayed free within their stated uncertainty, they would be fitted to the corrected values and the gain would
+                // vanish.
+                let same = |effect: &AnyEffect| {
+                    let candidate = &one.candidate;
+                    let kind = candidate.probes.first().map(|probe| probe.effect.spec().kind);
+                    Some(effect.spec().kind) == kind && effect.joint() == candidate.joint
+                };
+                bare.fix_at_stated_means(same);
+            }
+            let bare = held.compared(&bare, &selection.fit);
+            validation_margin(one.margin, 0.5 * (held.whitened_sum(&bare) - left) / together)
+        };
+        // Effects with large margins are supported whatever was removed; only the weakest are validated again.
+        let mut order: Vec<usize> = (0..margins.len()).collect();
+        order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
+        let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
+        order.truncate(first.max(REVALIDATED_EFFECTS));
+        let asked: Vec<f64> = order.par_iter().map(|k| told(&selection.selected[*k])).collect();
+        order.into_iter().zip(asked).for_each(|(k, margin)| margins[k] = margin);
+        let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
+        margins.remove(k);
+        let hypothesis = hypothesis_without(&selection.fit, model, &[&selection.selected[k]]);
+        let gone = selection.selected.remove(k);
+        shift_indices_after(&mut selection.selected, &gone);
+        selection.fit = held.compared(&hypothesis, &selection.fit);
+    }
+    selection
+}
+
+/// Evaluates fits on poses that took no part in them.
+pub(super) struct FitEvaluator<'a> {
+    pub(super) campaign: &'a Campaign,
+    pub(super) split: &'a HoldOutSplit,
+    /// Whether each pose is evaluated.
+    is_evaluated: Vec<bool>,
+    /// Whether each measurement counts: of an evaluated pose, of the kind `is_length`, and no outlier.
+    is_counted: Vec<bool>,
+    pub(super) is_length: bool,
+}
+
+impl<'a> FitEvaluator<'a> {
+    /// `split`: training poses; `asked`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
+    pub(super) fn new(
+        campaign: &'a Campaign,
+        (split, asked): (&'a HoldOutSplit, &[bool]),
+        last: &Fit,
+    ) -> Self {
+        let off = last.residuals(campaign);
+        let is_length = off.iter().any(|off| off.is_length);
+        let lengths = off.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
+        let far = OUTLIER_RATIO * median(lengths);
+        let counts = off.iter().map(|o| asked[o.pose] && o.is_length == is_length);
+        let counts =
+            counts.zip(&off).map(|(counts, o)| counts && o.residual.length() <= far).collect();
+        Self { campaign, split, is_evaluated: asked.to_vec(), is_counted: counts, is_length }
+    }
+
+    /// RMS error of scalar values, m or rad.
+    pub(super) fn rms(&self, fit: &Fit) -> f64 {
+        let (sum, count) = self.sum(fit);
+        (sum / count.max(1) as f64).sqrt()
+    }
+
+    /// Difference of the predictions of two fits for the measurements that count.
+    pub(super) fn size_between(&self, one: &Fit, other: &Fit) -> EffectSize {
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let (one, other) = (one.residuals(self.campaign), other.residuals(self.campaign));
+        let asked = one.iter().zip(&other).filter(|(one, _)| self.is_counted[one.reading]);
+        EffectSize::of(asked.flat_map(|(one, other)| {
+            let values = (one.residual - other.residual).to_array();
+            values.into_iter().take(numbers[one.reading])
+        }))
+    }
+
+    /// Sum of squared errors of scalar values, m² or rad², and their number.
+    fn sum(&self, fit: &Fit) -> (f64, usize) {
+        let (mut sum, mut count) = (0.0, 0_usize);
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        for off in fit.residuals(self.campaign).iter().filter(|off| self.is_counted[off.reading]) {
+            sum += off.residual.length_squared();
+            count += numbers[off.reading];
+        }
+        (sum, count)
+    }
+
+    /// Mean squared error of scalar values, m² or rad². For measured joint positions the mean of each encoder is subtracted first, since the zero of
+    /// an encoder is arbitrary.
+    pub(super) fn energy(&self, fit: &Fit) -> f64 {
+        if self.is_length {
+            return self.rms(fit).powi(2);
+        }
+        let readings: Vec<_> = self.campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
+        let mut encoders: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
+        for off in fit.residuals(self.campaign).iter().filter(|off| self.is_counted[off.reading]) {
+            let of = encoders.entry(series_index(&readings[off.reading].reading)).or_default();
+            let more = [1.0, off.residual.x, off.residual.x * off.residual.x];
+            of.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+        let varies = |[count, sum, square]: &[f64; 3]| square - sum * sum / count;
+        let count: f64 = encoders.values().map(|of| of[0]).sum();
+        encoders.values().map(varies).sum::<f64>() / count.max(1.0)
+    }
+
+    /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed.
+    fn whitened_sum(&self, fit: &Fit) -> f64 {
+        let mut sum = 0.0;
+        let surroundings = fit.surroundings.clone();
+        let state = FitState { surroundings, hypothesis: fit.hypothesis.clone() };
+        let mut filter = WhiteningFilter::new(self.campaign);
+        let look = VisitScope { used: Some(&self.is_evaluated), derivatives: false };
+        visit_readings(self.campaign, &state, look, |at| {
+            let weight = if self.is_counted[at.reading] { 1.0 } else { 0.0 };
+            for part in 0..at.rows.count {
+                let scale = weight / fit.factors[at.instrument];
+                let mut left = [scale * at.rows.residual[part]];
+                filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
+                sum += weight * left[0] * left[0];
+            }
+        });
+        sum
+    }
+
+    /// Weighted RMS residual of the training rows, corrected for the number of fitted parameters.
+    fn rms_in_training(&self, fit: &Fit) -> f64 {
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for off in fit.residuals(self.campaign) {
+            if self.split.training[off.pose] && off.is_length == self.is_length {
+                let weight = fit.weights[off.reading];
+                sum += weight * off.residual.length_squared();
+                count += weight * numbers[off.reading] as f64;
+            }
+        }
+        let freedom = (count - fit.columns().len() as f64).max(1.0);
+        (sum / freedom).sqrt()
+    }
+
+    /// The errors on the test set, `before` with the model as given and `after` with `last`.
+    pub(super) fn test_errors(&self, before: f64, after: f64, last: &Fit) -> TestErrors {
+        let (says, noise) = (self.split.description.clone(), self.rms_in_training(last));
+        TestErrors { says, before, after, noise, is_length: self.is_length }
+    }
+
+    /// The fit of `hypothesis` with the weights and noise of `last`, so that the sums of squares can be compared.
+    pub(super) fn compared(&self, hypothesis: &Hypothesis, last: &Fit) -> Fit {
+        refit_with_fixed_weights(self.campaign, hypothesis, last, &self.split.training)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{FitEvaluator, HoldOutSplit};
+    use crate::campaign::{Observation, Reading, ReadingNoise};
+    use crate::fit::{FitEffort, FitSettings, fit};
+    use crate::hypothesis::Hypothesis;
+    use crate::robust_weights::Influence;
+    use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
+    use glam::DVec3;
+
+    #[test]
+    fn where_an_encoders_zero_was_put_makes_no_energy() {
+        let (zero, swing) = (5e-4, 1e-4);
+        let mut campaign = unmeasured_campaign(0, 120);
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            let off = [zero, if k % 2 == 0 { swing } else { -swing }];
+            let whitening = ReadingNoise::Equal(1e-5).whitening(DVec3::ZERO).expect("sound");
+            let seen = off.iter().enumerate().map(|(joint, off)| Observation {
+                reading: Reading::JointPosition { joint, position: pose.inputs.q[joint] + off },
+                whitening,
+                instrument: 0,
+            });
+            pose.seen = seen.collect();
+        }
+        let used = vec![true; 120];
+        let (influence, effort) = (Influence::Equal, FitEffort::Full);
+        let settings = FitSettings { used: &used, influence, from: None, effort };
+        let found = fit(&campaign, &Hypothesis::fixed(nominal_robot()), &settings);
+        let split = HoldOutSplit { description: String::new(), training: used.clone() };
+        let held = FitEvaluator::new(&campaign, (&split, &used), &found);
+        let energy = held.energy(&found);
+        assert!((energy - 0.5 * swing * swing).abs() < 1e-12, "{energy}");
+        assert!(held.rms(&found) > 0.7 * zero, "the error as it is has it");
+    }
+}

@@ -1,0 +1,190 @@
+//! Derivatives of the tool pose by contributions of effects, on the deviated chain.
+//!
+//! Derivatives are taken on the real chain at its present deviation, so that unobservable directions have exactly zero derivative. They agree with
+//! central differences (property tests).
+//!
+//! A deviation is the exponential of a twist ξ; a change dξ of it moves what it carries by `J(ξ) dξ`, with the left Jacobian
+//! `J = Σ ad_ξᵏ/(k+1)!` (Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, appendix A). Deviations are
+//! small: six terms are exact to rounding.
+
+use glam::DVec3;
+use physics::frame::Twist;
+use physics::{Arm, Chain, Contribution, Evaluation, Frame, Joints};
+
+/// A small motion of the tool, base axes, per unit of the parameter that causes it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToolMotion {
+    /// Rotation, rad.
+    pub turn: DVec3,
+    /// Translation of the TCP, m.
+    pub shift: DVec3,
+    /// Changes of the joint positions, rad or m.
+    pub joints: Joints,
+}
+
+impl ToolMotion {
+    /// Displacement of a point fixed to the tool; `lever` is from the TCP to the point, base axes, m.
+    #[must_use]
+    pub fn point_displacement(&self, lever: DVec3) -> DVec3 {
+        self.shift + self.turn.cross(lever)
+    }
+
+    /// The motion for the derivative of a contribution, on the arm as evaluated in `seen`; `None` for contributions to loads, torques or forces.
+    #[must_use]
+    pub fn of(arm: &Arm, seen: &Evaluation, change: &Contribution) -> Option<Self> {
+        let tcp = seen.real.base_from_tool.origin;
+        match *change {
+            Contribution::None => Some(Self::default()),
+            Contribution::Joint { joint, delta } => {
+                Some(Self::of_joint(arm, &seen.real, joint).scaled(delta))
+            }
+            Contribution::Axis { joint, turn, pivot } => {
+                let bent = seen.deviation.axis(joint).copied().unwrap_or_default();
+                Some(axis_displacement(
+                    seen,
+                    joint,
+                    &apply_left_jacobian(&bent, &rotation_about(turn, pivot)),
+                ))
+            }
+            Contribution::LinkTurn { link, turn, pivot } => {
+                let bent = seen.deviation.link(link).map_or(Twist::default(), |link| link.twist);
+                let moved = apply_left_jacobian(&bent, &rotation_about(turn, pivot));
+                Some(twist_as_tool_motion(&before_link(seen, link), tcp, &moved))
+            }
+            Contribution::LinkShift { link, shift } => {
+                let carrier = before_link(seen, link).rotation;
+                let turned = seen.deviation.link(link).map(|link| link.twist.frame().rotation);
+                let turned = turned.map_or(shift, |turned| turned * shift);
+                Some(Self { shift: carrier * turned, ..Self::default() })
+            }
+            Contribution::BaseTurn { turn } => {
+                let bent = rotation_about(seen.deviation.base_turn, DVec3::ZERO);
+                Some(twist_as_tool_motion(
+                    &Frame::IDENTITY,
+                    tcp,
+                    &apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)),
+                ))
+            }
+            Contribution::Tool { shift, turn } => {
+                let last = arm.count();
+                let carrier = after_link(seen, last).rotation * arm.tool.base_from_tool;
+                let bent = rotation_about(seen.deviation.tool_turn, DVec3::ZERO);
+                let turned = apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)).turn;
+                Some(Self { turn: carrier * turned, shift: carrier * shift, ..Self::default() })
+            }
+            Contribution::JointLoad { .. }
+            | Contribution::GravityTurn { .. }
+            | Contribution::Mass { .. }
+            | Contribution::Sensor { .. }
+            | Contribution::DriveTorque { .. }
+            | Contribution::ToolForce(_) => None,
+        }
+    }
+
+    /// The motion when `joint` of the nominal arm at the configuration `chain` moves by one rad or m.
+    #[must_use]
+    pub fn of_joint(arm: &Arm, chain: &Chain, joint: usize) -> Self {
+        let (shift, turn) = chain.motion_of(joint, arm.joints()[joint].kind);
+        let mut joints = Joints::default();
+        joints[joint] = 1.0;
+        Self { turn, shift, joints }
+    }
+
+    /// Sum of two motions.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        let mut joints = self.joints;
+        joints.iter_mut().zip(other.joints).for_each(|(sum, joint)| *sum += joint);
+        Self { turn: self.turn + other.turn, shift: self.shift + other.shift, joints }
+    }
+
+    /// This motion times a scalar.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let joints = self.joints.map(|joint| joint * factor);
+        Self { turn: self.turn * factor, shift: self.shift * factor, joints }
+    }
+
+    /// The motion from pose `a` of the tool to pose `b` (each with its joint deviations), divided by `step`.
+    #[must_use]
+    pub fn between(
+        (a, a_joints): &(Frame, Joints),
+        (b, b_joints): &(Frame, Joints),
+        step: f64,
+    ) -> Self {
+        let turned = b.rotation * a.rotation.transpose();
+        Self {
+            turn: physics::frame::vector_from_rotation(&turned) / step,
+            shift: (b.origin - a.origin) / step,
+            joints: std::array::from_fn(|i| (b_joints[i] - a_joints[i]) / step),
+        }
+    }
+}
+
+/// The twist of a rotation about a pivot.
+fn rotation_about(turn: DVec3, pivot: DVec3) -> Twist {
+    let mut twist = Twist::default();
+    twist.add(turn, pivot);
+    twist
+}
+
+/// Lie bracket `[a, b]` of two twists.
+fn bracket(a: &Twist, b: &Twist) -> Twist {
+    Twist {
+        turn: a.turn.cross(b.turn),
+        velocity: a.turn.cross(b.velocity) + a.velocity.cross(b.turn),
+    }
+}
+
+/// The left Jacobian of the exponential at the twist `bent`, applied to `change`.
+fn apply_left_jacobian(bent: &Twist, change: &Twist) -> Twist {
+    if *bent == Twist::default() {
+        return *change;
+    }
+    let (mut sum, mut term) = (*change, *change);
+    for k in 2..=7_u32 {
+        let next = bracket(bent, &term);
+        let share = 1.0 / f64::from(k);
+        term = Twist { turn: next.turn * share, velocity: next.velocity * share };
+        sum = Twist { turn: sum.turn + term.turn, velocity: sum.velocity + term.velocity };
+    }
+    sum
+}
+
+/// Frame that carries link `link`, before that link's own deviation.
+fn before_link(seen: &Evaluation, link: usize) -> Frame {
+    match link.checked_sub(1) {
+        Some(joint) => seen.real.body(joint),
+        None => {
+            Frame::new(physics::frame::rotation_from_vector(seen.deviation.base_turn), DVec3::ZERO)
+        }
+    }
+}
+
+/// Frame that carries joint `link`, after that link's own deviation.
+fn after_link(seen: &Evaluation, link: usize) -> Frame {
+    let before = before_link(seen, link);
+    seen.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
+}
+
+/// A twist in the axes of `carrier` as a motion of the tool.
+fn twist_as_tool_motion(carrier: &Frame, tcp: DVec3, twist: &Twist) -> ToolMotion {
+    let at = carrier.inverse().point(tcp);
+    let shift = twist.turn.cross(at) + twist.velocity;
+    let turn = carrier.rotation * twist.turn;
+    ToolMotion { turn, shift: carrier.rotation * shift, ..ToolMotion::default() }
+}
+
+/// Displacement of a joint axis at constant joint position: the joint's motion `M` becomes `X M X⁻¹`, so what it carries moves by the difference of
+/// `moved` before and after it.
+fn axis_displacement(seen: &Evaluation, joint: usize, moved: &Twist) -> ToolMotion {
+    let carrier = after_link(seen, joint);
+    let motion = carrier.inverse().after(&seen.real.body(joint));
+    let at = carrier.inverse().point(seen.real.base_from_tool.origin);
+    let back = motion.inverse().point(at);
+    let first = moved.turn.cross(at) + moved.velocity;
+    let second = motion.rotation * (moved.turn.cross(back) + moved.velocity);
+    let turn = moved.turn - motion.rotation * moved.turn;
+    let shift = carrier.rotation * (first - second);
+    ToolMotion { turn: carrier.rotation * turn, shift, ..ToolMotion::default() }
+}

@@ -1,0 +1,249 @@
+//! Request of a bench, as command-line options.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use harness::plan::{Load, Plan, Policy, Stage, Wait};
+use harness::{fifo_is_granted, runs_fifo};
+use recording::model::presets::preset;
+use shm_schema::Cell;
+
+use super::twenty_effects;
+use crate::exit::Failure;
+
+/// The robot without effects, and with those of the thesis.
+const PLAIN_PRESET: &str = "irb1600-6-145";
+const THESIS_PRESET: &str = "irb1600-6-145-thesis";
+/// Shortest and longest part, s.
+const SECONDS: std::ops::RangeInclusive<f64> = 0.05..=86_400.0;
+/// A quick bench: parts so short that all of it takes less than 30 s.
+const QUICK_SECONDS: f64 = 1.5;
+
+/// Which policies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Policies {
+    /// `SCHED_FIFO` if permitted, otherwise `SCHED_OTHER`
+    Auto,
+    /// `SCHED_FIFO`; if it is not permitted, nothing is measured
+    Fifo,
+    /// `SCHED_OTHER`, the default scheduler
+    Other,
+    /// Both, one after the other
+    Both,
+}
+
+/// What the daemon corrects; the same robot without effects is what it swaps with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Model {
+    /// The 44 effects of the thesis
+    Thesis,
+    /// The 20 effects of the comparison of one correction with other programs
+    Twenty,
+}
+
+/// Options of the measurement.
+#[derive(Debug, Clone, Args)]
+pub(super) struct BenchOptions {
+    /// Short form: every part once without load, at most 30 s in all
+    #[arg(long, conflicts_with_all = ["rates", "loads", "waits", "stages", "seconds"])]
+    quick: bool,
+    /// Measure this running cell instead of a separate daemon; no other client may command it meanwhile
+    #[arg(long, value_name = "NAME")]
+    cell: Option<String>,
+    /// Model of the daemon under test: thesis (44 effects), twenty (20 effects, those of the comparison with other programs)
+    #[arg(
+        long,
+        value_enum,
+        conflicts_with = "cell",
+        default_value = "thesis",
+        hide_possible_values = true
+    )]
+    model: Model,
+    /// Scheduling of the measuring threads and of the daemon's cycle: auto (fifo if permitted), fifo, other, both (one after the other)
+    #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
+    policy: Policies,
+    /// Priority under `SCHED_FIFO`, 2 to 98
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(2..=98))]
+    priority: u8,
+    /// Core of the client and core of the daemon; if not given, the last isolated cores
+    #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
+    cores: Vec<usize>,
+    /// Command rates to measure, Hz
+    #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',', default_value = "1000,4000,10000",
+          value_parser = clap::value_parser!(u32).range(10..=10_000))]
+    rates: Vec<u32>,
+    /// Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network)
+    #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',', default_value = "idle,all")]
+    loads: Vec<String>,
+    /// How the daemon waits for commands: sleep, spin. Not for a running cell, which waits as configured
+    #[arg(
+        long = "wait",
+        conflicts_with = "cell",
+        value_name = "WAIT,…",
+        value_delimiter = ',',
+        default_value = "sleep,spin"
+    )]
+    waits: Vec<String>,
+    /// Parts to run: flat, woken, paced, force, start, swap, cost
+    #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
+    stages: Vec<String>,
+    /// Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h
+    #[arg(long, value_name = "TIME", default_value = "5", value_parser = seconds)]
+    seconds: f64,
+    /// Number of daemon starts to measure, 1 to 10000
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    starts: u32,
+}
+
+impl BenchOptions {
+    pub(super) fn plan(&self) -> Result<Plan, Failure> {
+        let cores = match self.cores.as_slice() {
+            [] => None,
+            [a, b] => Some([*a, *b]),
+            _ => return Err(Failure::input("--cores: expected two core numbers, for example 2,3")),
+        };
+        if let Some(cell) = &self.cell {
+            Cell::new(cell).map_err(|fault| Failure::input(format!("--cell: {fault}")))?;
+        }
+        let text = |name: &str| {
+            let known = preset(name).ok_or("the bench's preset is missing from this build");
+            known.map(|known| known.text.to_owned()).map_err(Failure::system)
+        };
+        let robot = text(PLAIN_PRESET)?;
+        let models = match self.model {
+            Model::Thesis => [text(THESIS_PRESET)?, robot],
+            Model::Twenty => [twenty_effects::model_text(&robot), robot],
+        };
+        let plan = Plan {
+            cell: self.cell.clone(),
+            models,
+            model: match self.model {
+                Model::Thesis => "thesis, 44 effects",
+                Model::Twenty => "twenty, 20 effects",
+            },
+            cores,
+            policies: self.policies(),
+            priority: self.priority,
+            loads: parse_all(&self.loads, "--load", load)?,
+            waits: self.waits()?,
+            rates_hz: self.rates.clone(),
+            stages: self.stages()?,
+            seconds: self.seconds,
+            repeats: self.starts,
+            scratch: std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
+        };
+        Ok(if self.quick { quick(plan) } else { plan })
+    }
+
+    fn waits(&self) -> Result<Vec<Wait>, Failure> {
+        if self.cell.is_some() {
+            return Ok(vec![Wait::Own]);
+        }
+        parse_all(&self.waits, "--wait", wait)
+    }
+
+    fn policies(&self) -> Vec<Policy> {
+        match self.policy {
+            Policies::Auto if fifo_is_granted(self.priority) && self.cell_runs_fifo() => {
+                vec![Policy::Fifo]
+            }
+            Policies::Fifo => vec![Policy::Fifo],
+            Policies::Auto | Policies::Other => vec![Policy::Other],
+            Policies::Both => vec![Policy::Fifo, Policy::Other],
+        }
+    }
+
+    /// A running cell has its own scheduling policy.
+    fn cell_runs_fifo(&self) -> bool {
+        self.cell.as_deref().is_none_or(runs_fifo)
+    }
+
+    fn stages(&self) -> Result<Vec<Stage>, Failure> {
+        if self.stages.is_empty() {
+            return Ok(Stage::ALL.to_vec());
+        }
+        parse_all(&self.stages, "--only", |word| {
+            Stage::from_name(word).ok_or("flat, woken, paced, force, start, swap, cost")
+        })
+    }
+}
+
+/// The short form: every part once, idle.
+fn quick(plan: Plan) -> Plan {
+    Plan {
+        loads: vec![vec![]],
+        waits: plan.waits.into_iter().take(1).collect(),
+        rates_hz: vec![1000],
+        seconds: QUICK_SECONDS,
+        repeats: 5,
+        policies: plan.policies.into_iter().take(1).collect(),
+        ..plan
+    }
+}
+
+fn parse_all<T>(
+    words: &[String],
+    option: &str,
+    read: impl Fn(&str) -> Result<T, &'static str>,
+) -> Result<Vec<T>, Failure> {
+    let one = |word: &String| {
+        read(word).map_err(|known| {
+            Failure::input(format!("{option}: unknown value `{word}`, expected one of: {known}"))
+        })
+    };
+    words.iter().map(one).collect()
+}
+
+fn load(word: &str) -> Result<Vec<Load>, &'static str> {
+    match word {
+        "idle" => Ok(vec![]),
+        "all" => Ok(Load::ALL.to_vec()),
+        kinds => kinds
+            .split('+')
+            .map(|kind| Load::from_name(kind).ok_or("idle, all, memory, cache, disk, network"))
+            .collect(),
+    }
+}
+
+fn wait(word: &str) -> Result<Wait, &'static str> {
+    let known = [Wait::Sleep, Wait::Spin];
+    known.into_iter().find(|wait| wait.name() == word).ok_or("sleep, spin")
+}
+
+/// A time like `10`, `90s`, `10m`, `2h`, s.
+fn seconds(text: &str) -> Result<f64, String> {
+    let (number, factor) = match text.char_indices().next_back() {
+        Some((at, 's')) => (&text[..at], 1.0),
+        Some((at, 'm')) => (&text[..at], 60.0),
+        Some((at, 'h')) => (&text[..at], 3600.0),
+        _ => (text, 1.0),
+    };
+    let seconds = number.parse::<f64>().map_err(|_| "expected a time like 10, 90s, 10m or 2h")?;
+    let seconds = seconds * factor;
+    if SECONDS.contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(format!("expected {} s to {} s", SECONDS.start(), SECONDS.end()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_in_seconds_minutes_and_hours() {
+        assert_eq!(["10", "90s", "10m", "2h"].map(seconds), [10.0, 90.0, 600.0, 7200.0].map(Ok));
+        for nonsense in ["", "s", "-1", "nan", "1e9", "0", "3d", "ſ"] {
+            assert!(seconds(nonsense).is_err(), "{nonsense}");
+        }
+    }
+
+    #[test]
+    fn loads_are_kinds_and_sums_of_kinds() {
+        assert_eq!(load("idle"), Ok(vec![]));
+        assert_eq!(load("all"), Ok(Load::ALL.to_vec()));
+        assert_eq!(load("memory+disk"), Ok(vec![Load::Memory, Load::Disk]));
+        assert!(load("memory+tea").is_err());
+    }
+}
