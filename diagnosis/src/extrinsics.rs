@@ -181,13 +181,7 @@ impl Extrinsics {
 
 impl ExtrinsicParameter {
     /// Largest plausible error of an initial value, m or rad: the unit in which a column counts as determined or not.
-    #[must_use]
-    pub fn plausible_error(self) -> f64 {
-        match self {
-            Self::Frame(_, 0..3) | Self::Plane(_, 0..2) => 0.1,
-            _ => 0.1,
-        }
-    }
+    pub const PLAUSIBLE_ERROR: f64 = 0.1;
 }
 
 impl MeasuringFrame {

@@ -51,14 +51,14 @@ impl FitState {
     /// Largest plausible change of each column's parameter: the unit in which a column counts as determined or not.
     pub(crate) fn plausible_sizes(&self) -> Vec<f64> {
         let surroundings =
-            self.surroundings.parameters().into_iter().map(ExtrinsicParameter::plausible_error);
+            self.surroundings.parameters().into_iter().map(|_| ExtrinsicParameter::PLAUSIBLE_ERROR);
         surroundings.chain(self.hypothesis.plausible_sizes()).collect()
     }
 
     /// Standard deviation of each column's prior; extrinsic parameters have none, so their [`FitState::plausible_sizes`] are used.
     pub(crate) fn prior_sigmas(&self) -> Vec<f64> {
         let surroundings =
-            self.surroundings.parameters().into_iter().map(ExtrinsicParameter::plausible_error);
+            self.surroundings.parameters().into_iter().map(|_| ExtrinsicParameter::PLAUSIBLE_ERROR);
         surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
     }
 

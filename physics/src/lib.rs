@@ -9,7 +9,7 @@
 //! [`model`] (the sum of the effects: real position of the tool), [`drive`] (their sum at the drives), [`cut`] (their sum at a cutter).
 //!
 //! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
-//! Vectors are in base axes unless a name says otherwise (`shift_tool`).
+//! Vectors are in base axes unless a name says otherwise (`force_tool`).
 #![cfg_attr(not(test), no_std)]
 
 pub mod arm;

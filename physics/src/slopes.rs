@@ -5,7 +5,7 @@
 //! step rotates these motions by all joints up to theirs, and the joints beyond shift the moved
 //! masses. Memory, temperatures and sensor values are constant.
 //!
-//! Exact if [`Told::is_whole`], verified by the conformance suite. Deviations of links, axes and
+//! Exact if [`SlopeSums::is_complete`], verified by the conformance suite. Deviations of links, axes and
 //! tool are not included.
 
 use crate::lanes::{JointVectors, Lanes, Vec3Lanes, WIDTH};
@@ -132,7 +132,7 @@ impl SlopeSums {
     }
 
     /// Derivative of joint `i`'s deviation by joints `4 k` to `4 k + 3`, from the result of
-    /// [`Told::follow`] at `loads`. A joint up to the loaded one rotates the loaded axis; a joint
+    /// [`SlopeSums::load_slopes`] at `loads`. A joint up to the loaded one rotates the loaded axis; a joint
     /// beyond it moves the loads.
     #[inline(always)]
     pub fn row<S: Lanes>(

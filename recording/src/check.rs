@@ -301,7 +301,7 @@ fn unknown_schema(name: &str, schema: Option<&str>) -> Faults {
         None => "is missing".to_owned(),
     };
     faults.push(Fault::new("schema", message).expected(
-        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\", \"trued.cut/1\" or \"trued.manifest/1\"",
+        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\", \"trued.cut/1\", \"trued.manifest/1\", \"trued.bridge-egm/1\" or \"trued.bridge-rsi/1\"",
     ));
     faults
 }

@@ -263,8 +263,7 @@ impl ArmPicture {
         };
         let lit = self.joints.iter().filter(|joint| joint.is_lit);
         let lit: Vec<&str> = lit.map(|joint| joint.name.as_str()).collect();
-        let thinned =
-            if stride > 1 { format!("(every {stride}th is drawn)") } else { String::new() };
+        let thinned = if stride > 1 { format!(" (1 in {stride} is drawn)") } else { String::new() };
         let lit = if lit.is_empty() { "none".to_owned() } else { lit.join(", ") };
         format!(
             "Errors at {} tool positions{thinned}, magnified {} times; mean {} before and {} after. Highlighted joints: {lit}.",

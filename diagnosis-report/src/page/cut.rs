@@ -14,7 +14,7 @@ const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
 
 pub(crate) fn figures(page: Page, compared: &CutComparison) -> Page {
     let turn: Vec<&ForceTrace> = compared.traces.iter().collect();
-    page.section("DiagnosedForces compared with the cutting force model")
+    page.section("Forces compared with the cutting force model")
         .figure(
             "One spindle revolution: measured force, stated force model, and force model with the findings.",
             &all(&turn, "One revolution", &|one| {

@@ -117,7 +117,7 @@ fn phases_text(diagnosis: &Diagnosis) -> String {
     let one = |phase: &Phase| {
         let [from, to] = [phase.from_s, phase.to_s].map(|t| significant(t, 3));
         match phase.state {
-            State::Unknown => format!("air and cut cannot be reported apart from {from} to {to} s"),
+            State::Unknown => format!("air and cut cannot be distinguished from {from} to {to} s"),
             state => format!("{} from {from} to {to} s", state.name()),
         }
     };

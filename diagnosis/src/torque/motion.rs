@@ -232,9 +232,9 @@ impl Motion {
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
-            "torque and motion were filtered by the same zero-phase low-pass of {} Hz; {whole} rows in {} runs remain",
+            "torque and motion were filtered by the same zero-phase low-pass of {} Hz; {whole} rows in {} remain",
             format_hz(band_hz),
-            runs.len()
+            count_runs(runs.len())
         )];
         if Subsampling::of(all_rows, 1).is_some() {
             let share = 100.0 * whole as f64 / all_rows as f64;
@@ -276,6 +276,11 @@ impl Motion {
 /// Lowest and highest value.
 pub(super) fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
     values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// Number of runs as text.
+fn count_runs(count: usize) -> String {
+    if count == 1 { "1 run".to_owned() } else { format!("{count} runs") }
 }
 
 fn format_hz(band_hz: f64) -> String {

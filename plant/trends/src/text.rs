@@ -110,7 +110,7 @@ fn tolerance(reaches: &Reaches) -> String {
             let early = early.as_deref().unwrap_or(day);
             let late = late.as_deref().map_or("never".to_owned(), str::to_owned);
             format!(
-                " Its largest error reaches the tolerance about {day} ({early} to {late})if this continues."
+                " Its largest error reaches the tolerance about {day} ({early} to {late}) if this continues."
             )
         }
         (None, false) => String::new(),
