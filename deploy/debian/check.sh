@@ -28,7 +28,11 @@ for file in usr/bin/trued etc/trued/cell.toml usr/lib/systemd/system/trued@.serv
 done
 grep -qx /etc/trued/cell.toml "$out/trued/DEBIAN/conffiles" || fail "the configuration is no conffile"
 has libtrued-client1 usr/lib/libtrued_client.so.1
-for sbom in trued/usr/share/doc/trued/trued.cdx.json libtrued-client1/usr/share/doc/libtrued-client1/libtrued_client.cdx.json; do
+for file in usr/bin/trued-plant usr/lib/systemd/system/trued-plant@.service usr/share/doc/trued-plant/plant.md \
+    usr/share/trued/schemas/plant/message.schema.json; do
+    has trued-plant "$file"
+done
+for sbom in trued/usr/share/doc/trued/trued.cdx.json trued-plant/usr/share/doc/trued-plant/trued-plant.cdx.json libtrued-client1/usr/share/doc/libtrued-client1/libtrued_client.cdx.json; do
     # cargo-deb compresses documents that are long.
     [ -e "$out/$sbom" ] || [ -e "$out/$sbom.gz" ] || fail "no /$sbom"
 done
@@ -38,7 +42,10 @@ done
 for file in __init__.py _native.abi3.so _native.pyi py.typed; do
     has python3-trued "usr/lib/python3/dist-packages/trued/$file"
 done
-for file in "$out/trued/usr/bin/trued" "$out/libtrued-client1/usr/lib/libtrued_client.so.1" "$out/python3-trued/usr/lib/python3/dist-packages/trued/_native.abi3.so"; do
+# A program that CI packages from its tests is not for others (`TRUED_PLANT_PROFILE` in deploy/debian/build.sh).
+plant="$out/trued-plant/usr/bin/trued-plant"
+[ "${TRUED_PLANT_PROFILE:-release}" = release ] || plant=
+for file in "$out/trued/usr/bin/trued" $plant "$out/libtrued-client1/usr/lib/libtrued_client.so.1" "$out/python3-trued/usr/lib/python3/dist-packages/trued/_native.abi3.so"; do
     for folder in "$PWD/" "${CARGO_HOME:-$HOME/.cargo}/"; do
         ! grep -aqF "$folder" "$file" || fail "$file names $folder"
     done

@@ -46,7 +46,7 @@ END
 
 if [ "$1" = image ]; then
     # In a folder that is used again: what the last time left.
-    dpkg --purge trued libtrued-client-dev libtrued-client1 python3-trued >/dev/null 2>&1 || true
+    dpkg --purge trued-plant trued libtrued-client-dev libtrued-client1 python3-trued >/dev/null 2>&1 || true
     rm -rf /etc/trued
     step "installed where nothing runs"
     install "$here"/*-1_*.deb
@@ -100,6 +100,21 @@ kill -STOP "$pid"
 until_ "the bridge is not started anew after it hung" first_is_another trued-bridge@cell "$pid"
 systemd-analyze security --no-pager --threshold=25 trued-bridge@cell.service | tail -n 1
 
+step "the cell on the plant's bus, without and with a daemon"
+cat >/etc/default/trued-plant-cell <<END
+TRUED_PLANT_OPTIONS=--group line-1 --listen tcp/127.0.0.1:7447
+END
+systemctl start trued-plant@cell.service || fail "the bridge to the plant does not start"
+seen_by_the_plant() { trued-plant fleet --connect tcp/127.0.0.1:7447 --expect line-1/cell; }
+until_ "the plant does not see the cell" seen_by_the_plant
+seen_by_the_plant | sed 's/^/    /'
+[ "$(stat -c '%U %a' /var/lib/trued/plant/cell)" = "trued 700" ] || fail "the folder of the kept messages: $(stat -c '%U %a' /var/lib/trued/plant/cell)"
+systemctl stop trued@cell.service
+until_ "the plant is not told that the daemon is away" sh -c 'trued-plant fleet --connect tcp/127.0.0.1:7447 | grep -q AWAY'
+systemctl start trued@cell.service
+until_ "the plant does not see the daemon again" seen_by_the_plant
+systemd-analyze security --no-pager --threshold=25 trued-plant@cell.service | tail -n 1
+
 step "an upgrade keeps the owner's model and changes, and what ran goes on with the new program"
 trued model show irb1600-6-145 --toml >/etc/trued/robot.toml
 sed -i 's/^model = .*/model = "robot.toml"/' /etc/trued/cell.toml
@@ -114,12 +129,13 @@ systemctl stop trued-bridge@cell.service
 through
 
 step "a purge leaves what is the owner's, and nothing else"
-purge trued libtrued-client-dev libtrued-client1 python3-trued
-for gone in /usr/bin/trued /etc/trued/cell.toml /var/lib/trued /run/trued /usr/lib/systemd/system/trued@.service /usr/lib/libtrued_client.so.1 \
+purge trued-plant trued libtrued-client-dev libtrued-client1 python3-trued
+[ -e /etc/default/trued-plant-cell ] || fail "the owner's options of the plant are gone"
+for gone in /usr/bin/trued-plant /usr/bin/trued /etc/trued/cell.toml /var/lib/trued /run/trued /usr/lib/systemd/system/trued@.service /usr/lib/libtrued_client.so.1 \
     /etc/systemd/system/multi-user.target.wants/trued@cell.service /usr/lib/python3/dist-packages/trued; do
     [ ! -e "$gone" ] || fail "left behind: $gone"
 done
-[ -z "$(pgrep -x trued)" ] || fail "something still runs"
+[ -z "$(pgrep '^trued')" ] || fail "something still runs: $(pgrep -l '^trued')"
 [ -z "$(find /dev/shm -name 'trued*')" ] || fail "left in /dev/shm"
 [ -e /etc/trued/robot.toml ] || fail "the owner's model is gone"
 

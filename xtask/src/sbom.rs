@@ -14,11 +14,27 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 const USAGE: &str = "cargo xtask sbom [--out=DIR]";
-/// Package, kind of component, name of the file.
-const SUBJECTS: [(&str, &str, &str); 2] =
-    [("trued", "application", "trued"), ("trued-client-c", "library", "libtrued_client")];
 
-/// Writes `trued.cdx.json` and `libtrued_client.cdx.json` to `DIR`; `target/package/sbom` unless given.
+/// A program or library that is shipped.
+struct Subject {
+    /// Folder of its workspace, from the root.
+    workspace: &'static str,
+    package: &'static str,
+    /// Kind of component in CycloneDX.
+    kind: &'static str,
+    /// Name of the file, without `.cdx.json`.
+    file: &'static str,
+}
+
+const PROGRAM: Subject =
+    Subject { workspace: ".", package: "trued", kind: "application", file: "trued" };
+const LIBRARY: Subject =
+    Subject { workspace: ".", package: "trued-client-c", kind: "library", file: "libtrued_client" };
+const PLANT: Subject =
+    Subject { workspace: "plant", package: "bus", kind: "application", file: "trued-plant" };
+const SUBJECTS: [Subject; 3] = [PROGRAM, LIBRARY, PLANT];
+
+/// Writes a file for each shipped program and library to `DIR`; `target/package/sbom` unless given.
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let out = match arguments {
         [] => root().join("target/package/sbom"),
@@ -26,9 +42,9 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
         _ => return Err(USAGE.to_owned()),
     };
     fs::create_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
-    for (package, kind, name) in SUBJECTS {
-        let bom = bom(package, kind)?;
-        let path = out.join(format!("{name}.cdx.json"));
+    for subject in &SUBJECTS {
+        let bom = bom(subject)?;
+        let path = out.join(format!("{}.cdx.json", subject.file));
         fs::write(&path, format!("{bom:#}\n"))
             .map_err(|why| format!("{}: {why}", path.display()))?;
         let count = bom["components"].as_array().map_or(0, Vec::len);
@@ -58,19 +74,18 @@ impl Crate {
 /// Linked crates, and the dependencies of each.
 type DependencyGraph = BTreeMap<Crate, BTreeSet<String>>;
 
-fn bom(package: &str, kind: &str) -> Result<Value, String> {
-    let tree =
-        output(&["tree", "--locked", "--package", package, "--edges", "normal,no-proc-macro"])?;
-    let links = parse_tree(&tree)?;
-    let checksums = checksums()?;
-    let subject = links.keys().find(|one| one.name == package).ok_or("an empty tree")?;
+fn bom(of: &Subject) -> Result<Value, String> {
+    let workspace = root().join(of.workspace);
+    let links = parse_tree(&tree(&workspace, of.package)?)?;
+    let checksums = checksums(&workspace)?;
+    let subject = links.keys().find(|one| one.name == of.package).ok_or("an empty tree")?;
     let others = links.keys().filter(|one| *one != subject);
     let dependency = |(one, names): (&Crate, &BTreeSet<String>)| json!({ "ref": one.reference(), "dependsOn": names });
     Ok(json!({
         "bomFormat": "CycloneDX",
         "specVersion": "1.5",
         "version": 1,
-        "metadata": { "component": component(subject, kind, &checksums) },
+        "metadata": { "component": component(subject, of.kind, &checksums) },
         "components": others.map(|one| component(one, "library", &checksums)).collect::<Vec<_>>(),
         "dependencies": links.iter().map(dependency).collect::<Vec<_>>(),
     }))
@@ -91,11 +106,13 @@ fn component(one: &Crate, kind: &str, checksums: &BTreeMap<String, String>) -> V
     component
 }
 
-fn output(arguments: &[&str]) -> Result<String, String> {
-    let more =
+/// `cargo tree` of what is linked into a package.
+fn tree(workspace: &Path, package: &str) -> Result<String, String> {
+    let linked = ["tree", "--locked", "--package", package, "--edges", "normal,no-proc-macro"];
+    let form =
         ["--target", "x86_64-unknown-linux-gnu", "--prefix", "depth", "--format", " {p}\t{l}"];
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let done = Command::new(cargo).args(arguments).args(more).current_dir(root()).output();
+    let done = Command::new(cargo).args(linked).args(form).current_dir(workspace).output();
     let done = done.map_err(|why| format!("cargo tree: {why}"))?;
     if !done.status.success() {
         return Err(format!("cargo tree: {}", String::from_utf8_lossy(&done.stderr)));
@@ -131,9 +148,9 @@ fn parse_line(line: &str) -> Option<(usize, Crate)> {
     Some((depth.parse().ok()?, Crate { name, version, license }))
 }
 
-/// Of the lock file, by reference.
-fn checksums() -> Result<BTreeMap<String, String>, String> {
-    let text = fs::read_to_string(root().join("Cargo.lock")).map_err(|why| why.to_string())?;
+/// Checksums of a workspace's lock file, by reference.
+fn checksums(workspace: &Path) -> Result<BTreeMap<String, String>, String> {
+    let text = fs::read_to_string(workspace.join("Cargo.lock")).map_err(|why| why.to_string())?;
     let lock: toml::Table = text.parse().map_err(|why| format!("Cargo.lock: {why}"))?;
     let packages = lock.get("package").and_then(toml::Value::as_array);
     let checksum = |package: &toml::Value| {
@@ -152,14 +169,14 @@ mod tests {
 
     /// Required by the schema of CycloneDX 1.5: `bomFormat`, `specVersion`; of a component `type`, `name`; references that exist, each once.
     #[test]
-    fn both_boms_have_what_cyclonedx_requires_and_no_path_of_a_machine() {
-        for (package, kind, _) in SUBJECTS {
-            let bom = bom(package, kind).unwrap();
+    fn each_bom_has_what_cyclonedx_requires_and_no_path_of_a_machine() {
+        for subject in &SUBJECTS {
+            let bom = bom(subject).unwrap();
             assert_eq!(
                 (&bom["bomFormat"], &bom["specVersion"]),
                 (&json!("CycloneDX"), &json!("1.5"))
             );
-            assert_eq!(bom["metadata"]["component"]["name"], package);
+            assert_eq!(bom["metadata"]["component"]["name"], subject.package);
             let components = bom["components"].as_array().unwrap();
             let all = components.iter().chain([&bom["metadata"]["component"]]);
             let references: Vec<&str> = all.map(|one| one["bom-ref"].as_str().unwrap()).collect();
@@ -186,15 +203,15 @@ mod tests {
 
     #[test]
     fn the_program_links_no_schemas_and_the_library_no_program() {
-        let names = |package| {
-            let tree = bom(package, "library").unwrap();
+        let names = |subject| {
+            let tree = bom(subject).unwrap();
             let components = tree["components"].as_array().unwrap().clone();
             components
                 .iter()
                 .map(|one| one["name"].as_str().unwrap().to_owned())
                 .collect::<Vec<_>>()
         };
-        let (program, library) = (names("trued"), names("trued-client-c"));
+        let (program, library) = (names(&PROGRAM), names(&LIBRARY));
         assert!(
             program.contains(&"iceoryx2".to_owned()) && library.contains(&"iceoryx2".to_owned())
         );
