@@ -235,19 +235,7 @@ fn diagnose_selected_rows(
                 };
                 let splits = (&selection_split, validation.as_slice());
                 let selection = validation::drop_unsupported(&campaign, model, splits, selection);
-                match unexplained::instead_of_effects(&search, &selection, &covariates, &validation)
-                {
-                    Some((few, law)) => (few, Some(law)),
-                    None => {
-                        let law = unexplained::supported_function(
-                            &search,
-                            &selection,
-                            &covariates,
-                            &validation,
-                        );
-                        (selection, law)
-                    }
-                }
+                unexplained::with_structure(&search, selection, &covariates, &validation)
             }
         };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
@@ -302,7 +290,7 @@ fn finish(
     let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
     // A smooth function is reported only if it reduces the error on the test set, by as much as is required of the validation set.
-    let rest = law.and_then(|law| {
+    let unexplained = law.and_then(|law| {
         let [without, with] = law.sums_of_squares(&fitted, covariates, &held_out);
         let is_supported = law.is_supported(last.design_effect, [without, with]);
         (is_supported && with < without).then(|| Unexplained {
@@ -311,7 +299,7 @@ fn finish(
             heldout: [after, after * (with / without).sqrt()],
         })
     });
-    let carried = rest.as_ref().map(|rest| {
+    let carried = unexplained.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
         (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)
     });
@@ -321,8 +309,7 @@ fn finish(
     let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
-    let unexplained = rest;
-    let proof = held.test_errors(before, after, &last);
+    let test_errors = held.test_errors(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);
     let next_experiment = design.propose(&named);
     let early = joint_readback::detect_early_readback(&campaign, &last, &settings)
@@ -338,7 +325,7 @@ fn finish(
         findings,
         candidates,
         unexplained,
-        test_errors: proof,
+        test_errors,
         given,
         fit: last,
         signal_rms: signal_rms(&campaign, held.is_length),

@@ -127,7 +127,12 @@ fn named_besides(folder: &str, module: &str, may: &[&str]) -> Vec<String> {
     let mut faults = Vec::new();
     for path in sources().filter(|path| shown(path).starts_with(folder)) {
         let text = fs::read_to_string(&path).unwrap();
-        let named = text.split(module).skip(1);
+        // Not the end of a longer name, as in `measured_daemon::`.
+        let is_whole = |at: usize| {
+            !text[..at].ends_with(|before: char| before.is_alphanumeric() || before == '_')
+        };
+        let named = text.match_indices(module).filter(|(at, _)| is_whole(*at));
+        let named = named.map(|(at, _)| &text[at + module.len()..]);
         let named = named.filter(|rest| !may.iter().any(|may| rest.starts_with(may)));
         let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
         faults.extend(named.map(|rest| format!("{}: {module}{}", shown(&path), words(rest))));

@@ -90,7 +90,7 @@ pub(super) struct SmoothFunction {
 }
 
 /// The function with the best criterion beside the selected effects, if the validation set supports it.
-pub(super) fn supported_function(
+fn supported_function(
     search: &Search<'_>,
     selection: &EffectSelection,
     words: &[Covariate],
@@ -115,10 +115,27 @@ fn if_supported(
     law.is_supported(fitted.fit.design_effect, sums).then_some(law)
 }
 
+/// The selection, or the few effects that a smooth function replaces most of it with; and the function that describes what remains, if the validation
+/// set supports it.
+pub(super) fn with_structure(
+    search: &Search<'_>,
+    selection: EffectSelection,
+    covariates: &[Covariate],
+    validation: &[bool],
+) -> (EffectSelection, Option<SmoothFunction>) {
+    match instead_of_effects(search, &selection, covariates, validation) {
+        Some((few, law)) => (few, Some(law)),
+        None => {
+            let law = supported_function(search, &selection, covariates, validation);
+            (selection, law)
+        }
+    }
+}
+
 /// A smooth function that improves the criterion more than all selected effects do, or more than the minor ones do beside the others. In the first
 /// case the major effects alone must not be better either. Returns the remaining selection with the function: the effects that it replaces only
 /// imitated it together.
-pub(super) fn instead_of_effects(
+fn instead_of_effects(
     search: &Search<'_>,
     selection: &EffectSelection,
     words: &[Covariate],

@@ -41,10 +41,9 @@ pub(super) fn finish(
     let selection = &told.selection;
     let listed =
         validation::attributed(&search, selection, &|solved| fit_quality::rms(case, solved, held));
-    let outside = if zones.is_empty() {
-        Vec::new()
-    } else {
-        helpful_outside_zones_only(case, &search, selection, held)
+    let outside = match zones.is_empty() {
+        true => Vec::new(),
+        false => helpful_outside_zones_only(case, &search, selection, held),
     };
     let finding = |one: &RankedTerm| {
         let family = &case.library.terms[one.name];

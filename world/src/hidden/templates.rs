@@ -117,13 +117,7 @@ pub(super) fn draw(
             vec![("growth", vec![4e-5 * link.max(0.3)])]
         }
         "thermal_zero" => vec![("drift", vec![sampler.random_sign(6e-5)])],
-        "counterbalance" => vec![
-            ("stiffness", vec![1e5]),
-            ("free_length", vec![sampler.uniform(0.2, 0.4)]),
-            ("a", vec![sampler.uniform(0.15, 0.3)]),
-            ("L", vec![0.5]),
-            ("angle", vec![sampler.phase()]),
-        ],
+        "counterbalance" => random_counterbalance(&mut sampler),
         _ => {
             joint = None;
             let (numbers, all) = robot_parameters(kind, arm, &mut sampler)?;
@@ -138,6 +132,17 @@ pub(super) fn draw(
         parameters: numbers,
         scaled_count: sizes,
     })
+}
+
+/// Parameters of a counterbalance spring.
+fn random_counterbalance(sampler: &mut Sampler<'_>) -> Vec<(&'static str, Vec<f64>)> {
+    vec![
+        ("stiffness", vec![1e5]),
+        ("free_length", vec![sampler.uniform(0.2, 0.4)]),
+        ("a", vec![sampler.uniform(0.15, 0.3)]),
+        ("L", vec![0.5]),
+        ("angle", vec![sampler.phase()]),
+    ]
 }
 
 /// Parameters of an effect of the whole robot, and the number of its entries that determine its size.

@@ -186,11 +186,8 @@ impl Case {
                 many.len()
             )),
         }
-        let open: Vec<String> = result
-            .findings()
-            .filter(FindingView::interval_contains_zero)
-            .map(|one| one.name())
-            .collect();
+        let open = result.findings().filter(FindingView::interval_contains_zero);
+        let open: Vec<String> = open.map(|one| one.name()).collect();
         if !open.is_empty() {
             self.shortfall_notes.push(format!(
                 "Reported, although the interval of its only parameter includes zero: {}.",

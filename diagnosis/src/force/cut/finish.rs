@@ -89,8 +89,9 @@ pub(super) fn finish(
     let listed = attributed(&search, &selection, &rms);
     let covariance = case.covariance(&selection.solved, &seen);
     let is_tone = |one: &&RankedTerm| case.library.terms[one.name].kind == PERMANENT_TONE_KIND;
-    let hum = listed.iter().find(is_tone).map(|one| one.heldout);
-    let stated = |kind: &str| model.effects().any(|effect| effect.spec().kind == kind);
+    let tone = listed.iter().find(is_tone).map(|one| unexplained_line(&case, one.heldout));
+    let parameters =
+        |term| parameters::parameters_of(&case, model, &search, &selection, term, &covariance);
     let finding = |one: RankedTerm| {
         let family = &case.library.terms[one.name];
         let own = search.own_columns(&selection, one.name);
@@ -99,15 +100,8 @@ pub(super) fn finish(
             kind: family.kind,
             joint: None,
             recording: None,
-            is_change: stated(family.kind),
-            parameters: parameters::parameters_of(
-                &case,
-                model,
-                &search,
-                &selection,
-                family,
-                &covariance,
-            ),
+            is_change: model.effects().any(|effect| effect.spec().kind == family.kind),
+            parameters: parameters(family),
             confidence: weighed.confidence,
             gain: weighed.gain,
             alternatives: weighed.alternatives,
@@ -118,15 +112,14 @@ pub(super) fn finish(
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
     let refits = refits(&case, model, &search, &selection, &covariance);
-    let (law, given) =
-        (unexplained::strongest_structure(&case, &search.columns(&names)), search.solve(&[]));
+    let law = unexplained::strongest_structure(&case, &search.columns(&names));
+    let given = search.solve(&[]);
     let heldout = [&given, &selection].map(|one| rms(&one.solved));
     let creeping = unexplained::excessive_drift(&case, &case.estimates);
-    let is_strange = is_patched || hum.is_some() || creeping.is_some();
-    let verdict = verdict(&case, &findings, (&given, &selection), law.as_ref(), is_strange);
+    let is_odd = is_patched || tone.is_some() || creeping.is_some();
+    let verdict = verdict(&case, &findings, (&given, &selection), law.as_ref(), is_odd);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::DRIVE_OR_CUT, |one| one.confidence);
-    let tone = hum.map(|held| unexplained_line(&case, held));
     let nameless = is_patched.then(|| implausible_parameters(heldout));
     let unexplained = tone.or(law).or(creeping).or(nameless);
     CutComparison {
