@@ -1,7 +1,7 @@
 //! Common parts of hidden effects of all domains: specification of a kind, an effect with its parameters, and the interface of a
 //! case.
 //!
-//! A domain provides its kinds ([`Law`]) and its cases ([`Trial`]); generation, evaluation, sealing and scoring use only these. Parameters are SI, in
+//! A domain provides its kinds ([`EffectKind`]) and its cases ([`BlindCase`]); generation, evaluation, sealing and scoring use only these. Parameters are SI, in
 //! the order of the keys.
 
 use std::fmt::Debug;

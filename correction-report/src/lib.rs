@@ -16,7 +16,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
 //! let recording = series::read(Path::new("path.csv"), None, RequiredData::Path)?;
-//! let corrected = CorrectedPath::of(&model, recording, CorrectionRequest::default())?;
+//! let corrected = CorrectedPath::compute(&model, recording, CorrectionRequest::default())?;
 //! println!("{}", corrected.figures.text(None));
 //! std::fs::write("path.corrected.csv", &corrected.csv)?;
 //! # Ok(())

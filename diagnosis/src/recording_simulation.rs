@@ -80,7 +80,7 @@ pub enum SimulationError {
 /// ```
 /// use diagnosis::recording_simulation::{SimulationNoise, simulate};
 /// use recording::model::RobotModel;
-/// use recording::series::{Channel, Need, read_text};
+/// use recording::series::{Channel, RequiredData, read_text};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let model = RobotModel::read("irb120".as_ref())?;

@@ -31,7 +31,7 @@ impl CommandedPath {
     /// Of the table of a compensation or of learning, or of a path without corrected joints.
     ///
     /// # Errors
-    /// As [`grid::extended`]; corrected joints that are incomplete, no numbers, or not even in time.
+    /// As [`grid::extend`]; corrected joints that are incomplete, no numbers, or not even in time.
     pub fn of(
         recording: &Recording,
         kinds: &[JointKind],
@@ -135,7 +135,7 @@ impl<'a> Learning<'a> {
     /// Adds the measurement of a run.
     ///
     /// # Errors
-    /// As [`Measured::of`].
+    /// As [`MeasuredErrors::of`].
     pub fn add(&mut self, measurement: &Recording, clock: Clock) -> Result<(), FeedforwardError> {
         let expected = Expected {
             arm: &self.model.physics.arm,

@@ -90,7 +90,7 @@ fn straight_tooth(angle: f64) -> ForceDirections {
     ForceDirections { edge, chip: edge * sin }
 }
 
-/// The integral of [`Teeth`] of one tooth over its angle, N rad.
+/// The integral of [`ForceDirections`] of one tooth over its angle, N rad.
 pub fn swept_tooth_forces(from_rad: f64, to_rad: f64) -> ForceDirections {
     let (high, low) = (antiderivative(to_rad), antiderivative(from_rad));
     ForceDirections { edge: high.edge - low.edge, chip: high.chip - low.chip }

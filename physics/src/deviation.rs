@@ -94,7 +94,7 @@ pub enum Contribution {
         /// Rotation vector of the sensor's mounting, rad.
         turn: DVec3,
     },
-    /// Additional torque of the drive of joint `joint`, besides the rigid body's; [`crate::Drive`]
+    /// Additional torque of the drive of joint `joint`, besides the rigid body's; [`crate::DriveTorques`]
     /// adds these up.
     DriveTorque {
         /// 0-based joint.

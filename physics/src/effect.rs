@@ -151,7 +151,7 @@ pub enum BuildError {
     /// An entry that the effect does not have.
     #[error("an entry that this effect does not have")]
     Unknown {
-        /// Its index in [`Given`].
+        /// Its index in [`ParameterValues`].
         index: usize,
     },
     /// A list of the wrong length.

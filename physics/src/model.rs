@@ -316,7 +316,7 @@ impl Model {
         self.update(inputs, memories, AnyEffect::follow);
     }
 
-    /// Whether a joint has a hardening law, whose range is limited ([`Evaluation::beyond`]).
+    /// Whether a joint has a hardening law, whose range is limited ([`Evaluation::out_of_range`]).
     #[must_use]
     pub fn has_hardening(&self) -> bool {
         self.hardens

@@ -1,6 +1,6 @@
 //! Validation of a file: every error in it, a summary, and the first rows of a recording as they are understood (`trued.check/1`).
 //!
-//! [`file()`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files
+//! [`validate_file`] knows models, mappings, recordings with their descriptions, bridges and cuts. Files
 //! whose checks need other crates (a cell with the limits of the daemon, a manifest with its
 //! models) get their [`Findings`] there.
 
@@ -79,7 +79,7 @@ struct FaultReport {
 /// ```
 /// use std::path::Path;
 ///
-/// let error = recording::check::file(Path::new("missing.toml"), None, None).unwrap_err();
+/// let error = recording::check::validate_file(Path::new("missing.toml"), None, None).unwrap_err();
 /// assert!(error.to_string().starts_with("cannot read missing.toml"));
 /// ```
 ///

@@ -18,11 +18,11 @@
 //!     println!("{:.1} Hz, damping {:.2} %", mode.frequency_hz, 100.0 * mode.damping);
 //! }
 //! let base = RobotModel::read(Path::new("arm.toml"))?;
-//! let renewed = analysis.renewed(&base, Path::new("arm-modes.toml"))?;
-//! fs::write(&renewed.path, &renewed.text)?;
-//! println!("{}", analysis.text(Some(&renewed), None));
-//! fs::write("tap.json", analysis.json(Some(&renewed))?)?;
-//! fs::write("tap.html", analysis.page(Some(&renewed)).render())?;
+//! let updated = analysis.updated_model(&base, Path::new("arm-modes.toml"))?;
+//! fs::write(&updated.path, &updated.text)?;
+//! println!("{}", analysis.text(Some(&updated), None));
+//! fs::write("tap.json", analysis.json(Some(&updated))?)?;
+//! fs::write("tap.html", analysis.page(Some(&updated)).render())?;
 //! # Ok(())
 //! # }
 //! ```

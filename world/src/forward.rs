@@ -27,7 +27,7 @@ pub struct ArmState {
 }
 
 /// The arm settled at each row; if the flag `from_before` is set its memory continues from the
-/// previous row, otherwise see [`Model::arrive`].
+/// previous row, otherwise see [`Model::advance`].
 #[must_use]
 pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<ArmState> {
     let mut memories = Memories::default();
@@ -91,7 +91,7 @@ pub fn set_rates_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) ->
     }
 }
 
-/// Speed and acceleration of one joint at each row of one segment of a path, as in [`moving`].
+/// Speed and acceleration of one joint at each row of one segment of a path, as in [`set_rates`].
 #[must_use]
 pub fn rates(times_s: &[f64], positions: &[f64]) -> Vec<(f64, f64)> {
     derivatives(times_s, positions)

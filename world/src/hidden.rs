@@ -1,6 +1,6 @@
 //! Hidden effects: one random effect that the calibrated model lacks, by seed.
 //!
-//! First the effect, then joint, sign, direction and phase are drawn ([`menu`]); then its size: so
+//! First the effect, then joint, sign, direction and phase are drawn (`templates`); then its size: so
 //! that it affects the work, exceeds the instrument's noise on the measuring program, and stays
 //! plausible. The same effect at the same place is removed from the calibrated model, so that the
 //! hidden effect is missing and not merely inaccurate.

@@ -6,10 +6,10 @@
 //! Read in this order: [`path`] and [`slots`] (target of the tool; [`workplace`]: its location),
 //! [`ik`] and [`joint_path`] (commands), [`draw`] (a true robot for a calibrated model), [`hidden`]
 //! (an effect that the model lacks), [`survey`] (a measuring program), [`robot`] (actual position
-//! of the tool), [`cutter`] and [`ringing`] (forces of the cut), [`cell`] (all of it, tick by
+//! of the tool), [`cutter`] and [`structural_mode`] (forces of the cut), [`cell`] (all of it, tick by
 //! tick). [`contact`] closes the loop over a stiff surface; [`tracker`] is the instrument.
 //! [`forward`] runs a recorded motion through a model, with delays, lags and modes ([`dynamics`])
-//! and reversals of joints ([`turn`]); [`drives`] computes recorded drive torques for it, [`servo`]
+//! and reversals of joints ([`reversal`]); [`drives`] computes recorded drive torques for it, [`servo`]
 //! adds a controller; [`milling`] computes the recorded forces of a cut, [`regeneration`] its
 //! chatter. [`instrument`] writes what was simulated into a recording.
 //!

@@ -44,7 +44,7 @@ pub struct CheckPlan<'a> {
 ///
 /// ```
 /// use diagnosis::plan::Criterion;
-/// use diagnosis::plan::check::Terms;
+/// use diagnosis::plan::check::ErrorRates;
 /// use diagnosis_report::plan::{Robot, Settings, check_poses};
 /// use recording::model::RobotModel;
 ///
@@ -52,8 +52,8 @@ pub struct CheckPlan<'a> {
 /// let model = RobotModel::read("irb120".as_ref())?;
 /// let robot = Robot { model: &model, recordings: &[] };
 /// let settings = Settings { candidates: 40, ..Settings::default() };
-/// let terms = Terms { alarm: 0.01, power: 0.9 };
-/// let plan = check_poses(robot, &settings, &terms, Criterion::D, 10)?;
+/// let rates = ErrorRates { alarm: 0.01, power: 0.9 };
+/// let plan = check_poses(robot, &settings, &rates, Criterion::D, 10)?;
 /// assert_eq!(plan.found.poses.len(), 10);
 /// # Ok(())
 /// # }

@@ -56,7 +56,7 @@ pub struct ValidityTest<'a> {
 /// Tests whether the model is still valid for the recordings. Of `setup`, only measuring frame and targets are used.
 ///
 /// ```no_run
-/// use diagnosis::plan::check::Terms;
+/// use diagnosis::plan::check::ErrorRates;
 /// use diagnosis::plan::setup::MeasuringSetup;
 /// use diagnosis_report::plan::{Robot, test_validity};
 /// use recording::model::RobotModel;
@@ -66,9 +66,9 @@ pub struct ValidityTest<'a> {
 /// let model = RobotModel::read("irb120".as_ref())?;
 /// let recordings = [read("poses.csv".as_ref(), None, RequiredData::Measurement)?];
 /// let robot = Robot { model: &model, recordings: &recordings };
-/// let terms = Terms { alarm: 0.01, power: 0.9 };
-/// let judged = test_validity(robot, &MeasuringSetup::default(), &terms)?;
-/// println!("{}", if judged.found.holds { "sound" } else { "damaged" });
+/// let rates = ErrorRates { alarm: 0.01, power: 0.9 };
+/// let judged = test_validity(robot, &MeasuringSetup::default(), &rates)?;
+/// println!("{}", if judged.found.holds { "valid" } else { "damaged" });
 /// # Ok(())
 /// # }
 /// ```

@@ -243,7 +243,7 @@ impl EffectEntry {
         flat
     }
 
-    /// Its values in SI by the stems of their keys, for [`physics::Given`]; `None` if `physics` has
+    /// Its values in SI by the stems of their keys, for [`physics::ParameterValues`]; `None` if `physics` has
     /// no such effect.
     #[must_use]
     pub fn to_si(&self, arm: &Arm) -> Option<Vec<(&'static str, Vec<f64>)>> {

@@ -51,7 +51,7 @@ pub struct SimulatedErrors {
     pub dropouts: f64,
     /// Share of the measurements that are off by 1 mm.
     pub jumps: f64,
-    /// Amplitude of the joints' oscillation about their middle, rad, with [`Truth::period_s`].
+    /// Amplitude of the joints' oscillation about their middle, rad, with the period `period_s`.
     pub swing_rad: f64,
     /// Period of the oscillation, s.
     pub period_s: f64,
