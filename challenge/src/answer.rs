@@ -155,10 +155,10 @@ fn parse_finding(value: &Value) -> Option<Finding> {
 /// Parses a value, or a list of values with a list of intervals.
 fn parse_parameters(key: &str, value: &Value) -> Vec<ReportedParameter> {
     let pair = |value: &Value| Some((value[0].as_f64()?, value[1].as_f64()?));
-    let number = |place: usize, value: &Value, ci95: &Value| {
+    let number = |index: usize, value: &Value, ci95: &Value| {
         Some(ReportedParameter {
             key: key.to_owned(),
-            index: place,
+            index,
             value: value.as_f64()?,
             ci95: pair(ci95),
         })

@@ -153,15 +153,15 @@ impl Arm {
             (arm.home[i], arm.half_range[i]) = (row.5, row.6);
             let to_next = if i + 1 == n { origin(&flange) } else { origin(&arm.links[i + 1]) };
             let aside = 0.06 * row.4 / (row.4 + 10.0);
-            let at = [
+            let position = [
                 0.45 * to_next[0] + aside,
                 0.45 * to_next[1] - 0.5 * aside,
                 0.45 * to_next[2] + aside,
             ];
-            arm.masses.push(Mass { joint: i, kg: row.4, position: at, tool: false });
+            arm.masses.push(Mass { joint: i, kg: row.4, position, tool: false });
         }
-        let at = transform_point(&flange, scaled(origin(tool), 0.5));
-        arm.masses.push(Mass { joint: n - 1, kg: tool_kg, position: at, tool: true });
+        let position = transform_point(&flange, scaled(origin(tool), 0.5));
+        arm.masses.push(Mass { joint: n - 1, kg: tool_kg, position, tool: true });
         if !with_masses {
             arm.masses.clear();
         }

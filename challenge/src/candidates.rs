@@ -43,10 +43,10 @@ pub fn candidates(case: &PositionCase, scene: &Scene) -> Vec<Candidate> {
                 }
                 _ => vec![joint],
             };
-            let one = |other: usize, parameters: &[f64]| Effect {
+            let one = |other_joint: usize, parameters: &[f64]| Effect {
                 kind,
                 joint,
-                other_joint: other,
+                other_joint,
                 parameters: parameters.to_vec(),
             };
             let forms = others

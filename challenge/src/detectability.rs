@@ -12,7 +12,7 @@ pub use crate::comparison::{DISTINGUISHABLE_GAIN, Detectability, EffectName};
 use crate::comparison::{
     EffectComparison, add_model_nuisances, identifiable_parameters, prior_count,
 };
-use crate::deviation::{COUNT, Deviation, point_motion, tool_jacobian};
+use crate::deviation::{COUNT, Deviation, ToolMotion, tool_jacobian};
 use crate::effect::{BlindCase, EffectKind};
 use crate::instrument::Whitener;
 use crate::kinds::{Effect, Kind};
@@ -32,7 +32,7 @@ pub struct LinearisedCase<'a> {
     run: Run<'a>,
     nominal_deviations: Vec<Deviation>,
     /// Per row: motion of the tool by each deviation, and the lever arms of the measured points, base axes.
-    jacobians: Vec<Vec<(Vector3, Vector3)>>,
+    jacobians: Vec<Vec<ToolMotion>>,
     levers: Vec<Vec<Vector3>>,
     whitener: Whitener,
     priors: usize,
@@ -44,11 +44,11 @@ impl<'a> LinearisedCase<'a> {
     pub fn of(case: &'a PositionCase, scene: &'a Scene, right: &[bool]) -> Self {
         let modelled = case.nominal();
         let run = Run::new(scene, &modelled);
-        let still = run.deviations(&modelled);
+        let nominal_deviations = run.deviations(&modelled);
         let motors = run.motor_positions();
         let whitener =
             Whitener::of(scene, &case.noise, right, case.instrument.values_per_row(scene));
-        let slopes = motors.iter().map(|q| tool_jacobian(&scene.arm, q)).collect();
+        let jacobians = motors.iter().map(|q| tool_jacobian(&scene.arm, q)).collect();
         let lever = |q: &[f64; 7]| {
             let tool = scene.arm.tool_pose(q);
             case.instrument.points.iter().map(|place| rotate(&tool, *place)).collect()
@@ -58,8 +58,8 @@ impl<'a> LinearisedCase<'a> {
             case,
             scene,
             run,
-            nominal_deviations: still,
-            jacobians: slopes,
+            nominal_deviations,
+            jacobians,
             levers,
             whitener,
             priors: prior_count(case),
@@ -94,7 +94,7 @@ impl<'a> LinearisedCase<'a> {
             for lever in levers {
                 let mut moved = [0.0; 3];
                 for k in &used {
-                    let by = point_motion(&slopes[*k], *lever);
+                    let by = slopes[*k].of_point(*lever);
                     (0..3).for_each(|axis| moved[axis] += bend.0[*k] * by[axis]);
                 }
                 values.extend(rotate(frame, moved));

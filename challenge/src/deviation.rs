@@ -88,13 +88,40 @@ fn extended_link(link: &Transform, by: f64) -> Transform {
     mul(&translation(scaled(vector, by / norm(vector))), link)
 }
 
-/// Rotation of the tool and displacement of its TCP per unit of each deviation, base axes.
+/// Motion of the tool per unit of a deviation, base axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToolMotion {
+    /// Rotation vector, rad per unit.
+    pub rotation: Vector3,
+    /// Displacement of the TCP, m per unit.
+    pub displacement: Vector3,
+}
+
+impl ToolMotion {
+    /// Rotation by `axis` about a point that the vector `lever` leads from to the TCP.
+    fn about(axis: Vector3, lever: Vector3) -> Self {
+        Self { rotation: axis, displacement: cross(axis, lever) }
+    }
+
+    /// A displacement without rotation.
+    fn along(displacement: Vector3) -> Self {
+        Self { displacement, ..Self::default() }
+    }
+
+    /// Displacement of a point on the tool, at `lever` from the TCP.
+    #[must_use]
+    pub fn of_point(&self, lever: Vector3) -> Vector3 {
+        add(self.displacement, cross(self.rotation, lever))
+    }
+}
+
+/// Motion of the tool by each deviation.
 #[must_use]
-pub fn tool_jacobian(arm: &Arm, q: &Joints) -> Vec<(Vector3, Vector3)> {
+pub fn tool_jacobian(arm: &Arm, q: &Joints) -> Vec<ToolMotion> {
     let frames = arm.frames(q);
     let tcp = origin(&frames[arm.joint_count()]);
-    let mut all = vec![([0.0; 3], [0.0; 3]); COUNT];
-    let about = |w: Vector3, o: Vector3| (w, cross(w, sub(tcp, o)));
+    let mut all = vec![ToolMotion::default(); COUNT];
+    let about = |w: Vector3, o: Vector3| ToolMotion::about(w, sub(tcp, o));
     for i in 0..arm.joint_count() {
         let (frame, o) = (&frames[i], origin(&frames[i]));
         let after = mul(frame, &rotation_z(q[i]));
@@ -108,27 +135,21 @@ pub fn tool_jacobian(arm: &Arm, q: &Joints) -> Vec<(Vector3, Vector3)> {
             all[at + 3 + k] = about(w, o);
         }
         for k in 0..3 {
-            all[at + 5 + k] = ([0.0; 3], column(frame, k));
+            all[at + 5 + k] = ToolMotion::along(column(frame, k));
         }
         let to_next = arm.to_next(i);
         if norm(to_next) > 1e-9 {
             let along = scaled(to_next, 1.0 / norm(to_next));
-            all[at + 8] = ([0.0; 3], rotate(&after, along));
+            all[at + 8] = ToolMotion::along(rotate(&after, along));
         }
     }
     for k in 0..3 {
         let mut w = [0.0; 3];
         w[k] = 1.0;
         all[BASE + k] = about(w, [0.0; 3]);
-        all[TOOL + k] = ([0.0; 3], column(&frames[arm.joint_count()], k));
+        all[TOOL + k] = ToolMotion::along(column(&frames[arm.joint_count()], k));
     }
     all
-}
-
-/// Displacement of a point on the tool, at `lever` from the TCP in base axes.
-#[must_use]
-pub fn point_motion((turned, moved): &(Vector3, Vector3), lever: Vector3) -> Vector3 {
-    add(*moved, cross(*turned, lever))
 }
 
 #[cfg(test)]
@@ -149,7 +170,7 @@ mod tests {
             let slopes = tool_jacobian(&arm, &q);
             let place = [0.03, -0.05, 0.08];
             let lever = rotate(&arm.tool_pose(&q), place);
-            for (k, said) in slopes.iter().enumerate() {
+            for (k, motion) in slopes.iter().enumerate() {
                 let joint = k / PER_JOINT;
                 if joint >= arm.joint_count() && k < BASE
                     || k < BASE && k % PER_JOINT == 8 && !arm.has_thermal_growth(joint)
@@ -163,8 +184,8 @@ mod tests {
                 };
                 let h = 1e-6;
                 let slope = scaled(sub(at(h), at(-h)), 0.5 / h);
-                let said = point_motion(said, lever);
-                assert!(norm(sub(slope, said)) < 1e-8, "number {k}: {slope:?} {said:?}");
+                let found = motion.of_point(lever);
+                assert!(norm(sub(slope, found)) < 1e-8, "parameter {k}: {slope:?} {found:?}");
             }
         }
     }

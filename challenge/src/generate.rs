@@ -207,13 +207,13 @@ fn case_without_hidden_effects(
         let rows = rng.log_uniform_between(1000.0, 4000.0) as usize;
         Scene::random_path(arm, recorded_inputs, (rows, rate), excitation, rng)
     };
-    let view = random_instrument(kinds, rng);
-    let noise = random_noise(&view, settled, rng);
+    let instrument = random_instrument(kinds, rng);
+    let noise = random_noise(&instrument, settled, rng);
     let mut case = PositionCase {
         tier,
         scene,
         excitation,
-        instrument: view,
+        instrument,
         noise,
         modelled: Vec::new(),
         hidden: Vec::new(),
@@ -254,15 +254,9 @@ fn random_instrument(kinds: &[Kind], rng: &mut Rng) -> Instrument {
         };
     }
     let targets = [0, 0, 0, 1, 3][rng.uniform_index(5)];
-    let places_known = targets == 0 || rng.bernoulli(0.4);
-    let places = if targets == 0 { vec![[0.0; 3]] } else { places[..targets].to_vec() };
-    Instrument {
-        points: places,
-        measuring_from_base,
-        frame_known,
-        points_known: places_known,
-        targets: targets > 0,
-    }
+    let points_known = targets == 0 || rng.bernoulli(0.4);
+    let points = if targets == 0 { vec![[0.0; 3]] } else { places[..targets].to_vec() };
+    Instrument { points, measuring_from_base, frame_known, points_known, targets: targets > 0 }
 }
 
 fn random_noise(view: &Instrument, settled: bool, rng: &mut Rng) -> Noise {
@@ -325,11 +319,11 @@ fn add_modelled_effects(case: &mut PositionCase, kinds: &[Kind], rng: &mut Rng) 
     for (kind, joint, value, sigma) in modelled {
         let nominal = Effect { kind, joint, other_joint: joint, parameters: vec![value] };
         let real = value + sigma * rng.truncated_normal();
-        let real = Effect {
+        let true_effect = Effect {
             parameters: vec![if kind.spec().non_negative { real.max(0.0) } else { real }],
             ..nominal.clone()
         };
-        case.modelled.push(ModelledEffect { nominal, true_effect: real, sigma: vec![sigma] });
+        case.modelled.push(ModelledEffect { nominal, true_effect, sigma: vec![sigma] });
     }
 }
 
@@ -362,13 +356,8 @@ fn random_effect(case: &PositionCase, kind: Kind, rng: &mut Rng) -> Option<Effec
     if case.hidden.iter().any(same) {
         return None;
     }
-    let other = (joint + 1 + rng.uniform_index((n - 1).max(1))) % n;
-    Some(Effect {
-        kind,
-        joint,
-        other_joint: other,
-        parameters: parameters::of(case, kind, joint, rng),
-    })
+    let other_joint = (joint + 1 + rng.uniform_index((n - 1).max(1))) % n;
+    Some(Effect { kind, joint, other_joint, parameters: parameters::of(case, kind, joint, rng) })
 }
 
 /// Whether two kinds on one joint are equivalent.

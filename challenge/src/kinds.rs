@@ -16,7 +16,7 @@ pub type Effect = effect::Effect<Kind>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
-    reason = "the names are the contract's; what stands outside it is told in `laws`"
+    reason = "the names are the contract's; `laws` documents the kinds outside it"
 )]
 pub enum Kind {
     JointOffset,

@@ -34,9 +34,9 @@ impl<'a> Run<'a> {
     /// The scene with motor motion and loads under these effects.
     #[must_use]
     pub fn new(scene: &'a Scene, effects: &[Effect]) -> Self {
-        let fine = FineMotion::from_scene(scene, effects);
-        let loads = loads(scene, &fine, effects);
-        Self { scene, fine_motion: fine, loads }
+        let fine_motion = FineMotion::from_scene(scene, effects);
+        let loads = loads(scene, &fine_motion, effects);
+        Self { scene, fine_motion, loads }
     }
 
     /// Motor positions at each row, rad.

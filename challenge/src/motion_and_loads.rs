@@ -33,9 +33,9 @@ impl FineMotion {
     /// All segments of a path, with delay and lag.
     #[must_use]
     pub fn from_scene(scene: &Scene, effects: &[Effect]) -> Vec<Self> {
-        let mut first = 0;
+        let mut first_row = 0;
         let of_segment = |segment: &Segment| {
-            let (t_s, at) = fine_grid(&segment.times_s);
+            let (t_s, row_index) = fine_grid(&segment.times_s);
             let late: f64 = sum_of_kind(effects, Kind::TimeDelay, None);
             let joints = 0..scene.arm.joint_count();
             let motor = |i: usize| {
@@ -45,8 +45,8 @@ impl FineMotion {
                 if lag > 0.0 { first_order_lag(&t_s, &delayed, lag) } else { delayed }
             };
             let q = joints.map(motor).collect();
-            let fine = Self { first_row: first, row_index: at, t_s, q };
-            first += segment.times_s.len();
+            let fine = Self { first_row, row_index, t_s, q };
+            first_row += segment.times_s.len();
             fine
         };
         scene.segments.iter().map(of_segment).collect()
@@ -168,11 +168,11 @@ fn masses_with_payload(arm: &Arm, effects: &[Effect]) -> Vec<Mass> {
     let last = arm.joint_count() - 1;
     let zero = arm.frames(&[0.0; JOINTS])[last];
     for load in effects.iter().filter(|e| e.kind == Kind::Payload) {
-        let at = transform_point(
+        let position = transform_point(
             &inverse(&zero),
             [load.parameters[1], load.parameters[2], load.parameters[3]],
         );
-        masses.push(Mass { joint: last, kg: load.parameters[0], position: at, tool: true });
+        masses.push(Mass { joint: last, kg: load.parameters[0], position, tool: true });
     }
     masses
 }

@@ -15,7 +15,7 @@ fn case(hidden: Effect, frame_known: bool) -> PositionCase {
     let arm = Arm::from_table(2, 1.0, &crate::transform::translation([0.0, 0.0, 0.15]), 3.0, true);
     let scene =
         Scene::random_poses(arm, RecordedInputs::default(), 300, Excitation::Full, &mut rng);
-    let view = Instrument {
+    let instrument = Instrument {
         points: vec![[0.0; 3]],
         measuring_from_base: IDENTITY,
         frame_known,
@@ -34,7 +34,7 @@ fn case(hidden: Effect, frame_known: bool) -> PositionCase {
         tier: Tier::Single,
         scene,
         excitation: Excitation::Full,
-        instrument: view,
+        instrument,
         noise,
         modelled: Vec::new(),
         hidden: vec![hidden],

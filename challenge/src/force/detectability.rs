@@ -55,26 +55,26 @@ impl<'a> LinearisedCase<'a> {
     #[must_use]
     pub fn of(
         case: &'a ForceCase,
-        ride: &'a SimulatedPasses<'a>,
+        simulated: &'a SimulatedPasses<'a>,
         recorded: &[bool],
         asked: Option<usize>,
     ) -> Self {
         let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != asked);
-        let base: Vec<Effect> =
+        let base_effects: Vec<Effect> =
             case.nominal().into_iter().chain(others.map(|(_, effect)| effect.clone())).collect();
-        let still = ride.measured_forces(&base);
-        let rows = ride.rows.iter().zip(recorded);
+        let base_forces = simulated.measured_forces(&base_effects);
+        let rows = simulated.rows.iter().zip(recorded);
         let counts: Vec<bool> = rows
             .map(|(row, recorded)| *recorded && row.engagement != Engagement::Partial)
             .collect();
-        let drifts = if case.noise.drift > 0.0 { 3 * ride.scene.passes.len() } else { 0 };
+        let drift_count = if case.noise.drift > 0.0 { 3 * simulated.scene.passes.len() } else { 0 };
         Self {
             case,
-            simulated: ride,
-            whitener: whitener(case, ride, &counts),
-            base_effects: base,
-            base_forces: still,
-            drift_count: drifts,
+            simulated,
+            whitener: whitener(case, simulated, &counts),
+            base_effects,
+            base_forces,
+            drift_count,
         }
     }
 

@@ -30,9 +30,9 @@ impl<'a> Evaluation<'a> {
         if case.hidden.is_empty() || swings {
             return None;
         }
-        let rides = [&case.passes, unseen].map(|scene| SimulatedPasses::of(&case.cut, scene));
+        let recordings = [&case.passes, unseen].map(|scene| SimulatedPasses::of(&case.cut, scene));
         let part = |number: usize| {
-            let ride = &rides[number];
+            let ride = &recordings[number];
             let mut measured = case.simulate_measurements(ride, number as u64);
             let rows = ride.rows.iter().zip(&mut measured.recorded);
             rows.for_each(|(row, recorded)| *recorded &= row.has_defined_forces());
@@ -43,7 +43,7 @@ impl<'a> Evaluation<'a> {
             }
         };
         let pair = RecordingPair { training: part(0), unseen: part(1) };
-        Some(Self { case, recordings: rides, pair })
+        Some(Self { case, recordings, pair })
     }
 
     /// The case's passes and the unseen ones.

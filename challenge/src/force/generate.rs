@@ -96,13 +96,13 @@ fn case_without_hidden_effects(seed: u64, tier: Tier, kinds: &[Kind], rng: &mut 
     } else {
         needs(Requirement::Air) || rng.bernoulli(0.85)
     };
-    let scene = Passes::random(&cut, excitation, has_air, rng);
+    let passes = Passes::random(&cut, excitation, has_air, rng);
     let quiet =
         Noise { sigma: [0.0; 3], quantum: [0.0; 3], autocorrelation: 0.0, drift: 0.0, gaps: 0 };
     let mut case = ForceCase {
         tier,
         cut,
-        passes: scene,
+        passes,
         noise: quiet,
         modelled: Vec::new(),
         hidden: Vec::new(),
@@ -138,8 +138,8 @@ fn chip_formulation_difference(case: &ForceCase) -> f64 {
 }
 
 fn random_noise(case: &ForceCase, rng: &mut Rng) -> Noise {
-    let colour = if rng.bernoulli(0.5) { rng.uniform_between(0.2, 0.7) } else { 0.0 };
-    let whitening = f64::sqrt((1.0 + colour) / (1.0 - colour));
+    let autocorrelation = if rng.bernoulli(0.5) { rng.uniform_between(0.2, 0.7) } else { 0.0 };
+    let whitening = f64::sqrt((1.0 + autocorrelation) / (1.0 - autocorrelation));
     let least = chip_formulation_difference(case) * whitening / SAME_Z;
     let share = rng.log_uniform_between(0.02, 0.1);
     let base = (share * nominal_force_rms(case)).max(least);
@@ -148,7 +148,7 @@ fn random_noise(case: &ForceCase, rng: &mut Rng) -> Noise {
     Noise {
         sigma,
         quantum: sigma.map(|sigma| coarse * sigma),
-        autocorrelation: colour,
+        autocorrelation,
         drift: if rng.bernoulli(0.4) { rng.uniform_between(0.02, 0.15) } else { 0.0 },
         gaps: if rng.bernoulli(0.2) { 1 + rng.uniform_index(3) } else { 0 },
     }
@@ -296,14 +296,14 @@ mod tests {
         // rows over σ.
         let mut rng = Rng::new(4, 0);
         let cut = Cut::lathe(&mut rng);
-        let scene = Passes::random(&cut, Excitation::Full, true, &mut rng);
+        let passes = Passes::random(&cut, Excitation::Full, true, &mut rng);
         let noise =
             Noise { sigma: [2.0; 3], quantum: [0.0; 3], autocorrelation: 0.0, drift: 0.0, gaps: 0 };
         let hidden = vec![Effect::of(Kind::WrenchBias, 0, &[0.3, -0.4, 1.2, 0.0, 0.0, 0.0])];
         let case = ForceCase {
             tier: Tier::Single,
             cut,
-            passes: scene,
+            passes,
             noise,
             modelled: Vec::new(),
             hidden,
@@ -326,10 +326,10 @@ mod tests {
         let noise =
             Noise { sigma: [1.0; 3], quantum: [0.0; 3], autocorrelation: 0.0, drift: 0.0, gaps: 0 };
         let mut rivals = |excitation| {
-            let scene = Passes::random(&cut, excitation, true, &mut rng);
+            let passes = Passes::random(&cut, excitation, true, &mut rng);
             let hidden = vec![Effect::of(Kind::EdgeForce, 0, &cut.edge)];
             let (tier, modelled) = (Tier::Ambiguous, Vec::new());
-            let case = ForceCase { tier, cut, passes: scene, noise, modelled, hidden, seed: 1 };
+            let case = ForceCase { tier, cut, passes, noise, modelled, hidden, seed: 1 };
             let ride = SimulatedPasses::of(&case.cut, &case.passes);
             let recorded = vec![true; ride.rows.len()];
             LinearisedCase::of(&case, &ride, &recorded, Some(0)).evaluate(0).rivals

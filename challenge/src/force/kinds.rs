@@ -7,7 +7,7 @@ use crate::effect::{self, EffectKind, ParameterKey};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
-    reason = "the names are the contract's; what stands outside it is told in `laws`"
+    reason = "the names are the contract's; `laws` documents the kinds outside it"
 )]
 pub enum Kind {
     EdgeForce,
@@ -48,19 +48,19 @@ pub type Effect = effect::Effect<Kind>;
 
 const fn of(
     name: &'static str,
-    entries: &'static [ParameterKey],
-    leads: usize,
-    not_negative: bool,
+    keys: &'static [ParameterKey],
+    linear_count: usize,
+    non_negative: bool,
     needs: &'static [Requirement],
 ) -> KindSpec {
-    let most = f64::INFINITY;
+    let max_linear = f64::INFINITY;
     KindSpec {
         name: Some(name),
         per_joint: false,
-        keys: entries,
-        linear_count: leads,
-        max_linear: most,
-        non_negative: not_negative,
+        keys,
+        linear_count,
+        max_linear,
+        non_negative,
         needs,
     }
 }

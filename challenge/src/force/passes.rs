@@ -183,17 +183,11 @@ impl Passes {
     pub fn rows(&self) -> Vec<ToolState> {
         let of_pass = |(number, pass): (usize, &Pass)| -> Vec<ToolState> {
             let row = |t_s: &f64| {
-                let way_m = pass.feed_position_m(*t_s);
+                let feed_position_m = pass.feed_position_m(*t_s);
                 let moves = *t_s >= pass.start_s && *t_s < pass.stop_s;
                 let feed_m_s = if moves { pass.feed_m_s } else { 0.0 };
-                let phase = pass.engagement(*t_s, way_m);
-                ToolState {
-                    pass: number,
-                    t_s: *t_s,
-                    engagement: phase,
-                    feed_m_s,
-                    feed_position_m: way_m,
-                }
+                let engagement = pass.engagement(*t_s, feed_position_m);
+                ToolState { pass: number, t_s: *t_s, engagement, feed_m_s, feed_position_m }
             };
             pass.times_s.iter().map(row).collect()
         };

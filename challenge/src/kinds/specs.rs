@@ -21,35 +21,27 @@ const fn loose(key: &'static str, si: f64) -> ParameterKey {
 
 const fn of(
     name: &'static str,
-    of_joint: bool,
-    entries: &'static [ParameterKey],
-    leads: usize,
-    most: f64,
-    not_negative: bool,
+    per_joint: bool,
+    keys: &'static [ParameterKey],
+    linear_count: usize,
+    max_linear: f64,
+    non_negative: bool,
     needs: &'static [Requirement],
 ) -> KindSpec {
-    KindSpec {
-        name: Some(name),
-        per_joint: of_joint,
-        keys: entries,
-        linear_count: leads,
-        max_linear: most,
-        non_negative: not_negative,
-        needs,
-    }
+    KindSpec { name: Some(name), per_joint, keys, linear_count, max_linear, non_negative, needs }
 }
 
 const fn outside(
-    entries: &'static [ParameterKey],
-    most: f64,
+    keys: &'static [ParameterKey],
+    max_linear: f64,
     needs: &'static [Requirement],
 ) -> KindSpec {
     KindSpec {
         name: None,
         per_joint: true,
-        keys: entries,
+        keys,
         linear_count: 1,
-        max_linear: most,
+        max_linear,
         non_negative: false,
         needs,
     }

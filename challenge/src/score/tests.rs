@@ -67,7 +67,7 @@ fn the_truth_is_right_another_joint_is_not_and_an_answer_without_claim_is_not() 
     let aside = ask(&said("missing_physics", "hysteresis", 3, "backlash", FITS));
     assert!(
         !aside.is_first_correct() && aside.is_among_first_three(),
-        "a rival that can be told apart is wrong"
+        "an alternative that can be distinguished is wrong"
     );
     assert_eq!(
         ask(&said("missing_physics", "backlash", 3, "x", [0.41, 0.44])).intervals(),

@@ -61,21 +61,21 @@ impl<'a> LinearisedCase<'a> {
     #[must_use]
     pub fn of(
         case: &'a TorqueCase,
-        (motion, ride): (&'a Motion, &'a SampledMotion),
+        (motion, sampled): (&'a Motion, &'a SampledMotion),
         recorded: &[bool],
         asked: Option<usize>,
     ) -> Self {
         let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != asked);
-        let base: Vec<Effect> =
+        let base_effects: Vec<Effect> =
             case.nominal().into_iter().chain(others.map(|(_, effect)| effect.clone())).collect();
-        let still = recorded_torques(&case.rig, motion, ride, &base);
+        let base_torques = recorded_torques(&case.rig, motion, sampled, &base_effects);
         Self {
             case,
             motion,
-            sampled: ride,
-            whitener: whitener(case, ride, recorded),
-            base_effects: base,
-            base_torques: still,
+            sampled,
+            whitener: whitener(case, sampled, recorded),
+            base_effects,
+            base_torques,
         }
     }
 

@@ -29,9 +29,9 @@ impl<'a> Evaluation<'a> {
     #[must_use]
     pub fn of(case: &'a TorqueCase, unseen: &'a Motion) -> Self {
         let motions = [&case.motion, unseen];
-        let rides = motions.map(|motion| SampledMotion::from_motion(&case.rig, motion, 0.0));
+        let samples = motions.map(|motion| SampledMotion::from_motion(&case.rig, motion, 0.0));
         let part = |number: usize| {
-            let ride = &rides[number];
+            let ride = &samples[number];
             let measured = case.simulate_measurements(motions[number], ride, number as u64);
             let unsaid = unit_mass_torques(&case.rig, ride);
             MeasuredRecording {
@@ -44,7 +44,7 @@ impl<'a> Evaluation<'a> {
             }
         };
         let pair = RecordingPair { training: part(0), unseen: part(1) };
-        Self { case, motions, samples: rides, pair }
+        Self { case, motions, samples, pair }
     }
 
     /// The case's motion and the unseen one.

@@ -174,12 +174,12 @@ fn random_noise(case: &TorqueCase, scales: &[JointScale], rng: &mut Rng) -> Nois
         .map(|(scale, sigma)| 0.2 * sigma * scale.acceleration / (3300.0 * scale.torque));
     let finest = loudest.fold(f64::INFINITY, f64::min);
     let steps = if case.rig.is_prismatic { [1e-6, 2e-7, 5e-8] } else { [6e-6, 1.5e-6, 3.7e-7] };
-    let step = steps.iter().copied().find(|step| *step < finest).unwrap_or(1e-8);
+    let encoder_quantum = steps.iter().copied().find(|step| *step < finest).unwrap_or(1e-8);
     Noise {
         sigma,
         quantum: sigma.map(|sigma| coarse * sigma),
         autocorrelation: if rng.bernoulli(0.5) { rng.uniform_between(0.2, 0.8) } else { 0.0 },
-        encoder_quantum: step,
+        encoder_quantum,
         gaps: if rng.bernoulli(0.2) { 1 + rng.uniform_index(3) } else { 0 },
     }
 }
@@ -211,9 +211,9 @@ fn add_modelled_effects(
     }
     for nominal in modelled {
         let sigma = nominal.parameters[0] * rng.uniform_between(0.01, 0.1);
-        let mut real = nominal.clone();
-        real.parameters[0] += sigma * rng.truncated_normal();
-        case.modelled.push(ModelledEffect { nominal, true_effect: real, sigma: vec![sigma] });
+        let mut true_effect = nominal.clone();
+        true_effect.parameters[0] += sigma * rng.truncated_normal();
+        case.modelled.push(ModelledEffect { nominal, true_effect, sigma: vec![sigma] });
     }
 }
 
@@ -242,9 +242,9 @@ fn random_effect(
     }
     let joint = if of_joint { joints[rng.uniform_index(joints.len())] } else { 0 };
     let n = case.rig.count();
-    let other = (joint + 1 + rng.uniform_index((n - 1).max(1))) % n;
+    let other_joint = (joint + 1 + rng.uniform_index((n - 1).max(1))) % n;
     let parameters = random_parameters(case, &scales[joint], kind, joint, rng);
-    Some(Effect { kind, joint, other_joint: other, parameters })
+    Some(Effect { kind, joint, other_joint, parameters })
 }
 
 /// Parameters of a kind, the leading ones of size one.
@@ -283,15 +283,15 @@ pub(super) fn random_parameters(
 
 /// Largest physically possible leading parameter.
 pub(super) fn max_linear_parameter(effect: &Effect, scale: &JointScale) -> f64 {
-    let JointScale { torque, speed, acceleration, half_range: reach } = *scale;
+    let JointScale { torque, speed, acceleration, half_range } = *scale;
     match effect.kind {
         Kind::ViscousFriction | Kind::AsymmetrySlope | Kind::PlaceDamping => torque / speed,
         Kind::LoadFriction => 0.4,
         Kind::FrictionTemperature => 0.08,
         Kind::Inertia => torque / acceleration,
         Kind::GravityMoment => 0.1 * torque,
-        Kind::Spring => torque / reach,
-        Kind::SpringHardening => torque / reach.powi(3),
+        Kind::Spring => torque / half_range,
+        Kind::SpringHardening => torque / half_range.powi(3),
         Kind::DriveGain => 0.3,
         Kind::TorqueDelay => 0.02,
         Kind::Payload => 10.0,
@@ -412,7 +412,7 @@ mod tests {
         assert_eq!(detectability.same.contains(&("inertia", Some(1))), level, "{detectability:?}");
         assert!(detectability.z > 8.0);
         case.rig.masses_stated = false;
-        assert!(judge(&case).z < 1e-3, "masses that nobody told take both");
+        assert!(judge(&case).z < 1e-3, "unstated masses explain both");
     }
 
     #[test]

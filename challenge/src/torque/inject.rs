@@ -89,16 +89,16 @@ impl PreparedRecording {
         rig.masses.clear();
         rig.ranges = (0..rig.count()).map(|i| joint_range(&states, i)).collect();
         let celsius = vec![[20.0; JOINTS]; at.len()];
-        let mut ride = SampledMotion::from_states(&rig, at, states, celsius);
-        let scales = joint_scales(&rig, &ride, &torques);
-        let (rigid, left) = fit_masses_and_friction(&rig, &ride, &torques, &scales);
+        let mut sampled = SampledMotion::from_states(&rig, at, states, celsius);
+        let scales = joint_scales(&rig, &sampled, &torques);
+        let (rigid, left) = fit_masses_and_friction(&rig, &sampled, &torques, &scales);
         let besides = difference(&smooth, &rigid);
-        ride.set_recorded(rigid, besides);
+        sampled.set_recorded(rigid, besides);
         let case = case_with_rig_only(rig, 1.0 / step_s);
         let mut real = Self {
             case,
             scales,
-            sampled: ride,
+            sampled,
             torques,
             runs: kept,
             sources,
@@ -268,12 +268,8 @@ fn joint_range(states: &[[JointState; JOINTS]], joint: usize) -> JointRange {
     let places = states.iter().map(|states| states[joint][0]);
     let [low, high] =
         places.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], q| [l.min(q), h.max(q)]);
-    let fastest = states.iter().fold(0.0_f64, |most, states| most.max(states[joint][1].abs()));
-    JointRange {
-        centre: 0.5 * (low + high),
-        half_range: 0.5 * (high - low).max(1e-6),
-        max_speed: fastest,
-    }
+    let max_speed = states.iter().fold(0.0_f64, |most, states| most.max(states[joint][1].abs()));
+    JointRange { centre: 0.5 * (low + high), half_range: 0.5 * (high - low).max(1e-6), max_speed }
 }
 
 fn joint_scales(rig: &Rig, ride: &SampledMotion, torques: &[Joints]) -> Vec<JointScale> {

@@ -8,7 +8,7 @@ use Requirement::{Arm, OwnSpring, OwnViscous, Revolute, Several, Temperature};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
     missing_docs,
-    reason = "the names are the contract's; what stands outside it is told in `laws`"
+    reason = "the names are the contract's; `laws` documents the kinds outside it"
 )]
 pub enum Kind {
     CoulombFriction,
@@ -72,19 +72,19 @@ const fn milli(turns: &'static str, slides: &'static str) -> ParameterKey {
 
 const fn of(
     name: &'static str,
-    entries: &'static [ParameterKey],
-    leads: usize,
-    not_negative: bool,
+    keys: &'static [ParameterKey],
+    linear_count: usize,
+    non_negative: bool,
     needs: &'static [Requirement],
 ) -> KindSpec {
-    let most = f64::INFINITY;
+    let max_linear = f64::INFINITY;
     KindSpec {
         name: Some(name),
         per_joint: true,
-        keys: entries,
-        linear_count: leads,
-        max_linear: most,
-        non_negative: not_negative,
+        keys,
+        linear_count,
+        max_linear,
+        non_negative,
         needs,
     }
 }

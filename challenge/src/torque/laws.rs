@@ -51,16 +51,16 @@ impl SampledMotion {
     #[must_use]
     pub fn from_states(
         rig: &Rig,
-        at: Vec<(usize, f64)>,
+        times: Vec<(usize, f64)>,
         states: Vec<[JointState; JOINTS]>,
-        celsius: Vec<Joints>,
+        temperatures_c: Vec<Joints>,
     ) -> Self {
         let frames: Vec<NearbyFrames> =
             states.iter().map(|states| rig.frames_nearby(states)).collect();
         let mut ride = Self {
-            times: at,
+            times,
             states,
-            temperatures_c: celsius,
+            temperatures_c,
             frames,
             rigid_torques: Vec::new(),
             other_torques: None,

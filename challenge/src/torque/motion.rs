@@ -180,11 +180,11 @@ impl Motion {
     pub fn random(
         ranges: &[JointRange],
         (length_s, rate_hz): (f64, f64),
-        warms: bool,
+        has_temperatures: bool,
         excitation: Excitation,
         rng: &mut Rng,
     ) -> Self {
-        let parts = if warms { 6 } else { 1 };
+        let parts = if has_temperatures { 6 } else { 1 };
         let mut levels: Vec<usize> = (0..parts).collect();
         rng.shuffle(&mut levels);
         let style = rng.uniform_index(3);
@@ -201,11 +201,12 @@ impl Motion {
             let count = (takes_s * rate_hz).round() as usize;
             let times_s = (0..count).map(|k| (k as f64 / rate_hz * 1e6).round() * 1e-6).collect();
             let share = level as f64 / parts as f64;
-            let warm_c = rise.map(|rise| 20.0 + if warms { rise * share } else { 0.0 });
-            let warming = rise.map(|rise| if warms { 0.3 * rise / length_s } else { 0.0 });
-            Segment { tracks, times_s, start_c: warm_c, warming_rate: warming }
+            let start_c = rise.map(|rise| 20.0 + if has_temperatures { rise * share } else { 0.0 });
+            let warming_rate =
+                rise.map(|rise| if has_temperatures { 0.3 * rise / length_s } else { 0.0 });
+            Segment { tracks, times_s, start_c, warming_rate }
         });
-        Self { segments: segments.collect(), rate_hz, has_temperatures: warms }
+        Self { segments: segments.collect(), rate_hz, has_temperatures }
     }
 }
 
@@ -246,10 +247,10 @@ fn full_excitation(range: &JointRange, length_s: f64, style: usize, rng: &mut Rn
             rng.uniform_between(0.35, 0.5)
         };
         let speed = range.max_speed * rng.log_uniform_between(0.1, 1.0);
-        let takes_s = ((to - from).abs() / ((1.0 - ramp) * speed)).max(0.25);
-        moves.push(Move { start_s: t_s, duration_s: takes_s, ends: [from, to], ramp });
+        let duration_s = ((to - from).abs() / ((1.0 - ramp) * speed)).max(0.25);
+        moves.push(Move { start_s: t_s, duration_s, ends: [from, to], ramp });
         let stop_s = if style == 1 { 0.1 } else { rng.uniform_between(0.0, 0.8) };
-        (t_s, from) = (t_s + takes_s + stop_s, to);
+        (t_s, from) = (t_s + duration_s + stop_s, to);
     }
     JointMotion::Moves(moves)
 }

@@ -24,19 +24,19 @@ impl Predictor {
             noise.iter().map(of).sum::<f64>() / count.max(1) as f64
         };
         let products: Vec<f64> = (0..=ORDER).map(product).collect();
-        let mut past: Vec<f64> = Vec::new();
+        let mut coefficients: Vec<f64> = Vec::new();
         // White noise of a millionth of the power avoids a division by zero.
         let mut error = products[0] * (1.0 + 1e-6) + f64::MIN_POSITIVE;
         for order in 1..=ORDER {
             let known: f64 =
-                past.iter().enumerate().map(|(k, a)| a * products[order - 1 - k]).sum();
+                coefficients.iter().enumerate().map(|(k, a)| a * products[order - 1 - k]).sum();
             let turn = (products[order] - known) / error;
-            let mirrored: Vec<f64> = past.iter().rev().copied().collect();
-            past.iter_mut().zip(mirrored).for_each(|(a, b)| *a -= turn * b);
-            past.push(turn);
+            let mirrored: Vec<f64> = coefficients.iter().rev().copied().collect();
+            coefficients.iter_mut().zip(mirrored).for_each(|(a, b)| *a -= turn * b);
+            coefficients.push(turn);
             error *= 1.0 - turn * turn;
         }
-        Self { coefficients: past, sigma: error.sqrt() }
+        Self { coefficients, sigma: error.sqrt() }
     }
 
     /// Whitened pieces, concatenated, each without its first values.

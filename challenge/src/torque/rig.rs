@@ -41,16 +41,16 @@ impl Rig {
         // z of the joint's frame points along x, inclined about y.
         let along = rotation([0.0, std::f64::consts::FRAC_PI_2 - lean, 0.0]);
         let kg = rng.log_uniform_between(5.0, 150.0);
-        let at = [0.05, 0.0, 0.02];
-        let points = vec![Mass { joint: 0, kg, position: at, tool: false }];
-        let reach = rng.uniform_between(0.1, 0.3);
-        let fastest = rng.uniform_between(0.2, 0.8);
+        let position = [0.05, 0.0, 0.02];
+        let masses = vec![Mass { joint: 0, kg, position, tool: false }];
+        let half_range = rng.uniform_between(0.1, 0.3);
+        let max_speed = rng.uniform_between(0.2, 0.8);
         Self {
             arm: arm_without_masses("slide", vec![along, translation([0.0, 0.0, 0.1])]),
             is_prismatic: true,
-            masses: points,
+            masses,
             masses_stated: stated,
-            ranges: vec![JointRange { centre: 0.0, half_range: reach, max_speed: fastest }],
+            ranges: vec![JointRange { centre: 0.0, half_range, max_speed }],
         }
     }
 
@@ -60,14 +60,14 @@ impl Rig {
         let kg = rng.log_uniform_between(1.0, 20.0);
         let far = rng.uniform_between(0.1, 0.5);
         let body = Mass { joint: 0, kg, position: [0.2 * far, far, 0.01], tool: false };
-        let reach = rng.uniform_between(0.6, 1.5);
-        let fastest = rng.uniform_between(1.5, 5.0);
+        let half_range = rng.uniform_between(0.6, 1.5);
+        let max_speed = rng.uniform_between(1.5, 5.0);
         Self {
             arm: arm_without_masses("pendulum", vec![level, translation([0.0, far, 0.0])]),
             is_prismatic: false,
             masses: spread_masses(&[body]),
             masses_stated: stated,
-            ranges: vec![JointRange { centre: 0.0, half_range: reach, max_speed: fastest }],
+            ranges: vec![JointRange { centre: 0.0, half_range, max_speed }],
         }
     }
 
@@ -77,15 +77,15 @@ impl Rig {
         let tool = mul(&translation([0.02, 0.03, 0.12]), &rotation([0.2, -0.1, 0.4]));
         let kg = rng.uniform_between(0.5, 4.0);
         let mut arm = Arm::from_table(number, rng.uniform_between(0.9, 1.15), &tool, kg, true);
-        let points = spread_masses(&std::mem::take(&mut arm.masses));
-        let fastest = rng.uniform_between(1.2, 2.5);
+        let masses = spread_masses(&std::mem::take(&mut arm.masses));
+        let max_speed = rng.uniform_between(1.2, 2.5);
         let range = |i: usize| JointRange {
             centre: arm.home[i],
             half_range: arm.half_range[i].min(1.6),
-            max_speed: fastest,
+            max_speed,
         };
         let ranges = (0..arm.joint_count()).map(range).collect();
-        Self { arm, is_prismatic: false, masses: points, masses_stated: stated, ranges }
+        Self { arm, is_prismatic: false, masses, masses_stated: stated, ranges }
     }
 
     /// A chain of axes through points, base axes at the zero configuration, m, without masses. All joints are revolute; a single joint may be
@@ -93,7 +93,7 @@ impl Rig {
     #[must_use]
     pub fn from_axes(
         axes: &[(Vector3, Vector3)],
-        slides: bool,
+        is_prismatic: bool,
         tcp: Vector3,
         gravity: Vector3,
     ) -> Self {
@@ -108,7 +108,7 @@ impl Rig {
         let mut arm = arm_without_masses("a recorded robot", links);
         arm.gravity = gravity;
         let ranges = vec![JointRange { centre: 0.0, half_range: 1.0, max_speed: 1.0 }; axes.len()];
-        Self { arm, is_prismatic: slides, masses: Vec::new(), masses_stated: false, ranges }
+        Self { arm, is_prismatic, masses: Vec::new(), masses_stated: false, ranges }
     }
 
     /// Number of joints.
@@ -224,7 +224,7 @@ impl Rig {
             [0.5, 0.0, 0.5],
             [0.0, 0.5, 0.5],
         ];
-        spots.map(|at| Mass { joint, kg: 1.0, position: at, tool: false })
+        spots.map(|position| Mass { joint, kg: 1.0, position, tool: false })
     }
 }
 
