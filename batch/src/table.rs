@@ -122,7 +122,7 @@ pub struct FindingParameter {
 impl Row {
     /// A row of a refusal.
     #[must_use]
-    pub fn refused(says: String) -> Self {
+    pub fn refused(sentence: String) -> Self {
         Self {
             subject: Subject::Refused,
             domain: None,
@@ -135,7 +135,7 @@ impl Row {
             ambient_c: None,
             joint_c: None,
             finding: None,
-            sentence: says,
+            sentence,
         }
     }
 }

@@ -45,29 +45,22 @@ impl DaemonLink {
         cell: &str,
         answer_within: Duration,
         fresh: Duration,
-        lost_feed: f64,
+        feed_without_daemon: f64,
         events: Sender<LinkEvent>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
-        let over = Arc::new(AtomicBool::new(false));
-        let (cell, say, until) = (cell.to_owned(), events.clone(), Arc::clone(&over));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (cell, say, until) = (cell.to_owned(), events.clone(), Arc::clone(&stop));
         std::thread::Builder::new().name("trued-join".to_owned()).spawn(move || {
             let found = retry_connect(|within| Client::connect(&cell, within), &say, &until);
             if let Some(mut client) = found {
                 client.set_fresh(fresh);
-                client.start_feed(lost_feed);
+                client.start_feed(feed_without_daemon);
                 // The receiver is gone if the bridge has ended.
                 let _ = tell.send(client);
             }
         })?;
-        Ok(Self {
-            client: None,
-            joined,
-            events,
-            stop: over,
-            answer_within,
-            feed_without_daemon: lost_feed,
-        })
+        Ok(Self { client: None, joined, events, stop, answer_within, feed_without_daemon })
     }
 
     /// The client, once joined.
@@ -137,8 +130,8 @@ impl DaemonLink {
     /// A link that never finds a daemon.
     pub(crate) fn nowhere() -> Self {
         let (joined, events) = (channel().1, channel().0);
-        let (over, answer_within) = (Arc::default(), Duration::ZERO);
-        Self { client: None, joined, events, stop: over, answer_within, feed_without_daemon: 1.0 }
+        let (stop, answer_within) = (Arc::default(), Duration::ZERO);
+        Self { client: None, joined, events, stop, answer_within, feed_without_daemon: 1.0 }
     }
 }
 

@@ -131,11 +131,11 @@ impl RealRecording {
         let (rig, has_slides) = rig(&model.physics.arm)?;
         let rows: Vec<RecordedRow> =
             recordings.iter().flat_map(|one| rows(one, rig.count())).collect();
-        let real =
+        let prepared =
             PreparedRecording::of(rig, &rows).ok_or_else(|| NoInjection::TooShort(name.clone()))?;
-        let positions = real.sources().iter().map(|row| rows[*row].2).collect();
+        let positions = prepared.sources().iter().map(|row| rows[*row].2).collect();
         let (model, findings) = (model.file.to_toml(), Vec::new());
-        Ok(Self { name, model, prepared: real, positions, has_slides, findings })
+        Ok(Self { name, model, prepared, positions, has_slides, findings })
     }
 
     /// The unmodified recording as CSV.

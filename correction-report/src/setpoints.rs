@@ -132,12 +132,12 @@ impl Iterator for Setpoints<'_> {
     fn next(&mut self) -> Option<TimedSetpoint> {
         let segment = *self.recording.segment.get(self.row)?;
         let before = self.row.checked_sub(1).and_then(|row| self.recording.segment.get(row));
-        let anew = before != Some(&segment);
-        self.advance_time(anew);
+        let starts_segment = before != Some(&segment);
+        self.advance_time(starts_segment);
         let q: Vec<f64> =
             (0..self.joints).map(|joint| value(self.recording.input(joint), self.row)).collect();
         let mut setpoint = Setpoint::new(&q).at_ns(self.t_ns);
-        if let Some(direction) = self.direction(anew, &q) {
+        if let Some(direction) = self.direction(starts_segment, &q) {
             setpoint = setpoint.direction(&direction);
         }
         if let Some(wrench) = self.wrench() {
@@ -152,7 +152,7 @@ impl Iterator for Setpoints<'_> {
             setpoint = setpoint.settled();
         }
         self.row += 1;
-        Some(TimedSetpoint { t_ns: self.t_ns, starts_segment: anew, setpoint })
+        Some(TimedSetpoint { t_ns: self.t_ns, starts_segment, setpoint })
     }
 }
 

@@ -223,7 +223,7 @@ impl Linearisation {
     #[inline(always)]
     fn update_pseudoinverse_in<S: Lanes>(&mut self, lanes: S, damping: f64) -> Option<()> {
         let (by_joints, asked) = (self.inverts_in_joint_space(), self.task_rows());
-        let Self { jacobian, pseudoinverse: steps, joints, .. } = self;
+        let Self { jacobian, pseudoinverse, joints, .. } = self;
         let mut normal = [[lanes.splat(0.0); 2]; ROWS];
         for (i, sums) in normal.iter_mut().enumerate() {
             if by_joints {
@@ -245,7 +245,7 @@ impl Linearisation {
         let part = if by_joints { *joints } else { asked };
         let correction = array::from_fn(|i| if i < part { damped } else { 1.0 });
         let inverse = invert(lanes, normal, &correction)?;
-        for (i, (step, rate)) in steps.iter_mut().zip(jacobian.iter()).enumerate() {
+        for (i, (step, rate)) in pseudoinverse.iter_mut().zip(jacobian.iter()).enumerate() {
             if by_joints {
                 let mut sums = [lanes.splat(0.0); 2];
                 for (row, weight) in inverse.iter().zip(rate) {
@@ -363,12 +363,13 @@ impl Kernel for NormsWork<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> (f64, f64) {
-        let Linearisation { jacobian, pseudoinverse: steps, .. } = self.0;
+        let Linearisation { jacobian, pseudoinverse, .. } = self.0;
         let (mut inverse, mut longest) = (lanes.splat(0.0), 0.0_f64);
         for k in 0..S::PARTS {
             let mut lengths = lanes.splat(0.0);
             for row in 0..ROWS {
-                let (rate, step) = (lanes.part(&jacobian[row], k), lanes.part(&steps[row], k));
+                let (rate, step) =
+                    (lanes.part(&jacobian[row], k), lanes.part(&pseudoinverse[row], k));
                 lengths = lanes.mul_add(rate, rate, lengths);
                 inverse = lanes.mul_add(step, step, inverse);
             }

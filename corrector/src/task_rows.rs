@@ -25,8 +25,8 @@ pub(crate) struct TaskRows {
 impl TaskRows {
     /// For the tool pose that the command has by the nominal geometry.
     pub(crate) fn new(commanded: &Frame, task: &Task) -> Self {
-        let wanted = Frame { origin: commanded.origin + task.offset_m, ..*commanded };
-        Self { desired: wanted, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
+        let desired = Frame { origin: commanded.origin + task.offset_m, ..*commanded };
+        Self { desired, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
     }
 
     /// A motion of the tool, m and rad in base axes.

@@ -380,9 +380,9 @@ impl Counters {
 }
 
 impl Exchange {
-    /// Creates all rings; `records`: whether a recorder drains its rings.
-    pub fn new(mode: Mode, records: bool) -> Self {
-        let kept = |n: usize| if records { n } else { 1 };
+    /// Creates all rings; `has_recorder`: whether a recorder drains its rings.
+    pub fn new(mode: Mode, has_recorder: bool) -> Self {
+        let kept = |n: usize| if has_recorder { n } else { 1 };
         let empty_blocks = ArrayQueue::new(BLOCKS_CAPACITY);
         for _ in 0..kept(BLOCKS_CAPACITY) {
             let _ = empty_blocks.push(Box::default());
@@ -415,7 +415,7 @@ impl Exchange {
             rearm_instrument: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
             recorder: AtomicU32::new(RecorderState::Off.code()),
-            has_recorder: records,
+            has_recorder,
         }
     }
 

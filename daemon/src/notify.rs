@@ -46,7 +46,7 @@ impl ServiceManager {
 
     /// The manager at this socket: a path, or an abstract name after an `@`.
     #[must_use]
-    pub fn with_socket(socket: Option<&OsStr>, patience: Option<Duration>, cells: usize) -> Self {
+    pub fn with_socket(socket: Option<&OsStr>, watchdog: Option<Duration>, cells: usize) -> Self {
         let address = socket.map(|name| match name.as_bytes() {
             [b'@', name @ ..] => SocketAddr::from_abstract_name(name),
             _ => SocketAddr::from_pathname(name),
@@ -57,7 +57,7 @@ impl ServiceManager {
         });
         Self {
             to: to.ok().flatten(),
-            watchdog: patience,
+            watchdog,
             triggered_at: Instant::now(),
             cells: vec![CellState::default(); cells],
         }

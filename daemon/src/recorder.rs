@@ -122,7 +122,7 @@ impl Recorder {
 
     /// Carries out a request.
     fn answer(&mut self, exchange: &Exchange, action: RecorderAction) {
-        let done = |says: String| RecorderAnswer { answer: Answer::Done, message: says };
+        let done = |message: String| RecorderAnswer { answer: Answer::Done, message };
         let answer = match action {
             RecorderAction::Start => {
                 self.is_on = true;
@@ -173,13 +173,13 @@ impl Recorder {
             count += 1;
         }
         self.keep_until = Some(Instant::now() + AFTER_ALARM);
-        let says = format!("{} is kept", file.path().display());
+        let message = format!("{} is kept", file.path().display());
         let is_wanted = |path: &PathBuf| !retention::is_kept(path) && ended_recently(path);
         if count < *kept_files_max {
             self.previous_to_keep = earlier.filter(is_wanted);
             self.keep_previous();
         }
-        RecorderAnswer { answer: Answer::Done, message: says }
+        RecorderAnswer { answer: Answer::Done, message }
     }
 
     /// Keeps the recording before the present one, once its repair has ended.
@@ -195,10 +195,10 @@ impl Recorder {
     /// Keeps the recording that follows a kept one. Only one: short files would use up the allowed
     /// number.
     fn keep_following(&mut self) {
-        let RecorderAnswer { answer, message: says } = self.keep("it follows one that is kept");
+        let RecorderAnswer { answer, message } = self.keep("it follows one that is kept");
         self.keep_until = None;
         if answer != Answer::Done {
-            warn!(says, "the recording after a kept one is not kept");
+            warn!(message, "the recording after a kept one is not kept");
         }
     }
 
@@ -207,9 +207,9 @@ impl Recorder {
         if !self.settings.keeps_alarms || self.file.is_none() {
             return;
         }
-        let RecorderAnswer { answer, message: says } = self.keep(why);
+        let RecorderAnswer { answer, message } = self.keep(why);
         if answer != Answer::Done {
-            warn!(why, says, "the recording of an alarm is not kept");
+            warn!(why, message, "the recording of an alarm is not kept");
         }
     }
 

@@ -365,8 +365,8 @@ fn request_recorder(exchange: &Exchange, code: u32) -> (Answer, String) {
     exchange.recorder_requests.force_push(action);
     let since = Instant::now();
     while since.elapsed() < CLOSING_TIMEOUT {
-        if let Some(RecorderAnswer { answer, message: says }) = exchange.recorder_answers.pop() {
-            return (answer, shortened(&says));
+        if let Some(RecorderAnswer { answer, message }) = exchange.recorder_answers.pop() {
+            return (answer, shortened(&message));
         }
         std::thread::sleep(Duration::from_millis(1));
     }

@@ -25,13 +25,13 @@ impl Temperatures {
     /// Without values yet. Without a limit each message contains all known values, as in a
     /// recording.
     #[must_use]
-    pub fn new(limit_ns: Option<u64>) -> Self {
+    pub fn new(age_limit_ns: Option<u64>) -> Self {
         Self {
             celsius: [f64::NAN; PLACES],
             valid_until_ns: [u64::MAX; PLACES],
             expires_ns: u64::MAX,
             stale: 0,
-            age_limit_ns: limit_ns,
+            age_limit_ns,
         }
     }
 

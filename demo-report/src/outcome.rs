@@ -131,7 +131,7 @@ impl Report {
     /// The complete report; `again`: `None` if the model was not replaced.
     pub fn new(
         mut milled: MillingResult,
-        told: DiagnosisOutcome,
+        diagnosis: DiagnosisOutcome,
         again: Option<RepeatRun>,
     ) -> Self {
         if let Some(again) = &again {
@@ -140,7 +140,7 @@ impl Report {
         let tool_error_after_diagnosis_mm = again.map(|again| again.error_mm);
         Self {
             milled,
-            diagnosis: told,
+            diagnosis,
             tool_error_after_diagnosis_mm,
             swap: again.map(|again| again.swap),
         }

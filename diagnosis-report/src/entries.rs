@@ -87,25 +87,19 @@ pub fn fitted_effects(
     for (place, effect) in model.effects().enumerate() {
         let effect = &without_ineffective_shift(effect, &base.physics.arm);
         let sigma = sigma_of(last, place, effect);
-        let of_base = base.entry_of.get(place).copied();
+        let base_index = base.entry_of.get(place).copied();
         let settings = chosen.iter().find(|chosen| chosen.effect == place);
         let settings = settings.map_or(&[][..], |chosen| chosen.settings.as_slice());
-        let written = match of_base.and_then(|at| base.file.effects.get(at)) {
+        let written = match base_index.and_then(|at| base.file.effects.get(at)) {
             Some(entry) => Some(updated_entry(entry, effect, &sigma, joint_kind_of(base, effect))),
             None => new_entry(base, effect, &sigma, settings),
         };
-        let written = written.ok_or_else(|| {
+        let file_entry = written.ok_or_else(|| {
             Error::internal(format!("{} cannot be written into a model", effect.spec().kind))
         })?;
-        let numbers = effect_parameters(base, last, place, effect, &sigma);
+        let parameters = effect_parameters(base, last, place, effect, &sigma);
         let share_m = shares_m.get(place).copied().unwrap_or(0.0);
-        entries.push(FittedEffect {
-            effect: *effect,
-            base_index: of_base,
-            parameters: numbers,
-            share_m,
-            file_entry: written,
-        });
+        entries.push(FittedEffect { effect: *effect, base_index, parameters, share_m, file_entry });
     }
     Ok(entries)
 }

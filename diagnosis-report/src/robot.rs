@@ -125,14 +125,8 @@ impl RobotDiagnosis {
     ) -> Result<Self, Error> {
         let arm = base.physics.arm;
         let has_positions = crate::drives::positions_are_recorded(&recordings);
-        let unjudged = |base, doubts, notes, rows| {
-            Ok(Self {
-                objections: doubts,
-                notes,
-                rows,
-                has_positions,
-                ..Self::empty(base, settings)
-            })
+        let unjudged = |base, objections, notes, rows| {
+            Ok(Self { objections, notes, rows, has_positions, ..Self::empty(base, settings) })
         };
         let ScreeningReport { notes, doubts } = screen_recordings(&arm, &mut recordings);
         if !doubts.is_empty() {
@@ -236,9 +230,5 @@ fn position_objections(base: &RobotModel, looked: &ThinnedRecordings, least: usi
     if !looked.moves {
         return vec!["no joint moves in the recording; record a motion of the arm".to_owned()];
     }
-    looked
-        .faults(&base.physics)
-        .into_iter()
-        .map(|SuspectedError { message: says, .. }| says)
-        .collect()
+    looked.faults(&base.physics).into_iter().map(|SuspectedError { message, .. }| message).collect()
 }

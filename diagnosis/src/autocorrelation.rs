@@ -36,12 +36,12 @@ impl ArModel {
     /// The model estimated from runs of consecutive residuals.
     #[must_use]
     pub fn estimate(runs: &[Vec<f64>]) -> Self {
-        let (law, fresh) = burg(runs);
+        let (coefficients, innovation_sigma) = burg(runs);
         // A flexible model that overfits leaves residuals that alternate in sign; no instrument's noise does.
-        if law.iter().sum::<f64>() <= SWINGS {
+        if coefficients.iter().sum::<f64>() <= SWINGS {
             Self::default()
         } else {
-            Self { coefficients: law, innovation_sigma: fresh }
+            Self { coefficients, innovation_sigma }
         }
     }
 
@@ -181,9 +181,9 @@ impl<'a> WhiteningFilter<'a> {
         part: usize,
         row: &mut [f64],
     ) {
-        let ArModel { coefficients: law, innovation_sigma: fresh } =
+        let ArModel { coefficients, innovation_sigma } =
             &self.campaign.instruments[instrument].noise_model;
-        if law.is_empty() {
+        if coefficients.is_empty() {
             return;
         }
         let past = self.past.entry((instrument, stream, part)).or_default();
@@ -194,11 +194,11 @@ impl<'a> WhiteningFilter<'a> {
         let mut raw = std::mem::take(&mut past.spare);
         raw.clear();
         raw.extend_from_slice(row);
-        if past.rows.len() >= law.len() {
-            for (share, before) in law.iter().zip(&past.rows) {
+        if past.rows.len() >= coefficients.len() {
+            for (share, before) in coefficients.iter().zip(&past.rows) {
                 subtract_scaled(row, *share, before);
             }
-            row.iter_mut().for_each(|x| *x /= fresh);
+            row.iter_mut().for_each(|x| *x /= innovation_sigma);
             past.spare = past.rows.pop().unwrap_or_default();
         }
         past.rows.insert(0, raw);

@@ -255,7 +255,7 @@ impl<'a> Reader<'a> {
         &self,
         mut take: impl FnMut(Pose) -> Result<(), CampaignError>,
     ) -> Result<(), CampaignError> {
-        let Recording { t_s, metadata: about, .. } = self.recording;
+        let Recording { t_s, metadata, .. } = self.recording;
         let mut last: Option<Inputs> = None;
         let mut start_s = 0.0;
         for (row, now_s) in t_s.iter().enumerate() {
@@ -263,8 +263,8 @@ impl<'a> Reader<'a> {
             let before = last.as_ref().filter(|_| goes_on);
             start_s = if goes_on { start_s } else { *now_s };
             let inputs = self.inputs(row, now_s - start_s, before)?;
-            let follows =
-                about.kind == RecordingKind::Path || about.approach == DirectionSource::Sequence;
+            let follows = metadata.kind == RecordingKind::Path
+                || metadata.approach == DirectionSource::Sequence;
             let arrival =
                 if follows && before.is_some() { Arrival::FromPrevious } else { Arrival::Settled };
             last = Some(inputs);

@@ -178,8 +178,8 @@ pub(crate) fn wave_candidate(arm: &Arm, joint: usize, cycles: f64) -> Option<Can
     let cosine = wave(arm, joint, cycles, 1.0, FRAC_PI_2)?;
     let probes = [sine, cosine].map(|effect| CandidateParameter { effect, value: 0 }).to_vec();
     let slot = format!("wave {joint} {cycles}");
-    let make = ParameterMapping::Wave { joint, cycles };
-    Some(Candidate { slot, joint: Some(joint), probes, settings: Vec::new(), mapping: make })
+    let mapping = ParameterMapping::Wave { joint, cycles };
+    Some(Candidate { slot, joint: Some(joint), probes, settings: Vec::new(), mapping })
 }
 
 fn wave(arm: &Arm, joint: usize, cycles: f64, amplitude: f64, phase: f64) -> Option<AnyEffect> {

@@ -268,8 +268,8 @@ impl AxisEstimate {
     fn finish(self, tracks: &[Vec<DVec3>], noise_m: Option<f64>) -> Result<Axis, CircleError> {
         let triangle = self.linearised(tracks);
         let free = triangle.rows().saturating_sub(triangle.width()).max(1) as f64;
-        let left_m = (triangle.rest() / free).sqrt();
-        let variance = noise_m.unwrap_or(left_m).powi(2);
+        let residual_rms_m = (triangle.rest() / free).sqrt();
+        let variance = noise_m.unwrap_or(residual_rms_m).powi(2);
         let inverse = triangle.inverse();
         let full = |i: usize, j: usize| -> f64 {
             (i.max(j)..triangle.width()).map(|k| inverse[i][k - i] * inverse[j][k - j]).sum::<f64>()
@@ -295,7 +295,7 @@ impl AxisEstimate {
             point: self.point,
             covariance,
             circles,
-            residual_rms_m: left_m,
+            residual_rms_m,
         })
     }
 }

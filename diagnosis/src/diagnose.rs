@@ -283,7 +283,7 @@ fn finish(
         from: None,
         effort: FitEffort::Full,
     };
-    let EffectSelection { fit: last, selected: named } = selection;
+    let EffectSelection { fit: last, selected } = selection;
     let held_out = split.held_out();
     let held = FitEvaluator::new(&campaign, (&split, &held_out), &last);
     let given = held.compared(&Hypothesis::fixed(*model), &last);
@@ -303,16 +303,16 @@ fn finish(
         let left = after.powi(2) - rest.heldout[1].powi(2);
         (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)
     });
-    let verdict = verdict::decide(&named, &last, carried);
+    let verdict = verdict::decide(&selected, &last, carried);
     let map = residual_map::map(&campaign, &given, &settings, covariates);
     let uncertainty = fitted.uncertainty();
-    let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
+    let findings = findings::findings(&held, model, (&last, &uncertainty), &selected, &given);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
     let test_errors = held.test_errors(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);
-    let next_experiment = design.propose(&named);
-    let early = joint_readback::detect_early_readback(&campaign, &last, &settings)
+    let next_experiment = design.propose(&selected);
+    let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspicion| suspicion.message);
     let (far, rows) = outlier_counts(&last, &campaign);
     if far > 0 {
@@ -333,7 +333,7 @@ fn finish(
         map,
         not_tested,
         notes,
-        unsettled_message: early,
+        unsettled_message,
         campaign,
         split,
     }

@@ -122,8 +122,16 @@ pub(crate) struct FitParts {
 
 impl Fit {
     pub(crate) fn of(campaign: &Campaign, parts: FitParts) -> Self {
-        let FitParts { linearisation, weighing, active, dependent, bounded, minimum, steps, sum } =
-            parts;
+        let FitParts {
+            linearisation,
+            weighing,
+            active,
+            dependent,
+            bounded,
+            minimum,
+            steps,
+            sum: sum_of_squares,
+        } = parts;
         let triangle = minimum.as_ref().map_or(QrFactor::new(0), |m| m.triangle.clone());
         let readings = minimum.as_ref().map_or(0, |m| m.data.rows());
         let inverse = triangle.inverse();
@@ -150,7 +158,7 @@ impl Fit {
             design_effect,
             steps,
             converged: minimum.is_some_and(|m| m.converged),
-            sum_of_squares: sum,
+            sum_of_squares,
             readings,
             active,
             inverse,

@@ -155,13 +155,14 @@ pub fn diagnose(
     let signal = Signal::from_recording(recording)?;
     let level = phases::block_levels(&signal);
     let phases = phases::find_phases(&signal, &level);
-    let (tones, spindle_hz, resolution_hz) = lines::find_lines(&signal, &phases, recording);
+    let (spectral_lines, spindle_hz, resolution_hz) =
+        lines::find_lines(&signal, &phases, recording);
     let mut findings = Vec::new();
     let mut not_tested = Vec::new();
     let has = |state: State| phases.iter().any(|phase| phase.state == state);
     let mut notes = signal.notes.clone();
     if has(State::Cut) {
-        let chatter = tones.iter().filter(|tone| tone.cause == Cause::SelfExcited);
+        let chatter = spectral_lines.iter().filter(|tone| tone.cause == Cause::SelfExcited);
         findings.extend(chatter.take(1).map(|tone| Finding::Chatter {
             line: tone.clone(),
             resolution_hz,
@@ -181,8 +182,8 @@ pub fn diagnose(
             "the tool is never in air, so the sensor is never known to be unloaded",
         ));
     }
-    let compared = cut::compare(model, sigma, recording, &signal);
-    match &compared {
+    let cut_comparison = cut::compare(model, sigma, recording, &signal);
+    match &cut_comparison {
         Ok(compared) => {
             findings.clear();
             not_tested.clone_from(&compared.not_tested);
@@ -197,7 +198,7 @@ pub fn diagnose(
         }
     }
     let verdict =
-        compared.as_ref().map_or_else(|_| verdict_without_cut(&findings), |one| one.verdict);
+        cut_comparison.as_ref().map_or_else(|_| verdict_without_cut(&findings), |one| one.verdict);
     not_tested.sort_unstable();
     Ok(Diagnosis {
         verdict,
@@ -205,7 +206,7 @@ pub fn diagnose(
         noise: phases::noise_in_air(&level, &phases),
         specific_force_pa: specific_force(&signal, &phases, recording, spindle_hz),
         phases,
-        spectral_lines: tones,
+        spectral_lines,
         is_force: signal.is_force,
         channels: signal.channel_names(),
         rows: signal.rows(),
@@ -213,7 +214,7 @@ pub fn diagnose(
         spindle_hz,
         notes,
         not_tested,
-        cut_comparison: compared,
+        cut_comparison,
         level: level.plot(),
     })
 }

@@ -74,9 +74,9 @@ pub fn detect_global_errors(campaign: &Campaign, model: &Model) -> Vec<Suspected
     }
     let mut found: Vec<SuspectedError> = remedies(&few, model)
         .into_iter()
-        .map(|(says, changed)| {
+        .map(|(message, changed)| {
             let after_m = worst_target_error_m(&changed, model);
-            (SuspectedError { message: says, before_m, after_m }, workspace_radius(&changed))
+            (SuspectedError { message, before_m, after_m }, workspace_radius(&changed))
         })
         .filter(|(s, reach)| {
             s.after_m < REMEDY * before_m && s.after_m < UNEXPLAINED_FRACTION * reach
@@ -92,14 +92,14 @@ pub fn detect_global_errors(campaign: &Campaign, model: &Model) -> Vec<Suspected
     if found.is_empty()
         && before_m > UNEXPLAINED_LEAST_M.max(UNEXPLAINED_FRACTION * spread_m).max(noise_m)
     {
-        let says = format!(
+        let message = format!(
             "{} was measured {:.0} mm from its predicted position, and no single swapped column, unit, sign or tool explains \
              it: check that the model is of this robot, that joints and measurement of each row belong together, and that the tracker was not moved \
              during a recording",
             targets::worst(&few, model),
             before_m * 1e3
         );
-        found.push(SuspectedError { message: says, before_m, after_m: before_m });
+        found.push(SuspectedError { message, before_m, after_m: before_m });
     }
     found
 }

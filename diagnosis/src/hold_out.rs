@@ -68,9 +68,9 @@ impl HoldOutSplit {
             }
         }
         let trained = drawn;
-        let says =
+        let description =
             format!("{trained} of {count} poses in the training set, drawn with seed {seed}");
-        Self { training, description: says }
+        Self { training, description }
     }
 
     /// The first part of the poses in time is the training set, the rest is held out.
@@ -126,8 +126,8 @@ impl HoldOutSplit {
             let held = held.map(|block| left[block.clone()].fill(false)).count();
             let what = if fineness == 0 { "segments" } else { "stretches" };
             let count = blocks.len();
-            let says = format!("{held} of {count} {what}, not used in selection or fit");
-            Self { training: left, description: says }
+            let description = format!("{held} of {count} {what}, not used in selection or fit");
+            Self { training: left, description }
         };
         let whole = usize::from(runs.len() < RUNS_MANY);
         let enough = |split: &Self| all_keep_half(campaign, training, &split.training);

@@ -81,14 +81,14 @@ impl Hypothesis {
             let stated = sigma.get(value).copied().filter(|sigma| *sigma > 0.0);
             if named.is_some_and(|named| !kept.contains(&named.parameter.stem)) {
                 let sigma = stated.unwrap_or_else(|| plausible_size(&effect, value));
-                let belief =
+                let prior_source =
                     if stated.is_some() { PriorSource::Stated } else { PriorSource::WideDefault };
                 self.free.push(FreeParameter {
                     effect: index,
                     value,
                     mean: *mean,
                     sigma,
-                    prior_source: belief,
+                    prior_source,
                 });
             }
         }

@@ -79,7 +79,7 @@ pub fn detect_readback_mismatch(recording: &Recording, model: &Model) -> Option<
             commanded,
         )
     };
-    let says = format!(
+    let message = format!(
         "the measured joint positions differ from the commanded ones by {:.3} degrees RMS (joint {} by up to {:.2}); \
          {early}the residual of the geometry is {:.3} mm with the commanded and {:.3} mm with the measured ones; {verdict}",
         apart.rms.to_degrees(),
@@ -88,7 +88,7 @@ pub fn detect_readback_mismatch(recording: &Recording, model: &Model) -> Option<
         commanded * 1e3,
         read * 1e3
     );
-    Some(SuspectedError { message: says, before_m, after_m })
+    Some(SuspectedError { message, before_m, after_m })
 }
 
 /// Difference between read-back and commanded positions.
@@ -161,10 +161,10 @@ pub fn detect_early_readback(
         return None;
     }
     let left = PositionErrors::of(found, campaign, settings.used).quantile(0.5);
-    let says = format!(
+    let message = format!(
         "the tool is further along each move than the joint positions ({}): they were read before the arm had settled; \
          use the commanded positions, or read again after the arm has settled",
         joints.join(", ")
     );
-    Some(SuspectedError { message: says, before_m: left, after_m: left })
+    Some(SuspectedError { message, before_m: left, after_m: left })
 }

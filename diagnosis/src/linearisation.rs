@@ -49,18 +49,18 @@ impl Linearisation {
         let mut full = vec![vec![0.0; state.width()]; 3];
         let taken = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
         let numbers = taken.flat_map(|(pose, _)| pose.seen.iter().map(|seen| seen.reading.count()));
-        let mut slopes = Vec::with_capacity(numbers.sum::<usize>() * state.width());
+        let mut derivatives = Vec::with_capacity(numbers.sum::<usize>() * state.width());
         let mut entries = Vec::new();
         let look = VisitScope { used: Some(used), derivatives: true };
         visit_readings(campaign, &state, look, |at| {
             at.rows.write_derivatives(effects_from, at.motions, &mut full);
             let VisitedReading { pose, reading, instrument, stream, .. } = *at;
-            let first = slopes.len();
-            full.iter().take(at.rows.count).for_each(|row| slopes.extend_from_slice(row));
+            let first = derivatives.len();
+            full.iter().take(at.rows.count).for_each(|row| derivatives.extend_from_slice(row));
             let rows = at.rows.clone();
             entries.push(CachedReading { pose, reading, instrument, stream, rows, first });
         });
-        Self { state, used: used.to_vec(), entries, derivatives: slopes }
+        Self { state, used: used.to_vec(), entries, derivatives }
     }
 
     /// Whether it was computed for this state and these poses.

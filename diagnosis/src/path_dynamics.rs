@@ -30,7 +30,7 @@ pub(crate) fn paths(campaign: &Campaign) -> impl Iterator<Item = Range<usize>> {
 /// The paths of a campaign under one model's dynamics.
 pub(crate) struct PathDynamics {
     paths: Vec<(Range<usize>, ExecutedPath)>,
-    /// Index of the ride of each pose; empty if no effect of the model needs one.
+    /// Index of the path of each pose; empty if no effect of the model needs one.
     of_pose: Vec<Option<usize>>,
 }
 
@@ -48,13 +48,13 @@ impl PathDynamics {
     pub(crate) fn for_all_paths(model: &Model, campaign: &Campaign) -> Self {
         let dynamics = Dynamics::from_model(model);
         let mut of_pose = vec![None; campaign.poses.len()];
-        let mut rides = Vec::new();
+        let mut executed = Vec::new();
         for run in paths(campaign) {
-            of_pose[run.clone()].fill(Some(rides.len()));
-            let ride = ExecutedPath::of(model, &dynamics, &rows(campaign, &run));
-            rides.push((run, ride));
+            of_pose[run.clone()].fill(Some(executed.len()));
+            let path = ExecutedPath::of(model, &dynamics, &rows(campaign, &run));
+            executed.push((run, path));
         }
-        Self { paths: rides, of_pose }
+        Self { paths: executed, of_pose }
     }
 
     fn at(&self, pose: usize) -> Option<(&ExecutedPath, usize)> {

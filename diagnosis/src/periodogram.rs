@@ -66,13 +66,8 @@ fn parts(fitted: &ScoreTest<'_>) -> Vec<Vec<PoseSums>> {
             motions =
                 (0..arm.count()).map(|joint| ToolMotion::of_joint(arm, &chain, joint)).collect();
             for (parts, position) in parts.iter_mut().zip(q) {
-                let seen = vec![0.0; active.len()];
-                parts.push(PoseSums {
-                    position: *position,
-                    own: 0.0,
-                    gradient: 0.0,
-                    projection: seen,
-                });
+                let projection = vec![0.0; active.len()];
+                parts.push(PoseSums { position: *position, own: 0.0, gradient: 0.0, projection });
             }
         }
         for (parts, motion) in parts.iter_mut().zip(&motions) {

@@ -249,7 +249,7 @@ fn run(
     // The measured motor motion already contains delay and lag.
     let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
     let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
-    let (mut seen, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
+    let (mut states, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
     for segment in rows.chunk_by(goes_on) {
         let mut inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
         match drive_motion {
@@ -265,9 +265,9 @@ fn run(
         }
         let is_closed = drive_motion == DriveMotion::ClosedLoop;
         let dynamics = if is_closed { &on_motors } else { &dynamics };
-        seen.extend(forward::path(&model.physics, dynamics, &inputs));
+        states.extend(forward::path(&model.physics, dynamics, &inputs));
     }
-    Ok(SimulatedMotion { states: seen, torques: has_torques.then_some(torques) })
+    Ok(SimulatedMotion { states, torques: has_torques.then_some(torques) })
 }
 
 /// Delays, lags and modes of the model; effects of drives and forces have no dynamics and are skipped.

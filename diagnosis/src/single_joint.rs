@@ -307,11 +307,11 @@ pub fn tilt_of_two_targets(
     noise_m: f64,
 ) -> Option<ObservedTilt> {
     let (a, b) = (before[1] - before[0], after[1] - after[0]);
-    let blind = a.try_normalize().filter(|_| b.is_finite() && b != DVec3::ZERO)?;
+    let unobservable_axis = a.try_normalize().filter(|_| b.is_finite() && b != DVec3::ZERO)?;
     Some(ObservedTilt {
         turn: smallest_turn(a, b),
         sigma_rad: 2.0 * noise_m / a.length(),
-        unobservable_axis: blind,
+        unobservable_axis,
     })
 }
 

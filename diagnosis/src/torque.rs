@@ -231,12 +231,12 @@ fn assess_effects(case: &Case, always: &[usize], names: &[usize]) -> Vec<Assesse
     let search = nonlinear_parameters::search(case, &products, always);
     let selection = search.solve(names);
     let one = |name: &usize| {
-        let (confidence, rivals) = parameters::alternatives(&search, &selection, *name);
+        let (confidence, alternatives) = parameters::alternatives(&search, &selection, *name);
         AssessedEffect {
             candidate: *name,
             gain: search.gain_of(&selection, *name),
             confidence,
-            alternatives: rivals,
+            alternatives,
         }
     };
     let pays = |one: &AssessedEffect| one.gain > search.penalty(&case.library.terms[one.candidate]);

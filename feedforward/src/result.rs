@@ -36,14 +36,14 @@ impl JointCorrection {
     /// Of the joint `at`, from 0.
     #[must_use]
     pub fn of(at: usize, kind: JointKind, stepped: &CorrectionStep) -> Self {
-        let CorrectionStep { correction, residual: left, bandwidth_hz, limited_rows } = stepped;
+        let CorrectionStep { correction, residual, bandwidth_hz, limited_rows } = stepped;
         let unit = if kind == JointKind::Revolute { "mrad" } else { "mm" };
         Self {
             joint: at + 1,
             unit,
             correction: MILLI * largest(correction),
-            left: MILLI * largest(left),
-            left_rms: MILLI * rms(left),
+            left: MILLI * largest(residual),
+            left_rms: MILLI * rms(residual),
             bandwidth_hz: *bandwidth_hz,
             limited_rows: *limited_rows,
         }

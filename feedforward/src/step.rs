@@ -145,8 +145,8 @@ impl Joint<'_> {
         let (correction, limited_rows) = self.limit(wanted);
         let changed: Vec<f64> = correction.iter().zip(before).map(|(c, b)| c - b).collect();
         let moved = self.transform.through(&changed, response);
-        let left = error.iter().zip(moved).map(|(error, moved)| error - moved).collect();
-        CorrectionStep { correction, residual: left, bandwidth_hz, limited_rows }
+        let residual = error.iter().zip(moved).map(|(error, moved)| error - moved).collect();
+        CorrectionStep { correction, residual, bandwidth_hz, limited_rows }
     }
 
     /// A raised cosine from 0 to 1 at both ends.

@@ -95,7 +95,7 @@ impl Laws {
     pub(crate) const NONE: Self = {
         let none = [0.0; JOINTS_MAX];
         let waves = [Waves { amplitude: none, cycles: none, phase: none }; WAVES_MAX];
-        let (counts, most, is_compliant, is_even) = ([0; JOINTS_MAX], 0, false, true);
+        let (counts, max_waves, is_compliant, is_even) = ([0; JOINTS_MAX], 0, false, true);
         let (offset, ratio, gravity, wrench, inertia) = (none, none, none, none, none);
         Self {
             offset,
@@ -105,7 +105,7 @@ impl Laws {
             inertia,
             waves,
             counts,
-            max_waves: most,
+            max_waves,
             is_compliant,
             is_even,
         }

@@ -85,7 +85,7 @@ impl Branch {
         config: &MonitorConfig,
         rate_hz: f64,
         plans: &[WindowPlan],
-        measuring: usize,
+        measuring_window: usize,
     ) -> Self {
         let least_power = [config.least_amplitude_n.powi(2), config.least_amplitude_nm.powi(2)];
         let window = |plan: &WindowPlan, planner: &mut RealFftPlanner<f64>| {
@@ -104,7 +104,7 @@ impl Branch {
             hop,
             rate_hz,
             hops: 0,
-            measuring_window: measuring,
+            measuring_window,
             samples_to_hop: hop,
             histories: (0..config.channels).map(|_| History::new(longest)).collect(),
             windows: plans.iter().map(|plan| window(plan, planner)).collect(),

@@ -40,8 +40,13 @@ pub(crate) struct Floor {
 
 impl Floor {
     /// A floor of `bins` bins, learned over `warm_frames` frames and then updated with a time
-    /// constant of `follow_frames`; `reach` is the half width of a line's main lobe in bins.
-    pub(crate) fn new(bins: usize, warm_frames: u32, follow_frames: f64, reach: usize) -> Self {
+    /// constant of `follow_frames`; `lobe_half_width` is the half width of a line's main lobe in bins.
+    pub(crate) fn new(
+        bins: usize,
+        warm_frames: u32,
+        follow_frames: f64,
+        lobe_half_width: usize,
+    ) -> Self {
         Self {
             level: [vec![0.0; bins], vec![0.0; bins]],
             sum: vec![0.0; bins],
@@ -52,7 +57,7 @@ impl Floor {
             frames: 0,
             learning_frames: warm_frames.max(4),
             update_rate: 1.0 / follow_frames.max(2.0),
-            lobe_half_width: reach,
+            lobe_half_width,
             active_set: 0,
         }
     }

@@ -126,15 +126,15 @@ impl LineContext<'_> {
 
     fn evidence(&self, track: &Track) -> Evidence {
         let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
-        let driven = self.spindle.has_harmonic_at(f, 0.5 + uncertainty_hz);
+        let at_spindle_harmonic = self.spindle.has_harmonic_at(f, 0.5 + uncertainty_hz);
         let suspect = |line: NearestLine| line.distance_hz.abs() < SUSPECT_HZ.max(uncertainty_hz);
         let alias = self.spindle.nearest_alias(f, self.config.rate_hz);
         let feed = self.process.feed_mm_s;
         let near_mode = self.is_near_mode(track);
         Evidence {
             speed_known: self.spindle.hz > 0.0,
-            at_spindle_harmonic: driven,
-            aliased: !driven && alias.is_some_and(suspect),
+            at_spindle_harmonic,
+            aliased: !at_spindle_harmonic && alias.is_some_and(suspect),
             on_mains: self.is_mains_multiple(f, uncertainty_hz, track.class == Class::Electrical),
             mains_present: self.mains_present,
             near_mode,

@@ -331,7 +331,13 @@ impl MeasuredReceptance<'_> {
         squares.iter().map(|sum| (0.5 * sum / f64::max(fits, 1.0)).sqrt()).collect()
     }
 
-    fn fitted_mode(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
+    fn fitted_mode(
+        &self,
+        pole: &Pole,
+        spread_hz: f64,
+        meets_all_criteria: bool,
+        fit: &Fit,
+    ) -> FittedMode {
         let (damped_hz, decay_hz) = (pole.at_hz.re, pole.at_hz.im - self.window_decay_per_s / TAU);
         let frequency_hz = damped_hz.hypot(decay_hz);
         // A record that ends before the mode has decayed shifts the pole by the remaining share of
@@ -341,10 +347,10 @@ impl MeasuredReceptance<'_> {
         // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is with respect to Hz.
         let per_mass = -8.0 * PI * PI * damped_hz * pole.residue;
         let mass_kg = 1.0 / per_mass.norm();
-        let carried = self.hit_interval_s.map_or(0.0, |s| (-TAU * decay_hz * s).exp());
+        let carry_over = self.hit_interval_s.map_or(0.0, |s| (-TAU * decay_hz * s).exp());
         // Vibration left by earlier hits changes the residue, with unknown phase, but not the
         // poles.
-        let carried_sigma = FRAC_1_SQRT_2 * carried / (1.0 - carried).max(f64::EPSILON);
+        let carried_sigma = FRAC_1_SQRT_2 * carry_over / (1.0 - carry_over).max(f64::EPSILON);
         let relative = pole.residue_sigma.hypot(spread_hz / pole.at_hz.im).hypot(carried_sigma);
         let bin = peaks::nearest_bin(self.frequency_hz, damped_hz);
         FittedMode {
@@ -354,13 +360,13 @@ impl MeasuredReceptance<'_> {
             damping_sigma: sigma_hz / frequency_hz,
             damping_half_power: peaks::half_power_hz(self.frequency_hz, self.receptance, bin)
                 .map(|width_hz| (0.5 * width_hz - self.window_decay_per_s / TAU) / frequency_hz)
-                .filter(|damping| *damping > 0.0 && by_signs),
+                .filter(|damping| *damping > 0.0 && meets_all_criteria),
             mass_kg,
             mass_sigma_kg: mass_kg * relative,
             phase_rad: per_mass.arg(),
             coherence: self.coherence.and_then(|c| c.get(bin)).copied(),
-            carry_over: carried,
-            meets_all_criteria: by_signs,
+            carry_over,
+            meets_all_criteria,
             residual: fit.residual,
         }
     }

@@ -64,19 +64,25 @@ impl VibrationMonitor {
             .gear_frequencies
             .reserve(GEAR_FREQUENCIES_MAX.saturating_sub(config.gear_frequencies.len()));
         let mut planner = RealFftPlanner::new();
-        let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
-        let split = front.factor() > 1 && config.band_top_hz() > SPLIT_HZ;
+        let front_end = FrontEnd::new(config.rate_hz, SPLIT_HZ);
+        let split = front_end.factor() > 1 && config.band_top_hz() > SPLIT_HZ;
         let low_top_hz = if split { SPLIT_HZ } else { config.band_top_hz() };
         Ok(Self {
             process: ProcessState::default(),
             stream: SensorStream::new(&config),
             force_level: ForceLevel::new(&config),
-            raw: (0..config.channels).map(|_| History::new(front.longest())).collect(),
-            low: Branch::low(&mut planner, &config, front.factor(), low_top_hz),
+            raw: (0..config.channels).map(|_| History::new(front_end.longest())).collect(),
+            low: Branch::low(&mut planner, &config, front_end.factor(), low_top_hz),
             full: split.then(|| Branch::full(&mut planner, &config)),
-            asynchronous: AsynchronousSignal::new(&mut planner, &config, &front, low_top_hz, split),
-            decimate_in: front.factor(),
-            front_end: front,
+            asynchronous: AsynchronousSignal::new(
+                &mut planner,
+                &config,
+                &front_end,
+                low_top_hz,
+                split,
+            ),
+            decimate_in: front_end.factor(),
+            front_end,
             tracks: Tracks::default(),
             speed: SpeedRange::default(),
             spindle: Spindle::default(),

@@ -180,6 +180,10 @@ mod tests {
         assert_eq!(best(0.166), Some((wheels[1], 1)));
         assert_eq!(best(0.0331), Some((wheels[0], 2)));
         assert_eq!(best(3.0), None);
-        assert_eq!(match_gears(0.325, &wheels, 0.03).len(), 2, "what fits as well is told");
+        assert_eq!(
+            match_gears(0.325, &wheels, 0.03).len(),
+            2,
+            "all pairs that fit equally well are reported"
+        );
     }
 }

@@ -223,9 +223,8 @@ impl Stability {
                 direction: axes.in_cut_axes(mode.direction).normalize(),
             })
         };
-        let swings = modes.iter().enumerate().map(swing).collect::<Result<_, _>>()?;
-        let stability =
-            Self { modes: modes.to_vec(), axes, cutter, tip_modes: swings, min_depth_m: 0.0 };
+        let tip_modes = modes.iter().enumerate().map(swing).collect::<Result<_, _>>()?;
+        let stability = Self { modes: modes.to_vec(), axes, cutter, tip_modes, min_depth_m: 0.0 };
         Ok(stability.with_min_depth())
     }
 
@@ -242,8 +241,8 @@ impl Stability {
     }
 
     fn with_min_depth(self) -> Self {
-        let least_m = self.lobes(0.0).min_depth_m();
-        Self { min_depth_m: least_m, ..self }
+        let min_depth_m = self.lobes(0.0).min_depth_m();
+        Self { min_depth_m, ..self }
     }
 
     /// The axes of the cut.

@@ -326,14 +326,14 @@ impl Tracks {
 mod tests {
     use super::*;
 
-    fn sighting(frequency_hz: f64, cell_hz: f64, threefold: bool) -> Detection {
+    fn sighting(frequency_hz: f64, cell_hz: f64, three_windows_agree: bool) -> Detection {
         Detection {
             channel: 1,
             frequency_hz,
             power: 4.0,
             ratio: 50.0,
             cell_hz,
-            three_windows_agree: threefold,
+            three_windows_agree,
             learned_share: 0.0,
             is_asynchronous: false,
         }

@@ -28,9 +28,9 @@ fn case(settled: bool, ambient: bool, hidden: Vec<Effect>) -> PositionCase {
     } else {
         Scene::random_path(arm, recorded_inputs, (1600, 100.0), excitation, &mut rng)
     };
-    let places = vec![[0.0; 3]];
-    let view = Instrument {
-        points: places,
+    let points = vec![[0.0; 3]];
+    let instrument = Instrument {
+        points,
         measuring_from_base: IDENTITY,
         frame_known: true,
         points_known: true,
@@ -48,7 +48,7 @@ fn case(settled: bool, ambient: bool, hidden: Vec<Effect>) -> PositionCase {
         tier: Tier::Single,
         scene,
         excitation,
-        instrument: view,
+        instrument,
         noise,
         modelled: Vec::new(),
         hidden,

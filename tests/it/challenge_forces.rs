@@ -23,11 +23,11 @@ use crate::program::Place;
 /// A case of a cut without noise; it enters the work and leaves it, at three feeds and speeds.
 fn case(cut: Cut) -> ForceCase {
     let mut rng = Rng::new(12, 0);
-    let scene = Passes::random(&cut, Excitation::Full, true, &mut rng);
+    let passes = Passes::random(&cut, Excitation::Full, true, &mut rng);
     let noise =
         Noise { sigma: [1.0; 3], quantum: [0.0; 3], autocorrelation: 0.0, drift: 0.0, gaps: 0 };
     let (tier, modelled, hidden) = (Tier::Single, Vec::new(), Vec::new());
-    ForceCase { tier, cut, passes: scene, noise, modelled, hidden, seed: 1 }
+    ForceCase { tier, cut, passes, noise, modelled, hidden, seed: 1 }
 }
 
 /// A fluted slot, a straight mill in down milling, a fluted one in up milling, one in the middle of

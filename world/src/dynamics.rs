@@ -122,9 +122,9 @@ impl Dynamics {
             }
             ("flexible_mode", joint, &[frequency_hz, damping_ratio, participation, compliance]) => {
                 let of_base = effect.axis().map(VibratingPart::Base);
-                let Some(rings) = joint.map(VibratingPart::Joint).or(of_base) else { return };
+                let Some(part) = joint.map(VibratingPart::Joint).or(of_base) else { return };
                 self.modes.push(Mode {
-                    part: rings,
+                    part,
                     frequency_hz,
                     damping_ratio,
                     participation,

@@ -255,7 +255,7 @@ fn mass_matrix(
 ) -> Result<MassMatrix, ServoError> {
     let still = Inputs { velocity: [0.0; JOINTS_MAX], acceleration: [0.0; JOINTS_MAX], ..*inputs };
     let rest = model.drive(&still, memories);
-    let (mut matrix, mut beside) = (Square::identity(), Joints::default());
+    let (mut matrix, mut effect_inertia) = (Square::identity(), Joints::default());
     let count = model.arm.count();
     for k in 0..count {
         let mut pushed = still;
@@ -264,13 +264,13 @@ fn mass_matrix(
         for i in 0..count {
             matrix[(i, k)] = drive.acting(i) - rest.acting(i);
         }
-        beside[k] = matrix[(k, k)] - (drive.rigid[k] - rest.rigid[k]);
+        effect_inertia[k] = matrix[(k, k)] - (drive.rigid[k] - rest.rigid[k]);
     }
     let diagonal: Joints = std::array::from_fn(|i| matrix[(i, i)]);
     let massless = diagonal[..count].iter().position(|inertia| *inertia <= 0.0);
     match (massless, matrix.cholesky()) {
         (None, Some(factor)) => {
-            Ok(MassMatrix { inverse: factor.inverse(), diagonal, effect_inertia: beside })
+            Ok(MassMatrix { inverse: factor.inverse(), diagonal, effect_inertia })
         }
         (joint, _) => Err(ServoError::Massless { joint: joint.map_or(1, |joint| joint + 1) }),
     }

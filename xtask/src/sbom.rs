@@ -1,5 +1,5 @@
-//! `cargo xtask sbom`: components linked into the program and into the C library, as CycloneDX 1.5
-//! (JSON), for the packages.
+//! `cargo xtask sbom`: components linked into the programs and the C library that are shipped, as
+//! CycloneDX 1.5 (JSON), for the packages.
 //!
 //! Source: `cargo tree` of each package, normal dependencies on x86-64 Linux, and the checksums of
 //! `Cargo.lock`. Crates of this workspace are listed without a package URL, because they are not
@@ -74,18 +74,18 @@ impl Crate {
 /// Linked crates, and the dependencies of each.
 type DependencyGraph = BTreeMap<Crate, BTreeSet<String>>;
 
-fn bom(of: &Subject) -> Result<Value, String> {
-    let workspace = root().join(of.workspace);
-    let links = parse_tree(&tree(&workspace, of.package)?)?;
+fn bom(subject: &Subject) -> Result<Value, String> {
+    let workspace = root().join(subject.workspace);
+    let links = parse_tree(&tree(&workspace, subject.package)?)?;
     let checksums = checksums(&workspace)?;
-    let subject = links.keys().find(|one| one.name == of.package).ok_or("an empty tree")?;
-    let others = links.keys().filter(|one| *one != subject);
+    let top = links.keys().find(|one| one.name == subject.package).ok_or("an empty tree")?;
+    let others = links.keys().filter(|one| *one != top);
     let dependency = |(one, names): (&Crate, &BTreeSet<String>)| json!({ "ref": one.reference(), "dependsOn": names });
     Ok(json!({
         "bomFormat": "CycloneDX",
         "specVersion": "1.5",
         "version": 1,
-        "metadata": { "component": component(subject, of.kind, &checksums) },
+        "metadata": { "component": component(top, subject.kind, &checksums) },
         "components": others.map(|one| component(one, "library", &checksums)).collect::<Vec<_>>(),
         "dependencies": links.iter().map(dependency).collect::<Vec<_>>(),
     }))

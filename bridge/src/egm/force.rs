@@ -41,8 +41,8 @@ impl ForceForwarder {
         events: Sender<LinkEvent>,
     ) -> std::io::Result<Self> {
         let (tell, joined) = channel();
-        let over = Arc::new(AtomicBool::new(false));
-        let (cell, until) = (cell.to_owned(), Arc::clone(&over));
+        let stop = Arc::new(AtomicBool::new(false));
+        let (cell, until) = (cell.to_owned(), Arc::clone(&stop));
         std::thread::Builder::new().name("trued-force".to_owned()).spawn(move || {
             let found =
                 retry_connect(|within| ForceSource::connect(&cell, within), &events, &until);
@@ -56,7 +56,7 @@ impl ForceForwarder {
             CoordinateFrame::Base => WrenchFrame::Base,
         };
         let block = [0.0; BLOCK_SAMPLES * CHANNELS];
-        Ok(Self { source: None, joined, stop: over, frame, rate_hz, block, filled: 0, first_ns: 0 })
+        Ok(Self { source: None, joined, stop, frame, rate_hz, block, filled: 0, first_ns: 0 })
     }
 
     /// Adds a sample received at `now_ns`; if samples were lost before it, the earlier ones are

@@ -182,11 +182,11 @@ impl<L: Link> Forwarder<L> {
             self.counts.increment(Count::Sessions);
             self.path = Path::new(self.settings.path_period_ns);
         }
-        let stands = measured.or(planned);
+        let position = measured.or(planned);
         let by_joints = self.settings.guidance == Guidance::Joints;
         let begins = before.is_none_or(|before| !before.is_guided) || (is_doubtful && by_joints);
         if is_guided && begins {
-            self.start(stands);
+            self.start(position);
         }
         let not_guided = before.map_or(0, |before| before.not_guided) + 1;
         if is_guided && has_target && !was_answered {
@@ -197,7 +197,7 @@ impl<L: Link> Forwarder<L> {
             last_ns: now_ns,
             is_guided,
             not_guided: if is_guided { 0 } else { not_guided },
-            position: stands,
+            position,
             q: planned.or(measured),
             has_target,
             is_answered: false,

@@ -263,8 +263,8 @@ pub(crate) fn connection(from: Connection, why: trued_code) -> trued_connection 
 pub(crate) fn event(from: &ConnectionEvent) -> trued_connection {
     match from {
         ConnectionEvent::Connected { pid, epoch } => linked(*pid, *epoch),
-        ConnectionEvent::Lost { disconnect_reason: away, why } => {
-            severed(::trued_client::ErrorKind::from(*away).into(), why)
+        ConnectionEvent::Lost { disconnect_reason, why } => {
+            severed(::trued_client::ErrorKind::from(*disconnect_reason).into(), why)
         }
     }
 }

@@ -99,8 +99,8 @@ fn with_places(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
     }
     let mut faults = Faults::new(name);
     for fault in found {
-        let place = fault.location.clone().or_else(|| place_of(text, &fault.key));
-        faults.push(Fault { location: place, ..fault });
+        let location = fault.location.clone().or_else(|| place_of(text, &fault.key));
+        faults.push(Fault { location, ..fault });
     }
     faults.into_result::<()>(None).err()
 }

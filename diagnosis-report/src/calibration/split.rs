@@ -28,11 +28,11 @@ impl PoseSplit {
             let held = campaign_import::held_out(campaign, recordings);
             let training: Vec<bool> = held.iter().map(|held| !held).collect();
             let trains = training.iter().filter(|trains| **trains).count();
-            let says = format!(
+            let description = format!(
                 "{trains} of {} poses in the training set, as stated by `heldout` in the recordings",
                 held.len()
             );
-            Self { split: HoldOutSplit { training, description: says }, seed: None }
+            Self { split: HoldOutSplit { training, description }, seed: None }
         } else {
             let seed = settings.seed;
             let split = HoldOutSplit::random(campaign, 1.0 - settings.heldout_share, seed);

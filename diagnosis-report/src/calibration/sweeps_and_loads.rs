@@ -154,10 +154,11 @@ impl SweepsAndLoads {
         sag: SagCorrection,
     ) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
-        let taken_out = sag != SagCorrection::AsMeasured;
-        let said = sweeps::analyse_sweeps(model, sag, sweeps::sweeps(&model.arm, campaign, around));
-        let joints = sweeps::joint_models(&model.arm, &said);
-        let axes = sweeps::relative_axes(&said);
+        let is_sag_removed = sag != SagCorrection::AsMeasured;
+        let sweep_results =
+            sweeps::analyse_sweeps(model, sag, sweeps::sweeps(&model.arm, campaign, around));
+        let joints = sweeps::joint_models(&model.arm, &sweep_results);
+        let axes = sweeps::relative_axes(&sweep_results);
         let pairs = load_pairs::pairs(&model.arm, campaign, around);
         let noise_m = typical_noise(campaign, fit);
         let compliances = load_pairs::compliances(&model.arm, &pairs, noise_m).ok().flatten();
@@ -166,20 +167,20 @@ impl SweepsAndLoads {
         let by_links = estimate_joint_by_joint(&model.arm, &cases, noise_m).ok();
         let by_links = by_links.filter(|_| !cases.is_empty());
         let base_tilt = link_targets::base_tilt(&on_links, noise_m);
-        let worth = load_pairs::enhanced_effects(model, campaign);
+        let load_effects = load_pairs::enhanced_effects(model, campaign);
         let rows = campaign.poses.iter().map(|pose| (pose.recording, pose.row + 1)).collect();
         let pairs = pairs.len();
         Self {
-            sweep_results: said,
+            sweep_results,
             joints,
             axes,
             pairs,
             compliances,
             by_links,
             base_tilt,
-            load_effects: worth,
+            load_effects,
             rows,
-            is_sag_removed: taken_out,
+            is_sag_removed,
         }
     }
 

@@ -184,8 +184,8 @@ fn reported_finding(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding
                 says: format!("The sensor has an offset of {said} N (x, y, z) without contact."),
             }
         }
-        Finding::Chatter { line: tone, resolution_hz, is_speed_known: is_alone } => {
-            chatter_finding(diagnosis, tone, *resolution_hz, *is_alone)
+        Finding::Chatter { line, resolution_hz, is_speed_known } => {
+            chatter_finding(diagnosis, line, *resolution_hz, *is_speed_known)
         }
     }
 }

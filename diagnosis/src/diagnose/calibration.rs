@@ -77,7 +77,7 @@ fn select_from(
     campaign: &Campaign,
     base: &Fit,
     settings: &FitSettings<'_>,
-    library: &[Candidate],
+    dictionary: &[Candidate],
 ) -> EffectSelection {
     let model = &base.hypothesis.model;
     let cache = JacobianCache::default();
@@ -85,7 +85,7 @@ fn select_from(
         campaign,
         known: &base.hypothesis,
         settings: *settings,
-        dictionary: library,
+        dictionary,
         cache: &cache,
     };
     let start = EffectSelection::none(base);

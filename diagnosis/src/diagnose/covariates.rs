@@ -25,13 +25,13 @@ impl Covariate {
         let sound = raw.iter().copied().filter(|x| x.is_finite());
         let (low, high) = sound
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (f64::min(l, x), f64::max(h, x)));
-        let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
-        if half <= 1e-9 * middle.abs().max(1e-6) {
+        let (centre, half_range) = (0.5 * (high + low), 0.5 * (high - low));
+        if half_range <= 1e-9 * centre.abs().max(1e-6) {
             return None;
         }
-        let scaled = |x: &f64| if x.is_finite() { (x - middle) / half } else { 0.0 };
+        let scaled = |x: &f64| if x.is_finite() { (x - centre) / half_range } else { 0.0 };
         let values = raw.iter().map(scaled).collect();
-        Some(Self { name, joint, values, centre: middle, half_range: half })
+        Some(Self { name, joint, values, centre, half_range })
     }
 
     /// Chebyshev polynomials `T_1` to `T_count` at a pose.

@@ -53,7 +53,7 @@ pub(super) fn findings(
         let effect = whole.effects().nth(one.effect).copied()?;
         let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
         let (confidence, shares) = verdict::confidence(one, last);
-        let had = one
+        let stated = one
             .previous_priors
             .as_ref()
             .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
@@ -71,7 +71,7 @@ pub(super) fn findings(
                 .collect(),
             effect,
             effect_index: one.effect,
-            stated: had,
+            stated,
             settings: one.candidate.settings.clone(),
             confidence,
             gain: one.gain,

@@ -39,9 +39,9 @@ pub(super) struct LinearisedCandidate {
 
 impl LinearisedCandidate {
     /// A candidate that the fit does not contain.
-    pub(super) fn unfitted(kept: &'static [&'static str], candidate: Candidate) -> Self {
-        let stands = vec![0.0; candidate.probes.len()];
-        Self { linearised_at: stands, candidate, fixed: kept, waived_penalty: 0.0, moves: None }
+    pub(super) fn unfitted(fixed: &'static [&'static str], candidate: Candidate) -> Self {
+        let linearised_at = vec![0.0; candidate.probes.len()];
+        Self { linearised_at, candidate, fixed, waived_penalty: 0.0, moves: None }
     }
 
     /// Number of nonlinear parameters, which are searched for outside the columns. The phase of a wave is not counted, since sine and cosine are
@@ -113,47 +113,48 @@ impl GramMatrix {
         let (fixed, count): (usize, usize) = (nuisance.len(), own.ncols());
         let part = fitted.fit.triangle.of_columns(nuisance);
         let width = fixed + count;
-        let mut cells = DMatrix::zeros(width + 1, width + 1);
+        let mut products = DMatrix::zeros(width + 1, width + 1);
         let places = |k: usize| if k < fixed { k } else { width };
         for i in 0..=fixed {
             for k in 0..=fixed {
                 let shared = 0..(i.min(k) + 1).min(fixed);
                 let rest = if i == fixed && k == fixed { part.rest() } else { 0.0 };
                 let known: f64 = shared.map(|r| part.at(r, i) * part.at(r, k)).sum();
-                cells[(places(i), places(k))] = known + rest;
+                products[(places(i), places(k))] = known + rest;
             }
         }
         for (place, sigma) in stated {
-            cells[(*place, *place)] += sigma.powi(-2);
+            products[(*place, *place)] += sigma.powi(-2);
         }
         for c in 0..count {
             for j in 0..fixed {
-                (cells[(j, fixed + c)], cells[(fixed + c, j)]) = (mixed[(j, c)], mixed[(j, c)]);
+                (products[(j, fixed + c)], products[(fixed + c, j)]) =
+                    (mixed[(j, c)], mixed[(j, c)]);
             }
             for d in 0..count {
-                cells[(fixed + c, fixed + d)] = own[(c, d)];
+                products[(fixed + c, fixed + d)] = own[(c, d)];
             }
-            (cells[(width, fixed + c)], cells[(fixed + c, width)]) = (pulls[c], pulls[c]);
+            (products[(width, fixed + c)], products[(fixed + c, width)]) = (pulls[c], pulls[c]);
         }
-        let mut groups = Vec::with_capacity(entries.len());
+        let mut columns_of = Vec::with_capacity(entries.len());
         let mut first = fixed;
         let mut stands = vec![0.0; width];
-        let mut is_change = vec![false; width];
+        let mut is_correction = vec![false; width];
         for entry in entries {
             let columns = first..first + entry.candidate.probes.len();
             stands[columns.clone()].copy_from_slice(&entry.linearised_at);
-            is_change[columns.clone()].fill(entry.candidate.changes().is_some());
+            is_correction[columns.clone()].fill(entry.candidate.changes().is_some());
             first = columns.end;
-            groups.push(columns);
+            columns_of.push(columns);
         }
-        add_back_explained(&mut cells, &stands);
+        add_back_explained(&mut products, &stands);
         let mut gram = Self {
             lengths: vec![1.0; width],
             data_share: vec![1.0; width],
-            is_correction: is_change,
+            is_correction,
             is_included: vec![false; width],
-            products: cells,
-            columns_of: groups,
+            products,
+            columns_of,
         };
         gram.scale(fixed, &priors);
         (0..fixed).for_each(|column| gram.sweep(column));
@@ -272,14 +273,14 @@ impl GramMatrix {
         let size = inside.len();
         let inverse = DMatrix::from_fn(size, size, |i, k| -self.products[(inside[i], inside[k])]);
         let x = DMatrix::from_fn(size, 1, |i, _| self.products[(inside[i], right)]);
-        let (mut found, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
+        let (mut estimates, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
         for (i, column) in inside.iter().enumerate() {
-            found[column - columns.start] = x[i] / self.lengths[*column];
+            estimates[column - columns.start] = x[i] / self.lengths[*column];
             sigma[column - columns.start] = inverse[(i, i)].max(0.0).sqrt() / self.lengths[*column];
         }
         let solved = inverse.cholesky().map(|c| c.solve(&x));
         let gain = solved.map_or(0.0, |solved| solved.dot(&x));
-        CandidateEstimate { gain, parameter_count: size, estimates: found, sigma }
+        CandidateEstimate { gain, parameter_count: size, estimates, sigma }
     }
 }
 

@@ -117,18 +117,20 @@ pub(super) fn subsample(
     notes: &mut Vec<String>,
 ) -> Vec<bool> {
     let count = campaign.poses.len();
-    let Some(RowSelection { kept, measured_kept: read, note: says }) =
+    let Some(RowSelection { kept, measured_kept, note }) =
         thinning::select_rows(&row_properties(campaign, joints))
     else {
         return vec![true; count];
     };
-    campaign.poses.iter_mut().zip(&read).filter(|(_, read)| !**read).for_each(|(pose, _)| {
-        pose.seen.clear();
-    });
+    campaign.poses.iter_mut().zip(&measured_kept).filter(|(_, read)| !**read).for_each(
+        |(pose, _)| {
+            pose.seen.clear();
+        },
+    );
     let mut keeps = kept.iter();
     campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
     relink_poses(campaign);
-    notes.push(says);
+    notes.push(note);
     kept
 }
 

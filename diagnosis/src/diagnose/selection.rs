@@ -87,13 +87,13 @@ impl EffectSelection {
     /// The selection without the effects `gone`, with the fit of the others.
     pub(super) fn without_effects(&self, gone: &[&SelectedEffect], fit: Fit) -> Self {
         let is_gone = |one: &SelectedEffect| gone.iter().any(|gone| std::ptr::eq(*gone, one));
-        let mut named: Vec<SelectedEffect> =
+        let mut selected: Vec<SelectedEffect> =
             self.selected.iter().filter(|one| !is_gone(one)).cloned().collect();
         // In descending order, so that the indices of the remaining ones stay valid.
         let mut gone: Vec<&&SelectedEffect> = gone.iter().collect();
         gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
-        gone.into_iter().for_each(|one| shift_indices_after(&mut named, one));
-        Self { fit, selected: named }
+        gone.into_iter().for_each(|one| shift_indices_after(&mut selected, one));
+        Self { fit, selected }
     }
 }
 
@@ -262,13 +262,13 @@ impl Search<'_> {
         for entry in &stepwise.selected {
             let gain = stepwise.gram.estimate_beside_others(*entry);
             let entry = &stepwise.entries[*entry];
-            if let Some((effect, stated)) =
+            if let Some((effect, previous_priors)) =
                 Self::add_candidate(&mut hypothesis, entry, &gain.estimates)
             {
                 chosen.push(SelectedEffect {
                     candidate: entry.candidate.clone(),
                     effect,
-                    previous_priors: stated,
+                    previous_priors,
                     fixed: entry.fixed,
                     waived_penalty: entry.waived_penalty,
                     gain: 0.5 * gain.gain / before.design_effect,

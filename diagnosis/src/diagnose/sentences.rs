@@ -40,13 +40,13 @@ fn three_digits(value: f64) -> String {
     format!("{value:.*}", places.clamp(0.0, 9.0) as usize)
 }
 
-/// A finding as one sentence. `had`: the parameters that the model states, if they are corrected; `slides`: whether the joint is prismatic.
+/// A finding as one sentence. `stated`: the parameters that the model states, if they are corrected; `is_prismatic`: whether the joint is prismatic.
 #[must_use]
-pub fn sentence(effect: &AnyEffect, had: Option<&[f64]>, slides: bool) -> String {
-    let said = EffectFormatter { effect, stated: had, is_prismatic: slides };
+pub fn sentence(effect: &AnyEffect, stated: Option<&[f64]>, is_prismatic: bool) -> String {
+    let said = EffectFormatter { effect, stated, is_prismatic };
     let joint = effect.joint().map_or(String::new(), |joint| format!("Joint {}", joint + 1));
     let what = drive_phrase(&said, &joint);
-    match had {
+    match stated {
         None => format!("{what}."),
         Some(_) => format!(
             "The model's {} is wrong; the difference: {what}.",

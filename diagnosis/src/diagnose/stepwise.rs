@@ -65,7 +65,7 @@ impl<'a> StepwiseSelection<'a> {
         selection: &EffectSelection,
         also: &[LinearisedCandidate],
     ) -> Self {
-        let EffectSelection { fit, selected: named } = selection;
+        let EffectSelection { fit, selected } = selection;
         let fitted = ScoreTest::new(search.campaign, fit, &search.settings);
         let arm = &fit.hypothesis.model.arm;
         let moves = search.cache.columns(&fitted, search.dictionary);
@@ -75,8 +75,8 @@ impl<'a> StepwiseSelection<'a> {
                 ..LinearisedCandidate::unfitted(candidate.fixed_stems(), candidate.clone())
             });
         let mut entries: Vec<LinearisedCandidate> = of_library.collect();
-        let mut own = Vec::with_capacity(named.len());
-        for one in named {
+        let mut own = Vec::with_capacity(selected.len());
+        for one in selected {
             let effect = fit.hypothesis.model.effects().nth(one.effect);
             let had = &search
                 .known
@@ -87,7 +87,7 @@ impl<'a> StepwiseSelection<'a> {
             let had = had.map_or(&[][..], |had| had.values());
             // Every selected effect gets an entry, so that the indices follow the order of the selection.
             let bare = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
-            let (candidate, stands) =
+            let (candidate, linearised_at) =
                 effect.map_or_else(bare, |effect| one.candidate.relinearised(arm, effect, had));
             // A correction replaces the dictionary's candidate of the same effect; any other effect may be selected a second time with other values.
             entries.retain(|e| {
@@ -95,12 +95,12 @@ impl<'a> StepwiseSelection<'a> {
             });
             let open = LinearisedCandidate::unfitted(one.fixed, candidate);
             own.push(LinearisedCandidate {
-                linearised_at: stands,
+                linearised_at,
                 waived_penalty: one.waived_penalty,
                 ..open
             });
         }
-        let standing = (entries.len()..entries.len() + own.len()).collect();
+        let previous = (entries.len()..entries.len() + own.len()).collect();
         entries.extend(own);
         entries.extend_from_slice(also);
         for line in best_periods(&fitted) {
@@ -112,7 +112,7 @@ impl<'a> StepwiseSelection<'a> {
             given: &search.known.model,
             gram: GramMatrix::of(&fitted, &entries, &nuisance, &stated),
             entries,
-            previous: standing,
+            previous,
             selected: Vec::new(),
             design_effect: fit.design_effect,
             readings: (fit.readings as f64 / fit.design_effect).max(2.0),
@@ -375,19 +375,19 @@ impl<'a> StepwiseSelection<'a> {
         let fitted = ALTERNATIVES_FITTED_MAX
             .min(ALTERNATIVES_FITTED_IN_ALL / selection.selected.len().max(1))
             .max(1);
-        let mut rivals = Vec::new();
+        let mut alternatives = Vec::new();
         for (place, would) in near.into_iter().take(fitted) {
             let rival = self.alternative(search, selection, k, place, &would, gain.gain);
-            rivals
+            alternatives
                 .extend(rival.filter(|rival| rival.likelihood_loss < 2.0 * INDISTINGUISHABLE_LOSS));
         }
-        rivals.sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
+        alternatives.sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
         SelectedEffect {
             margin: 0.5 * self.improvement(&gain, &self.entries[own]),
             gain: 0.5 * gain.gain / self.design_effect,
             parameter_count: gain.parameter_count + self.entries[own].nonlinear_count(),
             share: search.used_share(),
-            alternatives: rivals,
+            alternatives,
             variants,
             ..selection.selected[k].clone()
         }
@@ -410,14 +410,14 @@ impl StepwiseSelection<'_> {
         let arm = &fit.hypothesis.model.arm;
         let numbers = would.parameter_count + entry.nonlinear_count();
         let changes = entry.candidate.changes();
-        let told = |behind: f64, effect, candidate, found| AlternativeEffect {
+        let told = |likelihood_loss: f64, effect, candidate, estimates| AlternativeEffect {
             effect,
             changes: changes.is_some(),
-            likelihood_loss: behind,
+            likelihood_loss,
             numbers,
-            is_indistinguishable: behind < INDISTINGUISHABLE_LOSS * search.used_share(),
+            is_indistinguishable: likelihood_loss < INDISTINGUISHABLE_LOSS * search.used_share(),
             candidate,
-            estimates: found,
+            estimates,
             fixed: entry.fixed,
         };
         let named = &selection.selected[k];

@@ -113,12 +113,13 @@ impl Search<'_> {
         rival: &AlternativeEffect,
         penalty: f64,
     ) -> Option<(EffectSelection, f64)> {
-        let mut named = selection.selected.clone();
+        let mut selected = selection.selected.clone();
         let gone = &selection.selected[k];
         let mut hypothesis = hypothesis_without(&selection.fit, &self.known.model, &[gone]);
         let entry = LinearisedCandidate::unfitted(rival.fixed, rival.candidate.clone());
-        let (effect, stated) = Self::add_candidate(&mut hypothesis, &entry, &rival.estimates)?;
-        shift_indices_after(&mut named, gone);
+        let (effect, previous_priors) =
+            Self::add_candidate(&mut hypothesis, &entry, &rival.estimates)?;
+        shift_indices_after(&mut selected, gone);
         let compared = |hypothesis: &Hypothesis| {
             refit_with_fixed_weights(self.campaign, hypothesis, &selection.fit, self.settings.used)
         };
@@ -128,10 +129,10 @@ impl Search<'_> {
         let behind = 0.5 * (fit.sum_of_squares - before) / selection.fit.design_effect;
         let loss = behind + gone.penalty_difference(rival, penalty);
         let more = rival.numbers.saturating_sub(gone.parameter_count) as f64;
-        named[k] = SelectedEffect {
+        selected[k] = SelectedEffect {
             candidate: entry.candidate,
             effect,
-            previous_priors: stated,
+            previous_priors,
             fixed: rival.fixed,
             waived_penalty: gone.waived_penalty.max(penalty * more),
             gain: gone.gain - behind,
@@ -141,7 +142,7 @@ impl Search<'_> {
             alternatives: Vec::new(),
             variants: Vec::new(),
         };
-        Some((EffectSelection { fit, selected: named }, loss))
+        Some((EffectSelection { fit, selected }, loss))
     }
 }
 

@@ -33,14 +33,14 @@ impl ThinnedRecordings {
         let outline = RecordingSummary::of(arm, recordings)?;
         let measured = || outline.measured.iter().filter(|measured| **measured);
         let (rows, moves) = (measured().count(), outline.moves);
-        let Some(RowSelection { kept, measured_kept: read, note: says }) =
+        let Some(RowSelection { kept, measured_kept, note }) =
             thinning::select_rows(&RowProperties::from(&outline))
         else {
             drop(outline);
             return Ok(Self { campaign: campaign(arm, recordings)?, rows, moves, chosen: None });
         };
         let of = (arm, recordings);
-        let mut campaign = outline.campaign(of, &kept, &read)?;
+        let mut campaign = outline.campaign(of, &kept, &measured_kept)?;
         outline.set_moving(&mut campaign);
         preparation::relink_poses(&mut campaign);
         let step = rows.div_ceil(gross_errors::POSES_MAX).max(1);
@@ -54,7 +54,7 @@ impl ThinnedRecordings {
             })
             .collect();
         let spread = outline.campaign(of, &few, &few)?;
-        Ok(Self { campaign, rows, moves, chosen: Some((says, spread)) })
+        Ok(Self { campaign, rows, moves, chosen: Some((note, spread)) })
     }
 
     /// Gross errors of the recordings if `model` describes the measured robot; see [`gross_errors::detect_gross_errors`].

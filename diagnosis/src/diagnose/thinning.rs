@@ -62,20 +62,20 @@ pub(super) fn select_rows(rows: &RowProperties<'_>) -> Option<RowSelection> {
         return None;
     }
     let stride = measured.div_ceil(evenly);
-    let mut read: Vec<bool> = (0..rows.measured.len()).map(|k| k % stride == 0).collect();
+    let mut measured_kept: Vec<bool> = (0..rows.measured.len()).map(|k| k % stride == 0).collect();
     for stretch in most_dynamic_sections(rows) {
-        read[stretch].fill(true);
+        measured_kept[stretch].fill(true);
     }
-    let kept = with_reversals(rows, &read);
-    let looked_at = read.iter().zip(&*rows.measured).filter(|(a, b)| **a && **b).count();
+    let kept = with_reversals(rows, &measured_kept);
+    let looked_at = measured_kept.iter().zip(&*rows.measured).filter(|(a, b)| **a && **b).count();
     let which = match *rows.paths {
         [] => format!("one in {stride}"),
         _ => format!(
             "{SECTIONS} sections with the highest dynamics, and one in {stride} of the rest"
         ),
     };
-    let says = format!("{looked_at} of {measured} rows were used: {which}");
-    Some(RowSelection { kept, measured_kept: read, note: says })
+    let note = format!("{looked_at} of {measured} rows were used: {which}");
+    Some(RowSelection { kept, measured_kept, note })
 }
 
 /// All rows except those of paths that are neither in `read` nor next to a reversal.

@@ -189,7 +189,7 @@ fn replacement_of(
     if gone.is_empty() {
         return None;
     }
-    let Search { campaign, known, settings, dictionary: library, .. } = search;
+    let Search { campaign, known, settings, dictionary, .. } = search;
     let beside = |gone: &[&SelectedEffect]| {
         let left = hypothesis_without(&selection.fit, &known.model, gone);
         refit_with_fixed_weights(campaign, &left, &selection.fit, settings.used)
@@ -198,7 +198,7 @@ fn replacement_of(
     let fitted = ScoreTest::new(campaign, &bare, settings);
     let worth = |sum: f64, names: &[&SelectedEffect]| {
         let numbers: usize = names.iter().map(|one| one.parameter_count).sum();
-        let names = names.len() as f64 * penalty(&fitted, 0, library.len());
+        let names = names.len() as f64 * penalty(&fitted, 0, dictionary.len());
         (bare.sum_of_squares - sum) / bare.design_effect - penalty(&fitted, numbers, 1) - names
     };
     let mut names = worth(selection.fit.sum_of_squares, gone);
@@ -289,11 +289,11 @@ fn best_in_groups(
     before: Option<SmoothFunction>,
 ) -> Option<SmoothFunction> {
     let arm = &fitted.state.hypothesis.model.arm;
-    let numbers: Vec<usize> =
+    let column_counts: Vec<usize> =
         groups.iter().map(|group| count(words, group, carrier.degree())).collect();
     let asked = ColumnGroups {
-        sigmas: vec![carrier.coefficient_sigma(); numbers.iter().sum()],
-        column_counts: numbers,
+        sigmas: vec![carrier.coefficient_sigma(); column_counts.iter().sum()],
+        column_counts,
     };
     let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
     let scores = fitted.scores_of_multiples(&asked, unit, |pose, into| {
@@ -303,16 +303,16 @@ fn best_in_groups(
     });
     let mut best = before;
     for score in scores {
-        let worth =
+        let improvement =
             score.gain / fitted.fit.design_effect - penalty(fitted, score.parameter_count, tried);
-        if best.as_ref().is_none_or(|best| worth > best.improvement) {
-            let (carrier, words) = (carrier.clone(), groups[score.candidate].clone());
+        if best.as_ref().is_none_or(|best| improvement > best.improvement) {
+            let (carrier, covariates) = (carrier.clone(), groups[score.candidate].clone());
             best = Some(SmoothFunction {
                 joint,
                 carrier,
-                covariates: words,
+                covariates,
                 coefficients: score.values,
-                improvement: worth,
+                improvement,
             });
         }
     }

@@ -140,9 +140,9 @@ impl<'a> FitEvaluator<'a> {
         let lengths = off.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
         let far = OUTLIER_RATIO * median(lengths);
         let counts = off.iter().map(|o| asked[o.pose] && o.is_length == is_length);
-        let counts =
+        let is_counted =
             counts.zip(&off).map(|(counts, o)| counts && o.residual.length() <= far).collect();
-        Self { campaign, split, is_evaluated: asked.to_vec(), is_counted: counts, is_length }
+        Self { campaign, split, is_evaluated: asked.to_vec(), is_counted, is_length }
     }
 
     /// RMS error of scalar values, m or rad.

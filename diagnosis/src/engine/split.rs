@@ -93,12 +93,12 @@ impl RowSets {
         let train = (0..count).map(is_train).collect();
         validation.iter_mut().zip(&beside).for_each(|(own, beside)| *own &= !beside);
         let what = if whole { "runs" } else { "stretches" };
-        let says = if is_reserved {
+        let description = if is_reserved {
             "what the recordings reserve for validation".to_owned()
         } else {
             format!("{kept} of {stretch} {what}, not used in selection or fit")
         };
-        Self { train, validation, test, description: says }
+        Self { train, validation, test, description }
     }
 
     /// All rows but those of the test set.

@@ -305,9 +305,10 @@ fn set_up(
     if rows.states.iter().filter(|stood| stood.is_cutting).count() < ROWS_LEAST {
         return Err(NoComparison::NoRows);
     }
-    let mut base: Vec<CutForce> = rows.states.iter().map(|stood| force(stood.time_s)).collect();
-    if base.iter().all(|force| *force == base[0]) {
-        base.truncate(1);
+    let mut stated_forces: Vec<CutForce> =
+        rows.states.iter().map(|stood| force(stood.time_s)).collect();
+    if stated_forces.iter().all(|force| *force == stated_forces[0]) {
+        stated_forces.truncate(1);
     }
     let column = |axis: usize| {
         let (_, samples) = signal.channels.iter().find(|(one, _)| *one == axis)?;
@@ -317,7 +318,7 @@ fn set_up(
     let spindle = Spindle { phases: vec![0.0; rows.segments], excess_speed: 0.0 };
     let told_noise = |axis: usize| recording.metadata.sigma.get(&Channel::Wrench(axis)).copied();
     let case = Case {
-        model: CutModel { cutter, rows: rows.states.clone(), stated_forces: base, tone_hz: 0.0 },
+        model: CutModel { cutter, rows: rows.states.clone(), stated_forces, tone_hz: 0.0 },
         estimates: Estimates::as_stated(spindle),
         table: RegressionData {
             runs: rows.runs.clone(),

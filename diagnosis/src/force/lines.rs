@@ -82,18 +82,18 @@ pub(super) fn find_lines(
         let swings = inside.mean.power.iter().skip(2).sum::<f64>() * bin_hz;
         for line in inside.lines().into_iter().take(LINES_MOST) {
             let in_air = air.as_ref().and_then(|air| line_near(&air.mean, line.frequency, bin_hz));
-            let in_air = in_air.map_or(0.0, |line| line.amplitude);
+            let amplitude_in_air = in_air.map_or(0.0, |line| line.amplitude);
             let share = 0.5 * line.amplitude * line.amplitude / swings.max(f64::MIN_POSITIVE);
             let cause = match harmonic_number(line.frequency, spindle_hz, signal.rate_hz, bin_hz) {
                 Some(k) => Cause::Spindle(k),
-                None if line.amplitude < AIR_RATIO_LEAST * in_air => Cause::Air,
+                None if line.amplitude < AIR_RATIO_LEAST * amplitude_in_air => Cause::Air,
                 None if share < SELF_EXCITED_SHARE_LEAST || air.is_none() => Cause::Minor,
                 None => Cause::SelfExcited,
             };
             let tone = SpectralLine {
                 frequency_hz: line.frequency,
                 amplitude: line.amplitude,
-                amplitude_in_air: in_air,
+                amplitude_in_air,
                 share,
                 channel,
                 cause,

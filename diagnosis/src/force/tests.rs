@@ -97,7 +97,7 @@ fn what_the_sensor_reads_in_air_is_its_bias_with_an_interval_that_holds_it() {
 fn a_tone_of_the_cut_that_nothing_forces_is_chatter_and_a_hum_of_the_mains_is_not() {
     let found = diagnose(&made((684.0, 15.0), (150.0, 20.0), Some(5000.0))).expect("sound");
     let chatter = found.findings.iter().find_map(|one| match one {
-        Finding::Chatter { line: tone, is_speed_known: is_alone, .. } => Some((tone, *is_alone)),
+        Finding::Chatter { line, is_speed_known, .. } => Some((line, *is_speed_known)),
         Finding::Bias { .. } => None,
     });
     let (tone, is_alone) = chatter.expect("chatter");

@@ -158,7 +158,7 @@ fn two_nests_or_nests_on_a_line_lay_nothing() {
 }
 
 fn lay_nothing_and_say_so(recording: &Recording) {
-    let nests = FrameDrift::of(recording).expect("nests are told");
+    let nests = FrameDrift::of(recording).expect("reference targets are stated");
     let still = (0..recording.len()).all(|row| nests.common_from_measured(row) == Frame::IDENTITY);
     assert!(
         still && nests.description().contains("do not define a measuring frame"),

@@ -40,13 +40,13 @@ pub fn detect_link_position_error(campaign: &Campaign, arm: &Arm) -> Option<Susp
     let best = best.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|best| best.1 < REMEDY * before);
     let slides = arm.joints()[joint].kind == JointKind::Prismatic;
     let (size, unit) = if slides { (before * 1e3, "mm") } else { (before.to_degrees(), "degrees") };
-    let (says, after) = best.unwrap_or_else(|| {
+    let (message, after) = best.unwrap_or_else(|| {
         let says = format!(
             "joint {n} was measured {size:.1} {unit} from its command, apart from its zero, and no single swapped column, unit or sign explains it: check that ql{n} belongs to it"
         );
         (says, before)
     });
-    Some(SuspectedError { message: says, before_m: before, after_m: after })
+    Some(SuspectedError { message, before_m: before, after_m: after })
 }
 
 /// Median absolute deviation of a joint's measurements from `factor` times the position of `followed`, after removal of the median offset, rad or m.

@@ -60,28 +60,30 @@ impl CandidateJacobians {
             .iter()
             .filter(|other| !other.partners.is_empty())
             .map(|other| ColumnNames(&state).undetermined(other).message());
-        let nuisance = columns.iter().filter(|c| **c < first).count();
-        if columns.len() == nuisance {
+        let nuisance_count = columns.iter().filter(|c| **c < first).count();
+        if columns.len() == nuisance_count {
             return Err(PlanError::NothingIdentifiable);
         }
         let priors = state.prior_sigmas();
-        let widths: Vec<f64> = columns.iter().map(|column| priors[*column]).collect();
-        let part = |rows: &DMatrix<f64>| scaled(rows, &columns, &widths);
-        let measured = old.map_or((DMatrix::zeros(columns.len(), columns.len()), 0), |rows| {
-            let rows = part(&rows);
-            (rows.transpose() * &rows, rows.nrows())
-        });
+        let scales: Vec<f64> = columns.iter().map(|column| priors[*column]).collect();
+        let part = |rows: &DMatrix<f64>| scaled(rows, &columns, &scales);
+        let measured_information =
+            old.map_or((DMatrix::zeros(columns.len(), columns.len()), 0), |rows| {
+                let rows = part(&rows);
+                (rows.transpose() * &rows, rows.nrows())
+            });
         Ok(Self {
             jacobians: seen.iter().map(part).collect(),
-            prior_information: &measured.0 + DMatrix::identity(columns.len(), columns.len()),
-            tool_error_form: tool_error_form(task, &state, &columns, &widths),
+            prior_information: &measured_information.0
+                + DMatrix::identity(columns.len(), columns.len()),
+            tool_error_form: tool_error_form(task, &state, &columns, &scales),
             design_effect: known.map_or(1.0, |known| known.fit.design_effect),
             undetermined: undetermined.collect(),
-            measured_information: measured,
+            measured_information,
             candidates,
             columns,
-            nuisance_count: nuisance,
-            scales: widths,
+            nuisance_count,
+            scales,
         })
     }
 

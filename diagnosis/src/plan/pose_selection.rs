@@ -35,17 +35,17 @@ pub(crate) struct PoseCriterion<'a> {
 }
 
 impl<'a> PoseCriterion<'a> {
-    pub(crate) fn of(bank: &'a CandidateJacobians, criterion: Criterion) -> Self {
+    pub(crate) fn of(jacobians: &'a CandidateJacobians, criterion: Criterion) -> Self {
         let mut first = vec![0];
-        for rows in &bank.jacobians {
+        for rows in &jacobians.jacobians {
             first.push(first.last().copied().unwrap_or(0) + rows.nrows());
         }
         let total = first.last().copied().unwrap_or(0);
-        let mut stacked = DMatrix::zeros(total, bank.columns.len());
-        for (rows, at) in bank.jacobians.iter().zip(&first) {
+        let mut stacked = DMatrix::zeros(total, jacobians.columns.len());
+        for (rows, at) in jacobians.jacobians.iter().zip(&first) {
             stacked.rows_mut(*at, rows.nrows()).copy_from(rows);
         }
-        Self { jacobians: bank, criterion, stacked, first }
+        Self { jacobians, criterion, stacked, first }
     }
 
     /// Information matrix with these poses.

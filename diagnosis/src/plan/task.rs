@@ -350,11 +350,11 @@ impl Task {
         // The probe must point into the surface within 60 degrees.
         let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
         patches.iter().find_map(|patch| match *patch {
-            TouchSurface::Plane { plane, centre: middle, radius_m: within_m } => {
+            TouchSurface::Plane { plane, centre, radius_m } => {
                 let thing = self.surroundings.planes.get(plane)?.value;
                 let on = (thing.normal.dot(tip) - thing.offset_m).abs() < 1e-6;
                 let reading = Reading::Plane { place, plane, radius_m: 0.0 };
-                (on && tip.distance(middle) <= within_m && points_in(thing.normal))
+                (on && tip.distance(centre) <= radius_m && points_in(thing.normal))
                     .then_some(reading)
             }
             TouchSurface::Sphere(sphere) => {

@@ -101,7 +101,7 @@ impl ScoreSums {
         sigmas: &[f64],
     ) -> Option<CandidateScore> {
         let first = columns.start;
-        let mut found = vec![0.0; columns.len()];
+        let mut values = vec![0.0; columns.len()];
         // The projected columns `S`, without their priors.
         let own = |a: usize, b: usize| {
             let (group, near) = &self.near[self.home[a]];
@@ -119,13 +119,13 @@ impl ScoreSums {
             |a, left| own(a, a) > LEFT * length(a) && left > LEFT * length(a),
         )?;
         for (column, x) in solved.kept.iter().zip(solved.solution()) {
-            found[column - first] = x;
+            values[column - first] = x;
         }
         Some(CandidateScore {
             candidate,
             gain: solved.gain(),
             parameter_count: solved.kept.len(),
-            values: found,
+            values,
         })
     }
 }

@@ -77,7 +77,7 @@ impl Case {
     ) -> Self {
         let arm = &stated.model.arm;
         let motion = Motion::of(arm, stated.delay_s, recordings, band_hz);
-        let rows = RowSets::of(&runs(&motion, recordings), seed, &SplitSettings::default());
+        let row_sets = RowSets::of(&runs(&motion, recordings), seed, &SplitSettings::default());
         let rigid = Rigid::new(arm, &motion);
         let mut library = CandidateDictionary {
             columns: rigid.columns[..INERTIAL_PARAMETERS * arm.count()].to_vec(),
@@ -87,13 +87,13 @@ impl Case {
         };
         let is_stated = |k: &usize| arm.joints()[k / INERTIAL_PARAMETERS].link.is_some();
         let all = 0..INERTIAL_PARAMETERS * arm.count();
-        let doubted: Vec<usize> = all.clone().filter(is_stated).collect();
-        let mut open: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
+        let stated_mass_columns: Vec<usize> = all.clone().filter(is_stated).collect();
+        let mut always_fitted: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
         let known = stated.evaluate(&motion);
         let mut places = Vec::with_capacity(known.uncertain.len());
         for one in &known.uncertain {
             places.push((library.columns.len(), one.location, one.first_parameter_of));
-            open.push(library.columns.len());
+            always_fitted.push(library.columns.len());
             library.columns.push(one.column.clone());
             library.prior.push(1.0 / (one.sigma * one.sigma));
         }
@@ -101,7 +101,7 @@ impl Case {
         let torque: Vec<Vec<f64>> =
             rigid.stated_torque.iter().zip(&known.torque).map(sum).collect();
         let mut table = table(&motion, &torque);
-        let still = add_joint_candidates(stated, &motion, &mut table, &mut library);
+        let stationary = add_joint_candidates(stated, &motion, &mut table, &mut library);
         library.share_stated_columns(&known.uncertain);
         library.add_first_moments(arm, &motion);
         let of_mass = &rigid.columns[INERTIAL_PARAMETERS * arm.count()..];
@@ -117,21 +117,21 @@ impl Case {
                 "the last link's mass is unknown, and a payload cannot be distinguished from it";
             library.untested.push(("payload", None, why));
         }
-        let inertial = INERTIAL_PARAMETERS * arm.count();
+        let inertial_columns = INERTIAL_PARAMETERS * arm.count();
         let mut case = Self {
             motion,
             table,
             library,
-            row_sets: rows,
-            always_fitted: open,
+            row_sets,
+            always_fitted,
             uncertain_parameters: places,
-            stated_mass_columns: doubted,
-            stationary: still,
+            stated_mass_columns,
+            stationary,
             stated_torque: torque,
             rigid: rigid.stated_torque,
             rigid_torque_at_samples: rigid.at_samples,
             stated_load_friction: StatedLoadFriction::stated(stated),
-            inertial_columns: inertial,
+            inertial_columns,
             sums: RefCell::default(),
         };
         case.add_torque_proportional_candidates(stated);

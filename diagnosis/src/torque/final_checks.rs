@@ -25,15 +25,15 @@ pub(super) fn passing_effects(
     let (mut names, refuted) = supported_effects(case, search, names, seen);
     weighed.retain(|one| names.contains(&one.candidate));
     while !refuted.is_empty() {
-        let Some(name) = contradicted_parameter(case, search, &names, seen) else { break };
-        names.push(name);
+        let Some(candidate) = contradicted_parameter(case, search, &names, seen) else { break };
+        names.push(candidate);
         let selection = search.solve(&names);
-        let (confidence, rivals) = parameters::alternatives(search, &selection, name);
+        let (confidence, alternatives) = parameters::alternatives(search, &selection, candidate);
         weighed.push(AssessedEffect {
-            candidate: name,
-            gain: search.gain_of(&selection, name),
+            candidate,
+            gain: search.gain_of(&selection, candidate),
             confidence,
-            alternatives: rivals,
+            alternatives,
         });
     }
     (weighed, refuted)

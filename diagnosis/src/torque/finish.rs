@@ -112,12 +112,12 @@ fn verdict(
     let scale = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>() / joints;
     let count = held.iter().filter(|held| **held).count() as f64 * joints;
     let (before, after) = (energy(given), energy(selection));
-    let explained = rest.map(|SmoothLaw { law, replaced: instead_of, .. }| {
+    let explained = rest.map(|SmoothLaw { law, replaced, .. }| {
         let noise = case.table.noise[law.joint].1;
         let left =
             (law.heldout_squares[0] - law.heldout_squares[1]) / (noise * noise * count.max(1.0));
         let left = left * libm::exp(2.0 * scale);
-        let stand = instead_of.is_empty();
+        let stand = replaced.is_empty();
         if stand { (before - after) / (before - after + left).max(1e-300) } else { 0.0 }
     });
     // Among effects that explain the same, the one with the fewest parameters is preferred (docs/reference/effects.md), claimed or not: a payload on
@@ -156,16 +156,11 @@ impl FitWithUncertainty {
         let seen = case.row_sets.seen();
         let selection = search.solve(names);
         let viscous = |joint| viscous(case, stated, &selection, joint);
-        let (covariance, spreads) =
+        let (covariance, searched_sigmas) =
             fit_quality::covariance_with_searched(case, &selection, &seen, &viscous);
-        let formed = nonlinear_parameters::changes_under_maxwell_slip(case, &selection, &seen);
-        Self {
-            selection,
-            covariance,
-            searched_sigmas: spreads,
-            with_zone_rows: None,
-            hysteresis_changes: formed,
-        }
+        let hysteresis_changes =
+            nonlinear_parameters::changes_under_maxwell_slip(case, &selection, &seen);
+        Self { selection, covariance, searched_sigmas, with_zone_rows: None, hysteresis_changes }
     }
 
     fn parameters(

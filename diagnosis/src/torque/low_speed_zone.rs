@@ -83,10 +83,10 @@ pub(super) fn find(
     let stands_out = sizes[0] > RMS_RATIO_LEAST * sizes[1]
         && inside > RMS_RATIO_LEAST * outside
         && gain(cut) > LIKELIHOOD_GAIN_LEAST;
-    let below = speeds[*beyond.first()?];
+    let speed_limit = speeds[*beyond.first()?];
     stands_out.then(|| Zone {
         joint,
-        speed_limit: below,
+        speed_limit,
         share: within.len() as f64 / count as f64,
         residual_rms: [inside, outside],
     })

@@ -87,8 +87,8 @@ pub(super) struct Motion {
 impl Track {
     /// Position, velocity and acceleration in the wider band.
     pub(super) fn wide_band_motion(&self) -> [&[f64]; 3] {
-        let Self { q, v, a, wide_band: quick, .. } = self;
-        quick.as_ref().map_or([q, v, a], |[q, v, a]| [q, v, a])
+        let Self { q, v, a, wide_band, .. } = self;
+        wide_band.as_ref().map_or([q, v, a], |[q, v, a]| [q, v, a])
     }
 }
 
@@ -223,12 +223,18 @@ impl Motion {
         let slowest_hz = 1.0 / steps.fold(1e-6, f64::max);
         let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
         let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
-        let quick_hz = BAND_HZ.min(WIDE_BAND_SHARE * slowest_hz).max(band_hz);
+        let wide_band_hz = BAND_HZ.min(WIDE_BAND_SHARE * slowest_hz).max(band_hz);
         let recorded = |recording| row_count(recording, band_hz);
         let all_rows: usize = recordings.iter().map(recorded).sum();
         let mut runs = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
-            runs.extend(runs_of(arm, (number, recording), delay_s, [band_hz, quick_hz], all_rows));
+            runs.extend(runs_of(
+                arm,
+                (number, recording),
+                delay_s,
+                [band_hz, wide_band_hz],
+                all_rows,
+            ));
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
@@ -246,11 +252,11 @@ impl Motion {
             let is_torque = |channel| matches!(channel, Channel::Torque(_));
             !recording.channels().any(is_torque) && has_torque(std::slice::from_ref(recording))
         };
-        let by_current = recordings.iter().any(has_only_current);
-        if by_current {
+        let is_torque_from_current = recordings.iter().any(has_only_current);
+        if is_torque_from_current {
             notes.push("torque is current times the stated torque constants".to_owned());
         }
-        Self { runs, band_hz, wide_band_hz: quick_hz, notes, is_torque_from_current: by_current }
+        Self { runs, band_hz, wide_band_hz, notes, is_torque_from_current }
     }
 
     /// Whether a joint moves, row by row.
@@ -370,7 +376,7 @@ fn runs_of(
             let recorded = even(columns[joint]);
             let stops = stopped_samples(&recorded, resolution(columns[joint]), step_s);
             let [q, v, a] = with_derivatives(filter.filtered(&recorded), step_s);
-            let (quick, raw) = match quick_hz > band_hz {
+            let (wide_band, unfiltered) = match quick_hz > band_hz {
                 true => (
                     Some(with_derivatives(quick.filtered(&recorded), step_s)),
                     with_derivatives(recorded, step_s),
@@ -383,7 +389,7 @@ fn runs_of(
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
                 .map_or(Vec::new(), |column| even(&gaps_filled(column)));
-            Track { q, v, a, wide_band: quick, unfiltered: raw, torque, stops, temperature }
+            Track { q, v, a, wide_band, unfiltered, torque, stops, temperature }
         };
         let ends = ((OMITTED_PERIODS / (step_s * band_hz)).ceil() as usize).min(count / 4);
         Run {

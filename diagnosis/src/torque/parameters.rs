@@ -57,15 +57,20 @@ pub struct AlternativeEffect {
 
 impl AlternativeEffect {
     /// An alternative at this index of the library; its probability is computed later.
-    pub(super) fn of(family: &CandidateTerm, place: usize, behind: f64, dearer: f64) -> Self {
+    pub(super) fn of(
+        family: &CandidateTerm,
+        candidate: usize,
+        likelihood_loss: f64,
+        extra_parameters: f64,
+    ) -> Self {
         Self {
             kind: family.kind,
             joint: family.joint,
-            candidate: place,
+            candidate,
             stems: stems(family),
-            likelihood_loss: behind,
-            extra_parameters: dearer,
-            is_indistinguishable: behind < INDISTINGUISHABLE,
+            likelihood_loss,
+            extra_parameters,
+            is_indistinguishable: likelihood_loss < INDISTINGUISHABLE,
             confidence: 0.0,
         }
     }

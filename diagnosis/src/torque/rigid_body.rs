@@ -78,7 +78,7 @@ impl Rigid {
         let mut columns: Vec<Vec<Vec<f64>>> = (0..INERTIAL_PARAMETERS * count + 4)
             .map(|k| vec![Vec::new(); joints_affected(k, count)])
             .collect();
-        let mut stated = vec![Vec::new(); count];
+        let mut stated_torque = vec![Vec::new(); count];
         let is_narrow = motion.wide_band_hz > motion.band_hz;
         for run in &motion.runs {
             let (of_columns, of_stated) = evaluate_run(arm, run, &points, is_narrow);
@@ -89,7 +89,7 @@ impl Rigid {
                 all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
             };
             columns.iter_mut().zip(of_columns).for_each(|(all, own)| extend(all, own));
-            extend(&mut stated, of_stated);
+            extend(&mut stated_torque, of_stated);
         }
         let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
             None => prior_sigmas(UNSTATED_SIGMA[0], UNSTATED_SIGMA[1], UNSTATED_SIGMA[2]),
@@ -98,15 +98,15 @@ impl Rigid {
                 prior_sigmas(share * mass, off * mass, gyration * gyration * mass)
             }
         });
-        let beliefs = beliefs.collect();
+        let prior_sigma = beliefs.collect();
         let column = |parts: Vec<Vec<f64>>| Regressor {
             parts: parts.into_iter().map(Into::into).enumerate().collect(),
         };
         let columns = columns.into_iter().map(column).collect();
         let is_stated = arm.tool.body.is_some() || arm.joints().iter().any(|j| j.link.is_some());
-        let sharp =
+        let at_samples =
             if is_narrow && is_stated { stated_torque_at_samples(arm, motion) } else { Vec::new() };
-        Self { stated_torque: stated, at_samples: sharp, columns, prior_sigma: beliefs }
+        Self { stated_torque, at_samples, columns, prior_sigma }
     }
 }
 

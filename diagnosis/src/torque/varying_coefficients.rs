@@ -165,20 +165,20 @@ impl<'a> JointRegression<'a> {
             let penalty = kept.iter().map(|name| penalty(*name)).sum();
             (kept.clone(), places.collect(), penalty)
         };
-        let mut kept = vec![set(names.to_vec())];
+        let mut effect_sets = vec![set(names.to_vec())];
         if beside.len() < names.len() {
-            kept.push(set(beside));
+            effect_sets.push(set(beside));
         }
         let mut columns: Vec<Regressor> =
             of.iter().map(|k| case.library.columns[*k].clone()).collect();
         let mut prior: Vec<f64> = of.iter().map(|k| case.library.prior[*k]).collect();
-        let mut places = Vec::new();
+        let mut law_columns = Vec::new();
         for law in laws {
-            places.push((columns.len()..columns.len() + law.columns.len()).collect());
+            law_columns.push((columns.len()..columns.len() + law.columns.len()).collect());
             columns.extend_from_slice(&law.columns);
             prior.resize(columns.len(), 0.0);
         }
-        Self { case, joint, columns, prior, laws, law_columns: places, effect_sets: kept, sums }
+        Self { case, joint, columns, prior, laws, law_columns, effect_sets, sums }
     }
 
     /// Scores all laws with the noise model of `table`.
@@ -189,14 +189,14 @@ impl<'a> JointRegression<'a> {
         let tried = (self.laws.len() * DEGREE) as f64;
         let rows = (products.rows.max(3) as f64).ln();
         let penalty = |count: usize| 0.5 * count as f64 * rows + tried.ln();
-        let bare = products.solve(&self.effect_sets[0].1);
-        let least = bare.gain - self.effect_sets[0].2 + MARGIN;
+        let without_law = products.solve(&self.effect_sets[0].1);
+        let least = without_law.gain - self.effect_sets[0].2 + MARGIN;
         let mut all: Vec<ScoredLaw> = Vec::new();
-        for (kept, (_, places, of_names)) in self.effect_sets.iter().enumerate() {
+        for (effect_set, (_, places, of_names)) in self.effect_sets.iter().enumerate() {
             let names = products.solve(places);
-            for (asked, own) in self.law_columns.iter().enumerate() {
+            for (law, own) in self.law_columns.iter().enumerate() {
                 let (steady, _) = products.gain_of_further(&names, &own[..1]);
-                let fewest = if self.laws[asked].nested { 2 } else { own.len() };
+                let fewest = if self.laws[law].nested { 2 } else { own.len() };
                 let mut best: Option<ScoredLaw> = None;
                 for count in fewest..=own.len() {
                     let (gain, _) = products.gain_of_further(&names, &own[..count]);
@@ -204,14 +204,14 @@ impl<'a> JointRegression<'a> {
                     // A law whose size does not vary with its covariate is not reported.
                     let changes = gain - steady > penalty(count - 1);
                     if changes && best.as_ref().is_none_or(|best| worth > best.worth) {
-                        best = Some(ScoredLaw { effect_set: kept, law: asked, count, worth });
+                        best = Some(ScoredLaw { effect_set, law, count, worth });
                     }
                 }
                 all.extend(best.filter(|best| best.worth > least));
             }
         }
         all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        LawEvaluation { found: all, without_law: bare, products }
+        LawEvaluation { found: all, without_law, products }
     }
 
     /// The fit of a law together with its set of effects.
@@ -258,8 +258,8 @@ fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<Smoo
         table.noise[joint] = noise::estimate_from_residual(&table, joint, &left, seen, 0.0);
         looked = question.evaluate(&table, seen);
     }
-    let LawEvaluation { found, without_law: bare, products } = looked;
-    let before = question.residual(&bare);
+    let LawEvaluation { found, without_law, products } = looked;
+    let before = question.residual(&without_law);
     let mut fits = found.into_iter().take(TESTED_MOST).map(|best| {
         let solved = question.solved(&products, &best);
         let after = question.residual(&solved);
@@ -281,7 +281,7 @@ fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<Smoo
             depends_on: question.laws[best.law].covariates.clone(),
             heldout_squares: [&before, &after].map(unseen),
         },
-        gain: solved.gain - bare.gain,
+        gain: solved.gain - without_law.gain,
         replaced: names.iter().copied().filter(|name| !kept.contains(name)).collect(),
     })
 }

@@ -112,7 +112,7 @@ impl Model {
         evaluation: &mut Evaluation,
         mut slopes: Option<&mut SlopeSums>,
     ) {
-        let Evaluation { nominal, loads, deviation, out_of_range: beyond, .. } = evaluation;
+        let Evaluation { nominal, loads, deviation, out_of_range, .. } = evaluation;
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
@@ -128,7 +128,7 @@ impl Model {
                 effect.act((&signals, &memories.0[place]), deviation, slopes.as_deref_mut());
             }
         }
-        *beyond = if self.hardens { self.load_out_of_range(loads) } else { None };
+        *out_of_range = if self.hardens { self.load_out_of_range(loads) } else { None };
     }
 
     /// The loads, including changes by effects, which are zero before.
@@ -188,8 +188,8 @@ impl Kernel for DeviationKernel<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        let Self { model, inputs, memories, evaluation: seen, on, slopes: told } = self;
-        model.deviate(lanes, (inputs, memories), seen, on, told);
+        let Self { model, inputs, memories, evaluation, on, slopes } = self;
+        model.deviate(lanes, (inputs, memories), evaluation, on, slopes);
     }
 }
 

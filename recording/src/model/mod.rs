@@ -227,8 +227,8 @@ impl RobotModel {
         build::build(file).map_err(|found| {
             let mut faults = Faults::new(name);
             for (at, fault) in found {
-                let place = at.and_then(|at| effect_places.get(at).cloned());
-                faults.push(Fault { location: place, ..fault });
+                let location = at.and_then(|at| effect_places.get(at).cloned());
+                faults.push(Fault { location, ..fault });
             }
             faults
         })

@@ -230,7 +230,7 @@ impl<'t, 's> Builder<'t, 's> {
     /// The recording, or every fault.
     pub(crate) fn finish(
         mut self,
-        about: RecordingMetadata,
+        metadata: RecordingMetadata,
         need: RequiredData,
     ) -> Result<Recording, Faults> {
         let rows = self.table.len();
@@ -239,9 +239,9 @@ impl<'t, 's> Builder<'t, 's> {
         }
         self.judge_time(rows);
         self.judge_values();
-        self.judge_groups(&about, need);
-        self.judge_about(&about);
-        self.judge_gauges(&about.gauges);
+        self.judge_groups(&metadata, need);
+        self.judge_about(&metadata);
+        self.judge_gauges(&metadata.gauges);
         let mut notes = self.table.notes.clone();
         notes.extend(suffix::note(self.kept()));
         notes.extend(unknown_columns(self.kept()));
@@ -252,7 +252,7 @@ impl<'t, 's> Builder<'t, 's> {
             file: self.faults.file().into(),
             t_s: self.time.unwrap_or_default(),
             segment: self.segment.unwrap_or_else(|| vec![0; rows]),
-            metadata: about,
+            metadata,
             units: FileUnits { degrees: self.degrees, millimetres: self.millimetres },
             other: self.other,
             notes,

@@ -115,13 +115,14 @@ impl DaemonSide {
         let state = self.node.try_cleanup_dead_nodes();
         let knock = self.claim.cell.file("knock");
         let epoch = format!("{:016x}", self.ports.epoch);
-        let knocked = fs::read_to_string(&knock).is_ok_and(|text| text.trim() == epoch);
-        let torn = self.announced.load(Relaxed) == self.ports.epoch && !self.is_discoverable();
+        let epoch_requested = fs::read_to_string(&knock).is_ok_and(|text| text.trim() == epoch);
+        let files_damaged =
+            self.announced.load(Relaxed) == self.ports.epoch && !self.is_discoverable();
         Supervision {
             cleaned: state.cleanups,
             failed: state.failed_cleanups,
-            epoch_requested: knocked,
-            files_damaged: torn,
+            epoch_requested,
+            files_damaged,
         }
     }
 

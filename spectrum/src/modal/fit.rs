@@ -66,12 +66,12 @@ impl Band {
         let end = frequency_hz.partition_point(|f| *f <= to_hz).min(response.len());
         let (frequency_hz, response) = (frequency_hz.get(start..end)?, response.get(start..end)?);
         let (first, last) = (frequency_hz.first()?, frequency_hz.last()?);
-        let (centre_hz, half_hz) = (0.5 * (first + last), 0.5 * (last - first));
-        let size = response.iter().map(|h| h.norm()).fold(0.0, f64::max);
-        let usable = half_hz > 0.0 && size > 0.0 && size.is_finite();
+        let (centre_hz, half_width_hz) = (0.5 * (first + last), 0.5 * (last - first));
+        let scale = response.iter().map(|h| h.norm()).fold(0.0, f64::max);
+        let usable = half_width_hz > 0.0 && scale > 0.0 && scale.is_finite();
         let points = frequency_hz.iter().zip(response);
-        let points = points.map(|(f, h)| ((f - centre_hz) / half_hz, h / size)).collect();
-        usable.then_some(Self { points, centre_hz, half_width_hz: half_hz, scale: size })
+        let points = points.map(|(f, h)| ((f - centre_hz) / half_width_hz, h / scale)).collect();
+        usable.then_some(Self { points, centre_hz, half_width_hz, scale })
     }
 
     /// Fits one pole without a start value, with a polynomial of this degree.
@@ -168,8 +168,8 @@ impl Band {
         columns.extend(self.powers(degree));
         let right: Vec<_> = self.points.iter().map(|(_, h)| *h).collect();
         let mut residues = solve(&columns, &right)?.unknowns;
-        let smooth = residues.split_off(poles.len());
-        Some(Unknowns { poles, residues, background: smooth })
+        let background = residues.split_off(poles.len());
+        Some(Unknowns { poles, residues, background })
     }
 
     fn powers(&self, degree: usize) -> impl Iterator<Item = Vec<Complex<f64>>> + '_ {

@@ -49,20 +49,20 @@ pub fn merge_modes(lists: &[Vec<FittedMode>]) -> Vec<MergedMode> {
     groups.into_iter().map(merge_group).collect()
 }
 
-fn merge_group(seen: Vec<(usize, FittedMode)>) -> MergedMode {
+fn merge_group(observations: Vec<(usize, FittedMode)>) -> MergedMode {
     let mean_of = |value: fn(&FittedMode) -> (f64, f64)| {
-        random_effects_mean(seen.iter().map(|(_, m)| value(m)))
+        random_effects_mean(observations.iter().map(|(_, m)| value(m)))
     };
     let (frequency_hz, frequency_sigma_hz) = mean_of(|m| (m.frequency_hz, m.frequency_sigma_hz));
     let (damping, damping_sigma) = mean_of(|m| (m.damping, m.damping_sigma));
-    let by_signs = seen.iter().any(|(_, mode)| mode.meets_all_criteria);
+    let meets_all_criteria = observations.iter().any(|(_, mode)| mode.meets_all_criteria);
     MergedMode {
         frequency_hz,
         frequency_sigma_hz,
         damping,
         damping_sigma,
-        meets_all_criteria: by_signs,
-        observations: seen,
+        meets_all_criteria,
+        observations,
     }
 }
 

@@ -52,11 +52,11 @@ pub fn unresolved_peaks(
     let unresolved_peak = |peak: &peaks::Peak| {
         let distance = |hz: f64| (hz - peak.frequency_hz).abs();
         let others = all.iter().map(|other| other.frequency_hz).filter(|hz| distance(*hz) > 0.0);
-        let beside_hz = others
+        let neighbour_hz = others
             .min_by(|a, b| distance(*a).total_cmp(&distance(*b)))
             .filter(|hz| distance(*hz) < BINS_MIN * bin_hz);
-        let record_s = beside_hz.map_or(2.0 / bin_hz, |hz| BINS_MIN / distance(hz));
-        UnresolvedPeak { frequency_hz: peak.frequency_hz, neighbour_hz: beside_hz, record_s }
+        let record_s = neighbour_hz.map_or(2.0 / bin_hz, |hz| BINS_MIN / distance(hz));
+        UnresolvedPeak { frequency_hz: peak.frequency_hz, neighbour_hz, record_s }
     };
     let mut unresolved: Vec<UnresolvedPeak> = all
         .iter()

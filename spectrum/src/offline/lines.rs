@@ -82,13 +82,13 @@ impl SpectrumAverager {
 
     /// Adds the next samples of the run.
     pub fn push(&mut self, samples: &[f64]) {
-        let Self { run: Some(run), count, power, neighbour_power: beside, sums, .. } = self else {
+        let Self { run: Some(run), count, power, neighbour_power, sums, .. } = self else {
             return;
         };
         run.push(samples, |_, of_segment| {
             *count += 1;
             power.iter_mut().zip(of_segment).for_each(|(sum, power)| *sum += power);
-            sums.add_neighbour_power(of_segment, beside);
+            sums.add_neighbour_power(of_segment, neighbour_power);
         });
     }
 

@@ -38,7 +38,7 @@ impl<'a> TimeDomainReference<'a> {
         let mut edges = vec![0.0, pitch];
         edges.extend([cutter.entry_rad, cutter.exit_rad].map(|edge| edge.rem_euclid(pitch)));
         edges.sort_by(f64::total_cmp);
-        let mut ticks = Vec::new();
+        let mut time_steps = Vec::new();
         let highest = modes.iter().map(|mode| mode.frequency_hz).fold(0.0, f64::max);
         for pair in edges.windows(2) {
             let span = pair[1] - pair[0];
@@ -56,10 +56,10 @@ impl<'a> TimeDomainReference<'a> {
                     at < cutter.exit_rad - cutter.entry_rad
                 };
                 let cutting = teeth.filter(is_cutting).collect();
-                ticks.push(TimeStep { angle, step_s: span / count / spindle_rad_s, cutting });
+                time_steps.push(TimeStep { angle, step_s: span / count / spindle_rad_s, cutting });
             }
         }
-        Self { modes, cutter, spindle_rad_s, depth_m, time_steps: ticks }
+        Self { modes, cutter, spindle_rad_s, depth_m, time_steps }
     }
 
     /// Force on the tool at an angle, from its displacement relative to one tooth period before.

@@ -44,8 +44,8 @@ fn a_lag_answers_a_sine_as_its_transfer_function_says() {
 }
 
 fn ringing(participation: f64, compliance: f64) -> Mode {
-    let rings = VibratingPart::Joint(0);
-    Mode { part: rings, frequency_hz: 11.0, damping_ratio: 0.05, participation, compliance }
+    let part = VibratingPart::Joint(0);
+    Mode { part, frequency_hz: 11.0, damping_ratio: 0.05, participation, compliance }
 }
 
 #[test]

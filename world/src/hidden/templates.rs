@@ -76,8 +76,8 @@ pub(super) fn draw(
     let mut sampler = Sampler { rng };
     let wrist = i + 3 >= arm.count();
     let by = |main: f64, wrist_: f64| if wrist { wrist_ } else { main };
-    let (mut sizes, mut joint) = (1, Some(i));
-    let numbers = match kind {
+    let (mut scaled_count, mut joint) = (1, Some(i));
+    let parameters = match kind {
         "joint_offset" => vec![("offset", vec![sampler.random_sign(1e-3)])],
         "joint_ratio" => vec![("ratio", vec![sampler.random_sign(2e-3)])],
         "joint_coupling" => {
@@ -121,7 +121,7 @@ pub(super) fn draw(
         _ => {
             joint = None;
             let (numbers, all) = robot_parameters(kind, arm, &mut sampler)?;
-            sizes = all;
+            scaled_count = all;
             numbers
         }
     };
@@ -129,8 +129,8 @@ pub(super) fn draw(
     (revolute || joint.is_none()).then_some(EffectTemplate {
         kind,
         joint,
-        parameters: numbers,
-        scaled_count: sizes,
+        parameters,
+        scaled_count,
     })
 }
 

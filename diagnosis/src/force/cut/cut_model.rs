@@ -108,18 +108,18 @@ impl CutModel {
 
     /// The sensor model for given parameters.
     pub(super) fn reading_model(&self, numbers: &[f64]) -> ReadingModel<'_> {
-        let swings =
+        let oscillation_amplitudes =
             [CHATTER, PERMANENT_TONE].map(|slot| std::array::from_fn(|k| slot.of(numbers)[k]));
         let each = self
             .stated_forces
             .iter()
             .map(|base| SensorResponse::of(with_parameters(*base, numbers)))
             .collect();
-        let is_loud = swings.iter().flatten().any(|number: &f64| *number != 0.0);
+        let is_loud = oscillation_amplitudes.iter().flatten().any(|number: &f64| *number != 0.0);
         ReadingModel {
             cut: self,
             each,
-            oscillation_amplitudes: swings,
+            oscillation_amplitudes,
             has_oscillation: is_loud && self.tone_hz > 0.0,
         }
     }
@@ -171,10 +171,10 @@ struct SensorResponse {
 
 impl SensorResponse {
     fn of(force: CutForce) -> Self {
-        let off = force.measured_force(DVec3::ZERO);
-        let along = |axis: DVec3| force.measured_force(axis) - off;
+        let offset = force.measured_force(DVec3::ZERO);
+        let along = |axis: DVec3| force.measured_force(axis) - offset;
         let matrix = DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
-        Self { force, offset: off, matrix }
+        Self { force, offset, matrix }
     }
 }
 

@@ -158,23 +158,23 @@ fn is_within(case: &Case, name: usize) -> bool {
 }
 
 /// An oscillation that is present at all times, as unmodelled structure.
-fn unexplained_line(case: &Case, held: [f64; 2]) -> UnexplainedForce {
-    let words = vec!["t_s".to_owned()];
+fn unexplained_line(case: &Case, heldout: [f64; 2]) -> UnexplainedForce {
+    let depends_on = vec!["t_s".to_owned()];
     UnexplainedForce {
         axis: 0,
-        depends_on: words,
-        heldout: held,
+        depends_on,
+        heldout,
         tone_hz: Some(case.model.tone_hz),
         energy_explained: 0.0,
     }
 }
 
 /// A mismatch that the effects explain only with parameters that no sensor has.
-fn implausible_parameters(held: [f64; 2]) -> UnexplainedForce {
+fn implausible_parameters(heldout: [f64; 2]) -> UnexplainedForce {
     UnexplainedForce {
         axis: 0,
         depends_on: vec!["wrench".to_owned()],
-        heldout: held,
+        heldout,
         tone_hz: None,
         energy_explained: 0.0,
     }
@@ -325,11 +325,7 @@ fn refits(
     let of = |family: &CandidateTerm| {
         let kind = family.kind;
         let numbers = parameters::parameters_of(case, model, search, selection, family, covariance);
-        numbers.into_iter().map(move |number| RefittedParameter {
-            kind,
-            joint: None,
-            parameter: number,
-        })
+        numbers.into_iter().map(move |parameter| RefittedParameter { kind, joint: None, parameter })
     };
     open.filter_map(family).flat_map(of).collect()
 }

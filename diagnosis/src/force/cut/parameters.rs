@@ -64,49 +64,50 @@ pub(super) fn assess_effect(
     let by_slopes = selection.solved.gain - without.solved.gain;
     let penalty = search.criterion().per_parameter();
     let cost = |one: &AlternativeEffect| one.likelihood_loss + one.extra_parameters * penalty;
-    let mut rivals: Vec<AlternativeEffect> = Vec::new();
-    for (place, family) in families.iter().enumerate() {
+    let mut alternatives: Vec<AlternativeEffect> = Vec::new();
+    for (candidate, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
         if is_taken || family.kind == own.kind {
             continue;
         }
-        if search.gain_beside(&without, place) < GAIN_SHARE_LEAST * by_slopes {
+        if search.gain_beside(&without, candidate) < GAIN_SHARE_LEAST * by_slopes {
             continue;
         }
-        let names: Vec<usize> = others.iter().copied().chain([place]).collect();
-        let behind = misfit(&names) - whole;
+        let names: Vec<usize> = others.iter().copied().chain([candidate]).collect();
+        let likelihood_loss = misfit(&names) - whole;
         // In units of the penalty per parameter, so that a choice among many forms counts as part of one.
-        let dearer =
+        let extra_parameters =
             (penalty_with_forms(search, family) - penalty_with_forms(search, own)) / penalty;
-        if behind > LISTED_LOSS_MOST {
+        if likelihood_loss > LISTED_LOSS_MOST {
             continue;
         }
         let rival = AlternativeEffect {
             kind: family.kind,
             joint: None,
-            candidate: place,
+            candidate,
             stems: Vec::new(),
-            likelihood_loss: behind,
-            extra_parameters: dearer,
+            likelihood_loss,
+            extra_parameters,
             // An alternative that needs more parameters for the same fit is worse by their penalty.
-            is_indistinguishable: behind + dearer.max(0.0) * penalty < INDISTINGUISHABLE,
+            is_indistinguishable: likelihood_loss + extra_parameters.max(0.0) * penalty
+                < INDISTINGUISHABLE,
             confidence: 0.0,
         };
-        match rivals.iter().position(|one| one.kind == rival.kind) {
-            Some(at) if cost(&rivals[at]) > cost(&rival) => rivals[at] = rival,
+        match alternatives.iter().position(|one| one.kind == rival.kind) {
+            Some(at) if cost(&alternatives[at]) > cost(&rival) => alternatives[at] = rival,
             Some(_) => {}
-            None => rivals.push(rival),
+            None => alternatives.push(rival),
         }
     }
     // The null hypothesis, without any effect, is an alternative too.
     let nothing = gain - penalty_with_forms(search, own);
-    let losses: Vec<f64> = rivals.iter().map(cost).chain([nothing]).collect();
+    let losses: Vec<f64> = alternatives.iter().map(cost).chain([nothing]).collect();
     let (confidence, shares) = posterior(&losses);
-    rivals.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
-    rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
-    rivals.retain(|rival| rival.kind != PERMANENT_TONE_KIND);
-    let is_idle = gain < penalty_with_forms(search, own);
-    AssessedEffect { gain, confidence, alternatives: rivals, is_below_penalty: is_idle }
+    alternatives.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
+    alternatives.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+    alternatives.retain(|rival| rival.kind != PERMANENT_TONE_KIND);
+    let is_below_penalty = gain < penalty_with_forms(search, own);
+    AssessedEffect { gain, confidence, alternatives, is_below_penalty }
 }
 
 /// The effects with one replaced by a more probable alternative, if there is one.

@@ -230,14 +230,14 @@ impl CoefficientPrior {
         let feeds = rows.iter().map(|row| case.model.rows[*row].feed_per_tooth_m);
         let feed = feeds.sum::<f64>() / rows.len().max(1) as f64;
         let [of_chip, of_edge] = case.largest_stated_coefficients();
-        let mut numbers = Vector::zeros();
-        let mut doubt = Vector::repeat(f64::INFINITY);
+        let mut values = Vector::zeros();
+        let mut sigma = Vector::repeat(f64::INFINITY);
         for k in 0..3 {
-            (numbers[k], numbers[3 + k]) = (chip[k], edge[k]);
-            doubt[k] = COEFFICIENT_SIGMA * of_chip.max(of_edge / feed.max(1e-9));
-            doubt[3 + k] = COEFFICIENT_SIGMA * of_edge.max(of_chip * feed);
+            (values[k], values[3 + k]) = (chip[k], edge[k]);
+            sigma[k] = COEFFICIENT_SIGMA * of_chip.max(of_edge / feed.max(1e-9));
+            sigma[3 + k] = COEFFICIENT_SIGMA * of_edge.max(of_chip * feed);
         }
-        Self { values: numbers, sigma: doubt }
+        Self { values, sigma }
     }
 
     /// The best angle and its misfit; 0 if it is equally good.

@@ -36,7 +36,7 @@ pub struct UnexplainedForce {
 pub(super) fn strongest_structure(case: &Case, beside: &[usize]) -> Option<UnexplainedForce> {
     let law = varying_coefficients::best_confirmed_law(case, beside, &case.estimates);
     let (law, left) = match law {
-        Some(ConfirmedLaw { structure: rest, residual: left, .. }) => (Some(rest), left),
+        Some(ConfirmedLaw { structure, residual, .. }) => (Some(structure), residual),
         None => (None, case.residual(&case.estimates)),
     };
     let carried = law.as_ref().map_or(0.0, |one| one.energy_explained);
@@ -66,11 +66,11 @@ pub(super) fn excessive_drift(case: &Case, belief: &Estimates) -> Option<Unexpla
     let rms = |all: &[f64]| {
         libm::sqrt(sum_of_squares(&case.table, axis, all, &case.row_sets.test) / rows)
     };
-    let held = [rms(&without[axis]), rms(&left[axis])];
+    let heldout = [rms(&without[axis]), rms(&left[axis])];
     Some(UnexplainedForce {
         axis,
         depends_on: vec!["t_s".to_owned()],
-        heldout: held,
+        heldout,
         tone_hz: None,
         energy_explained: 0.0,
     })
@@ -135,10 +135,10 @@ fn variation_between_revolutions(
         .map(of_axis)
         .max_by(|a, b| (a.1[0] / a.1[1]).total_cmp(&(b.1[0] / b.1[1])))?;
     let kept = held.iter().filter(|held| **held).count() as f64 / held.len().max(1) as f64;
-    let words = vec!["t_s".to_owned()];
+    let depends_on = vec!["t_s".to_owned()];
     Some(UnexplainedForce {
         axis,
-        depends_on: words,
+        depends_on,
         heldout: held_rms,
         tone_hz: None,
         energy_explained: kept * (chi - free),

@@ -72,15 +72,14 @@ pub(super) fn best_confirmed_law(
 fn laws(case: &Case, belief: &Estimates) -> Vec<CandidateLaw> {
     let read = case.readings(belief);
     let mut all = Vec::new();
-    let mut add = |carrier: &[(usize, Vec<f64>)],
-                   word: &Covariate,
-                   beside: Option<&'static str>| {
-        let counts = |value: &f64| *value != word.values[0];
-        if word.values.iter().any(counts) {
-            let words = [Some(word.name), beside].into_iter().flatten().collect();
-            all.push(CandidateLaw { covariates: words, columns: carrier_columns(carrier, word) });
-        }
-    };
+    let mut add =
+        |carrier: &[(usize, Vec<f64>)], word: &Covariate, beside: Option<&'static str>| {
+            let counts = |value: &f64| *value != word.values[0];
+            if word.values.iter().any(counts) {
+                let covariates = [Some(word.name), beside].into_iter().flatten().collect();
+                all.push(CandidateLaw { covariates, columns: carrier_columns(carrier, word) });
+            }
+        };
     let words = words(case, belief);
     for axis in case.table.joints() {
         let push = [(axis, vec![1.0; case.model.rows.len()])];
@@ -205,10 +204,10 @@ fn laws_above_penalty(case: &Case, beside: &[usize], laws: &[CandidateLaw]) -> V
         let (bare, steady) = (gain(0), gain(1));
         for columns in [2, asked.columns.len()] {
             let whole = gain(columns);
-            let worth = whole - bare - penalty(columns);
+            let score = whole - bare - penalty(columns);
             // A law whose size does not vary with its covariate is not reported.
-            if worth > MARGIN && whole - steady > MARGIN + penalty(columns - 1) {
-                found.push(ScoredLaw { law, columns, score: worth });
+            if score > MARGIN && whole - steady > MARGIN + penalty(columns - 1) {
+                found.push(ScoredLaw { law, columns, score });
             }
         }
     }
@@ -278,7 +277,7 @@ fn confirmed_law(
     if !explains(&both, held) {
         return None;
     }
-    let carries = energy(&both[0], held) - energy(&both[1], held);
+    let energy_explained = energy(&both[0], held) - energy(&both[1], held);
     let rms = |axis: usize, left: &[Vec<f64>; 3]| {
         let ones = vec![1.0; left[axis].len()];
         let rows = sum_of_squares(&case.table, axis, &ones, held).max(1.0);
@@ -286,15 +285,11 @@ fn confirmed_law(
     };
     let each = axes.iter().map(|axis| (*axis, [rms(*axis, &both[0]), rms(*axis, &both[1])]));
     let (axis, rms) = each.max_by(|a, b| (a.1[0] / a.1[1]).total_cmp(&(b.1[0] / b.1[1])))?;
-    let mut words: Vec<String> = law.covariates.iter().map(|word| (*word).to_owned()).collect();
-    words.dedup();
-    let rest = UnexplainedForce {
-        axis,
-        depends_on: words,
-        heldout: rms,
-        tone_hz: None,
-        energy_explained: carries,
-    };
-    let [_, left] = both;
-    Some(ConfirmedLaw { structure: rest, residual: left, score: found.score })
+    let mut depends_on: Vec<String> =
+        law.covariates.iter().map(|word| (*word).to_owned()).collect();
+    depends_on.dedup();
+    let structure =
+        UnexplainedForce { axis, depends_on, heldout: rms, tone_hz: None, energy_explained };
+    let [_, residual] = both;
+    Some(ConfirmedLaw { structure, residual, score: found.score })
 }

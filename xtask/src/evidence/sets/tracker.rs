@@ -174,7 +174,7 @@ fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
         ("first half in time to the second", "in-time", in_time.clone()),
         ("a random half to the other", "by-chance", by_chance),
     ];
-    for (name, run, held) in halves {
+    for (name, run, held_out) in halves {
         let campaign = Campaign {
             name,
             run,
@@ -182,7 +182,7 @@ fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
             model: "irb120",
             mapping: IRB.to_owned(),
             sheet: sheet.clone(),
-            held_out: held,
+            held_out,
             points: reflectors(),
             metres: MM,
             station: None,
@@ -272,7 +272,7 @@ fn motoman(bench: &SetRunner) -> Result<Vec<Case>, String> {
         let files = whole.texts("source_file");
         let kept = mapping.lines().find(|line| line.starts_with("keep = ")).unwrap_or("");
         let sheet = whole.filter_rows(|k| kept.contains(&format!("\"{}\"", files[k])));
-        let held = random_half(sheet.len(), 1);
+        let held_out = random_half(sheet.len(), 1);
         let station = station_of(&sheet, mapping);
         let campaign = Campaign {
             name,
@@ -281,7 +281,7 @@ fn motoman(bench: &SetRunner) -> Result<Vec<Case>, String> {
             model: if run == "right" { "motoman-right" } else { "motoman-left" },
             mapping: mapping.to_owned(),
             sheet: sheet.with_column("station_of_row", |k| station[k].clone()),
-            held_out: held,
+            held_out,
             points: vec![(axes("leica_", "m"), axes("target1_", "m"))],
             metres: 1.0,
             station: Some("station_of_row"),
@@ -318,7 +318,7 @@ fn station_of(sheet: &CsvTable, mapping: &str) -> Vec<String> {
 fn sweeps(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let sheet = CsvTable::read(&bench.data("poses_36.csv")?);
     // One pose of each sweep of six.
-    let held: Vec<bool> = (0..sheet.len()).map(|k| k % 6 == 2).collect();
+    let held_out: Vec<bool> = (0..sheet.len()).map(|k| k % 6 == 2).collect();
     let campaign = Campaign {
         name: "one pose of each sweep held out",
         run: "sweeps",
@@ -326,7 +326,7 @@ fn sweeps(bench: &SetRunner) -> Result<Vec<Case>, String> {
         model: "fanuc-r2000ib",
         mapping: SWEPT.to_owned(),
         sheet: sheet.clone(),
-        held_out: held,
+        held_out,
         points: reflectors(),
         metres: MM,
         station: None,
@@ -358,7 +358,7 @@ fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.write("hilti.toml", model)?;
     let sheet = CsvTable::read(&bench.data("all_measurements.csv")?);
     let [scenes, kinds] = ["dataset", "kind"].map(|name| sheet.texts(name));
-    let held: Vec<bool> =
+    let held_out: Vec<bool> =
         (0..sheet.len()).map(|k| scenes[k] != "flat" && kinds[k] == "evaluation").collect();
     let campaign = Campaign {
         name: "evaluation points of all scenes but flat",
@@ -367,7 +367,7 @@ fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
         model: "hilti.toml",
         mapping: SCENES.to_owned(),
         sheet,
-        held_out: held,
+        held_out,
         points: vec![(axes("prism_", "m"), axes("", "m"))],
         metres: 1.0,
         station: Some("dataset"),
