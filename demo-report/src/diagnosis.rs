@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use diagnosis::diagnose::{Verdict, sentences};
+use diagnosis_report::progress::ignore;
 use diagnosis_report::{JSON, MODEL, PAGE, RobotDiagnosis, Settings, lines, summary};
 use physics::JointKind;
 use recording::model::RobotModel;
@@ -85,7 +86,7 @@ fn diagnose_recording(out: &Path, seed: u64) -> Result<RobotDiagnosis, Error> {
     let recording = out.join("measured.csv");
     let recording = series::read(&recording, None, RequiredData::Measurement)?;
     let settings = Settings { seed, ..Settings::default() };
-    Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &mut |_| {})?)
+    Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &ignore)?)
 }
 
 /// Writes diagnosis, model and page.

@@ -13,6 +13,7 @@
 //! use std::path::Path;
 //!
 //! use diagnosis_report::calibration::{Settings, calibrate};
+//! use diagnosis_report::progress::ignore;
 //! use recording::model::RobotModel;
 //! use recording::series::{RequiredData, read};
 //!
@@ -20,7 +21,7 @@
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
 //! let recording = read(Path::new("tracker.csv"), None, RequiredData::Measurement)?;
 //! let settings = Settings { tolerance_mm: Some(0.1), ..Settings::default() };
-//! let calibrated = calibrate(model, &[recording], &settings, &mut |_| {})?;
+//! let calibrated = calibrate(model, &[recording], &settings, &ignore)?;
 //! let out = calibrated.is_validated().then(|| Path::new("calibrated.toml"));
 //! if let Some(out) = out {
 //!     fs::write(out, calibrated.model_toml()?)?;

@@ -4,6 +4,7 @@
 
 use std::borrow::Cow;
 
+use diagnosis::progress::Listener;
 use diagnosis::torque::{self, Diagnosis, DiagnosisError, Finding, RefittedParameter, StatedModel};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
@@ -48,6 +49,7 @@ impl TorqueDiagnosis {
         recordings: &mut Vec<Recording>,
         band_hz: Option<f64>,
         seed: u64,
+        listener: Listener<'_>,
     ) -> Result<Option<Self>, Error> {
         if !torques_are_recorded(recordings) {
             return Ok(None);
@@ -57,7 +59,7 @@ impl TorqueDiagnosis {
         } else {
             Cow::Owned(std::mem::take(recordings))
         };
-        Self::diagnose(base, recordings, band_hz, seed).map(Some)
+        Self::diagnose(base, recordings, band_hz, seed, listener).map(Some)
     }
 
     fn diagnose(
@@ -65,6 +67,7 @@ impl TorqueDiagnosis {
         recordings: Cow<'_, [Recording]>,
         band_hz: Option<f64>,
         seed: u64,
+        listener: Listener<'_>,
     ) -> Result<Self, Error> {
         let name = |recording: &Recording| {
             recording.file.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned())
@@ -73,7 +76,8 @@ impl TorqueDiagnosis {
         let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.drives_sigma).cloned().collect();
         let stated = StatedModel { model: &model, sigma: &sigma, delay_s: delay_s(base) };
         let names = recordings.iter().map(name).collect();
-        Ok(Self { result: torque::diagnose(&stated, recordings, band_hz, seed), recordings: names })
+        let result = torque::diagnose(&stated, recordings, band_hz, seed, listener);
+        Ok(Self { result, recordings: names })
     }
 
     /// The model's effects with the findings, and its own refitted parameters.

@@ -11,6 +11,7 @@
 //! use std::fs;
 //! use std::path::Path;
 //!
+//! use diagnosis_report::progress::ignore;
 //! use diagnosis_report::{Settings, diagnose, lines};
 //! use recording::model::RobotModel;
 //! use recording::series::{RequiredData, read};
@@ -18,7 +19,7 @@
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
 //! let recording = read(Path::new("measured.csv"), None, RequiredData::Measurement)?;
-//! let found = diagnose(model, vec![recording], &Settings::default(), &mut |_| {})?;
+//! let found = diagnose(model, vec![recording], &Settings::default(), &ignore)?;
 //! for report in found.reports() {
 //!     println!("{}: {}", report.verdict, diagnosis_report::summary(&report));
 //!     lines(&report).iter().for_each(|line| println!("{line}"));
@@ -54,8 +55,9 @@ pub const PAGE: &str = "report.html";
 /// File name of the resulting model, next to `diagnosis.json`.
 pub const MODEL: &str = "model.toml";
 
+pub use diagnosis::progress;
 pub use error::Error;
 pub use forces::ForceDiagnosis;
 pub use result::{DiagnosisJson, Interval, Report, ReportedFinding, Size, Value, lines, summary};
-pub use robot::{RobotDiagnosis, Settings, Stage, diagnose};
+pub use robot::{RobotDiagnosis, Settings, diagnose};
 pub use tolerance::{HeldOut, Tolerance};

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use diagnosis::diagnose::{Diagnosis, ScreeningReport, ThinnedRecordings, screen_recordings};
 use diagnosis::gross_errors::SuspectedError;
+use diagnosis::progress::{Listener, Progress, Stage};
 use diagnosis::{AddedEffect, campaign_import, torque};
 use recording::model::RobotModel;
 use recording::series::{HeldOut, Recording};
@@ -43,15 +44,6 @@ impl Default for Settings {
 const NO_POSITION: &str =
     "a tool tolerance was given, but only drive torques were recorded; measure the tool";
 
-/// Stage of the computation, for progress display.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Drive torques.
-    Torques,
-    /// Positions.
-    Positions,
-}
-
 /// Diagnosis of the positions and drive torques of a robot.
 pub struct RobotDiagnosis {
     pub(crate) base: RobotModel,
@@ -71,7 +63,8 @@ pub struct RobotDiagnosis {
     drives: Option<TorqueDiagnosis>,
 }
 
-/// Diagnoses `base` by recordings of one robot; `begins` is called at the beginning of each stage.
+/// Diagnoses `base` by recordings of one robot; `listener` is told of the progress, by [`Stage::TORQUES`] if torques were recorded,
+/// then by [`Stage::POSITIONS`] if positions were.
 ///
 /// # Errors
 /// Recordings that cannot be used with this model.
@@ -79,15 +72,15 @@ pub fn diagnose(
     base: RobotModel,
     mut recordings: Vec<Recording>,
     settings: &Settings,
-    begins: &mut dyn FnMut(Stage),
+    listener: Listener<'_>,
 ) -> Result<RobotDiagnosis, Error> {
     let settings = *settings;
-    begins(Stage::Torques);
     let drives = TorqueDiagnosis::diagnose_if_recorded(
         &base,
         &mut recordings,
         settings.band_hz,
         settings.seed,
+        listener,
     )?;
     if drives.is_some() && recordings.is_empty() {
         if settings.tolerance_mm.is_some() {
@@ -99,8 +92,8 @@ pub fn diagnose(
             ..RobotDiagnosis::empty(base, settings)
         });
     }
-    begins(Stage::Positions);
-    Ok(RobotDiagnosis { drives, ..RobotDiagnosis::diagnose_positions(base, recordings, settings)? })
+    let positions = RobotDiagnosis::diagnose_positions(base, recordings, settings, listener)?;
+    Ok(RobotDiagnosis { drives, ..positions })
 }
 
 impl RobotDiagnosis {
@@ -122,7 +115,9 @@ impl RobotDiagnosis {
         base: RobotModel,
         mut recordings: Vec<Recording>,
         settings: Settings,
+        listener: Listener<'_>,
     ) -> Result<Self, Error> {
+        listener(Stage::Screening, Progress::Begun);
         let arm = base.physics.arm;
         let has_positions = crate::drives::positions_are_recorded(&recordings);
         let unjudged = |base, objections, notes, rows| {
@@ -142,7 +137,7 @@ impl RobotDiagnosis {
         let held = recordings.iter().any(is_said);
         let held = held.then(|| campaign_import::held_out(&looked.campaign, &recordings));
         drop(recordings);
-        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, settings.seed);
+        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, settings.seed, listener);
         if let Some(doubt) = diagnosis.reason_not_to_claim() {
             return unjudged(base, vec![doubt], notes, rows);
         }

@@ -5,6 +5,7 @@
 
 use diagnosis::campaign_import;
 use diagnosis::diagnose::diagnose;
+use diagnosis::progress::ignore;
 use recording::model::RobotModel;
 use recording::series::{self, RequiredData};
 use std::error::Error;
@@ -22,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mapping = rest.first().map(Path::new);
     let recording = series::read(Path::new(file), mapping, RequiredData::Measurement)?;
     let campaign = campaign_import::campaign(&model.physics.arm, &[recording])?;
-    let found = diagnose(campaign, &model.physics, &model.sigma, None, 1);
+    let found = diagnose(campaign, &model.physics, &model.sigma, None, 1, &ignore);
     println!("{}: {:?}", found.verdict.name(), found.test_errors);
     for one in &found.findings {
         println!(

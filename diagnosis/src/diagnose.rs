@@ -48,6 +48,7 @@ use crate::fit_result::Fit;
 use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
 use crate::joint_readback;
+use crate::progress::{Listener, Stage, StageProgress};
 use crate::robust_weights::Influence;
 use crate::score_test::ScoreTest;
 use additive_regression::CovariateChoice;
@@ -168,6 +169,7 @@ pub struct Diagnosis {
 ///
 /// - `sigma`: standard uncertainties that the model states of its effects' parameters, SI, one list per effect.
 /// - `held_out`: test poses that the recordings reserve; `None`: chosen in blocks by `seed`.
+/// - `listener`: told of the progress, by [`Stage::POSITIONS`]; [`ignore`](crate::progress::ignore) if nobody is.
 #[must_use]
 pub fn diagnose(
     mut campaign: Campaign,
@@ -175,6 +177,7 @@ pub fn diagnose(
     sigma: &[Vec<f64>],
     held_out: Option<Vec<bool>>,
     seed: u64,
+    listener: Listener<'_>,
 ) -> Diagnosis {
     let mut notes = Vec::new();
     preparation::set_velocities(&mut campaign, model.arm.count());
@@ -182,7 +185,7 @@ pub fn diagnose(
     let held_out = held_out.map(|held| {
         held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(held, _)| *held).collect()
     });
-    diagnose_selected_rows(campaign, notes, model, sigma, held_out, seed)
+    diagnose_selected_rows(campaign, notes, model, sigma, held_out, seed, listener)
 }
 
 /// [`diagnose`] for a campaign whose rows are already subsampled and have their speeds.
@@ -193,7 +196,10 @@ fn diagnose_selected_rows(
     sigma: &[Vec<f64>],
     held_out: Option<Vec<bool>>,
     seed: u64,
+    listener: Listener<'_>,
 ) -> Diagnosis {
+    let begin = |stage| StageProgress::begin(listener, stage);
+    begin(Stage::GivenModel);
     preparation::exclude_path_starts(&mut campaign, model, &mut notes);
     let split = match held_out {
         Some(held) => HoldOutSplit {
@@ -212,9 +218,11 @@ fn diagnose_selected_rows(
     let base = fit(&campaign, &known, &settings);
     let dictionary = dictionary::candidate_dictionary(model, &campaign);
     let (known, dictionary, cache) = (&known, dictionary.as_slice(), &JacobianCache::default());
+    begin(Stage::NoiseModel);
     let chosen = (covariates.as_slice(), CovariateChoice::All);
     let base = update_noise_models(&mut campaign, known, &settings, &base, chosen).unwrap_or(base);
-    let search = Search { campaign: &campaign, known, settings, dictionary, cache };
+    let progress = begin(Stage::FirstSearch);
+    let search = Search { campaign: &campaign, known, settings, dictionary, cache, progress };
     let validation = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let validation: Vec<bool> = validation.collect();
     let (preselected, also) =
@@ -225,28 +233,36 @@ fn diagnose_selected_rows(
             None => {
                 // The alternatives of each effect are not needed yet: this selection only serves to separate effects from noise.
                 let first = search.iterate_until_stable(preselected, &also);
+                let progress = begin(Stage::SecondSearch);
                 let chosen = (covariates.as_slice(), CovariateChoice::Validated);
                 let again =
                     update_noise_models(&mut campaign, known, &settings, &first.fit, chosen);
-                let search = Search { campaign: &campaign, known, settings, dictionary, cache };
+                let search =
+                    Search { campaign: &campaign, known, settings, dictionary, cache, progress };
                 let selection = match again {
                     None => selection::select(&search, first),
                     Some(bare) => selection::restart(&search, &bare, first),
                 };
                 let splits = (&selection_split, validation.as_slice());
-                let selection = validation::drop_unsupported(&campaign, model, splits, selection);
+                let progress = begin(Stage::Validation);
+                let selection =
+                    validation::drop_unsupported(&campaign, model, splits, selection, progress);
+                begin(Stage::Structure);
                 unexplained::with_structure(&search, selection, &covariates, &validation)
             }
         };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
+    let progress = begin(Stage::Alternatives);
     let around = selection.fit.surroundings.clone();
     let settings = FitSettings { used: &split.training, from: Some(&around), ..settings };
     let selection =
         EffectSelection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
-    let search = Search { campaign: &campaign, known, settings, dictionary, cache };
+    let search = Search { campaign: &campaign, known, settings, dictionary, cache, progress };
     let selection = substitution::with_alternatives(&search, selection);
     let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
-    finish(campaign, model, selection, law, split, &covariates, (not_tested, notes))
+    let found = finish(campaign, model, selection, law, split, &covariates, listener);
+    notes.extend(found.notes);
+    Diagnosis { not_tested, notes, ..found }
 }
 
 /// Sets the campaign's AR noise models to those of the residual of `seen` and refits the known model with them; `None` if the noise models are
@@ -267,7 +283,8 @@ fn update_noise_models(
     Some(fit(campaign, known, &FitSettings { from: Some(&around), ..*settings }))
 }
 
-/// Assembles the result: errors on the test set, verdict, findings, map and proposed experiment.
+/// Assembles the result: errors on the test set, verdict, findings, map and proposed experiment. Its list of untested effects is empty, and its notes
+/// are only those on the final fit.
 fn finish(
     campaign: Campaign,
     model: &Model,
@@ -275,8 +292,9 @@ fn finish(
     law: Option<unexplained::SmoothFunction>,
     split: HoldOutSplit,
     covariates: &[Covariate],
-    (not_tested, mut notes): (Vec<UntestedEffect>, Vec<String>),
+    listener: Listener<'_>,
 ) -> Diagnosis {
+    let progress = StageProgress::begin(listener, Stage::TestErrors);
     let settings = FitSettings {
         used: &split.training,
         influence: Influence::Redescending,
@@ -306,20 +324,20 @@ fn finish(
     let verdict = verdict::decide(&selected, &last, carried);
     let map = residual_map::map(&campaign, &given, &settings, covariates);
     let uncertainty = fitted.uncertainty();
-    let findings = findings::findings(&held, model, (&last, &uncertainty), &selected, &given);
+    let findings =
+        findings::findings(&held, model, (&last, &uncertainty), &selected, &given, progress);
     let (findings, candidates) =
         claimed(verdict, findings, &VerdictSettings::POSITION, |one| one.confidence);
     let test_errors = held.test_errors(before, after, &last);
     let design = experiment::Design::of(&campaign, model, &last, &split.training);
-    let next_experiment = design.propose(&selected);
+    let progress = StageProgress::begin(listener, Stage::Experiment);
+    let next_experiment = design.propose(&selected, progress);
     let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspicion| suspicion.message);
     let (far, rows) = outlier_counts(&last, &campaign);
-    if far > 0 {
-        notes.push(format!(
-            "{far} of {rows} rows are outliers of the final model and have little or no weight"
-        ));
-    }
+    let outliers = format!(
+        "{far} of {rows} rows are outliers of the final model and have little or no weight"
+    );
     Diagnosis {
         verdict,
         findings,
@@ -331,8 +349,8 @@ fn finish(
         signal_rms: signal_rms(&campaign, held.is_length),
         next_experiment,
         map,
-        not_tested,
-        notes,
+        not_tested: Vec::new(),
+        notes: if far > 0 { vec![outliers] } else { Vec::new() },
         unsettled_message,
         campaign,
         split,

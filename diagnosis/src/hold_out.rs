@@ -8,6 +8,7 @@ use crate::fit::{FitEffort, FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::geometry::{Tolerances, geometry_with_tolerances};
 use crate::hypothesis::Hypothesis;
+use crate::progress::{Listener, Stage, StageProgress};
 use crate::robust_weights::Influence;
 use physics::Model;
 use rand::RngExt;
@@ -274,25 +275,24 @@ pub struct Calibration {
     pub advanced: ExtendedModel,
 }
 
-/// Fits the three models to the training set. `sigma`: stated standard uncertainties of the model's own effects, one list per effect, SI; `heard` is
-/// called with the name of each stage before it begins (less than a second to many seconds each).
+/// Fits the three models to the training set. `sigma`: stated standard uncertainties of the model's own effects, one list per effect, SI;
+/// `listener` is told of the progress.
 #[must_use]
 pub fn calibrate(
     campaign: &Campaign,
     model: &Model,
     sigma: &[Vec<f64>],
     training: &[bool],
-    report_stage: &mut dyn FnMut(&'static str),
+    listener: Listener<'_>,
 ) -> Calibration {
     let influence = Influence::Redescending;
     let settings = FitSettings { used: training, influence, from: None, effort: FitEffort::Full };
-    report_stage("the given model");
+    StageProgress::begin(listener, Stage::CalibrationGivenModel);
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
-    report_stage("the geometry");
+    StageProgress::begin(listener, Stage::CalibrationGeometry);
     let within = geometry_with_tolerances(model, sigma, &Tolerances::default(), campaign);
     let calibrated = fit(campaign, &within, &settings);
-    report_stage("selecting effects");
-    let advanced = select_effects(campaign, &calibrated, &settings);
+    let advanced = select_effects(campaign, &calibrated, &settings, listener);
     Calibration { nominal, calibrated, advanced }
 }
 

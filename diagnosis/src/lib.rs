@@ -40,6 +40,7 @@ pub mod load_pairs;
 mod path_dynamics;
 mod periodogram;
 pub mod plan;
+pub mod progress;
 pub mod qr;
 pub mod recording_simulation;
 mod residual;

@@ -45,6 +45,7 @@ use std::borrow::Cow;
 
 use crate::engine::dictionary::CoefficientForm;
 use crate::engine::stepwise::{TermSearch, TermSelection, without_term};
+use crate::progress::{Listener, Stage, StageProgress};
 use case::Case;
 pub use covariates::UnexplainedTorque;
 pub use low_speed_zone::Zone;
@@ -92,7 +93,7 @@ const ROWS_LEAST: usize = 200;
 /// Diagnoses the drive torques of the arm of `stated` from `recordings`.
 ///
 /// `band_hz`: edge of the low-pass filter, Hz; `None` selects it from the sampling rate. `seed` determines the split of the data. Owned recordings
-/// are dropped as soon as the motion has been extracted, to save memory.
+/// are dropped as soon as the motion has been extracted, to save memory. `listener` is told of the progress, by [`Stage::TORQUES`].
 ///
 /// # Errors
 /// [`DiagnosisError`] if too few rows of torque and motion remain, or no joint with recorded torque moves.
@@ -101,7 +102,10 @@ pub fn diagnose<'r>(
     recordings: impl Into<Cow<'r, [Recording]>>,
     band_hz: Option<f64>,
     seed: u64,
+    listener: Listener<'_>,
 ) -> Result<Diagnosis, DiagnosisError> {
+    let begin = |stage| StageProgress::begin(listener, stage);
+    begin(Stage::TorqueRows);
     let recordings = recordings.into();
     let mut case = Case::new(stated, &recordings, band_hz, seed);
     drop(recordings);
@@ -112,31 +116,37 @@ pub fn diagnose<'r>(
     if case.table.joints().next().is_none() {
         return Err(DiagnosisError::NoMotion);
     }
+    begin(Stage::TorqueNoise);
     case.estimate_noise();
     let train = case.row_sets.train.clone();
-    let (_, selection) = select_effects(&mut case, &[], &train);
+    let progress = begin(Stage::TorqueFirstSearch);
+    let (_, selection) = select_effects(&mut case, &[], &train, progress);
+    let progress = begin(Stage::TorqueSecondSearch);
     case.update_load_columns(&selection);
     case.estimate_noise();
-    let (always, selection) = select_effects(&mut case, &selection.terms, &train);
+    let (always, selection) = select_effects(&mut case, &selection.terms, &train, progress);
+    let progress = begin(Stage::TorqueZones);
     let mut zones = zones(&mut case, &selection, &train);
     let (always, selection) = if zones.is_empty() {
         (always, selection)
     } else {
         case.estimate_noise();
         // Selected from scratch: effects selected because of rows in zones may be spurious.
-        let zoned = select_effects(&mut case, &[], &train);
+        let zoned = select_effects(&mut case, &[], &train, progress);
         if reopen_zones(&mut case, &mut zones, &zoned.1, &train) {
             case.estimate_noise();
-            select_effects(&mut case, &selection.terms, &train)
+            select_effects(&mut case, &selection.terms, &train, progress)
         } else {
             zoned
         }
     };
+    begin(Stage::TorqueValidation);
     let names = hardening_as_spring(
         &case,
         stated,
         &confirmed_by_validation(&case, &always, selection).terms,
     );
+    begin(Stage::TorqueAlternatives);
     let seen = case.row_sets.seen();
     let products = case.products(&seen);
     let search = nonlinear_parameters::search(&case, &products, &always);
@@ -150,6 +160,7 @@ pub fn diagnose<'r>(
     let weighed = assess_effects(&case, &always, &names);
     case.ignore_autocorrelation();
     refit_nonlinear(&mut case, stated, &always, &weighed);
+    begin(Stage::TorqueTestErrors);
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
 }
 
@@ -245,7 +256,12 @@ fn assess_effects(case: &Case, always: &[usize], names: &[usize]) -> Vec<Assesse
 
 /// Selects effects on the rows `used`, once with stated masses exact and once fitted within their prior; returns the always-fitted columns and the
 /// selection of the variant with the better score.
-fn select_effects(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, TermSelection) {
+fn select_effects(
+    case: &mut Case,
+    start: &[usize],
+    used: &[bool],
+    progress: StageProgress<'_>,
+) -> (Vec<usize>, TermSelection) {
     let exact = case.always_fitted.clone();
     let mut doubted = case.always_fitted.clone();
     doubted.extend(&case.stated_mass_columns);
@@ -259,6 +275,7 @@ fn select_effects(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize
             let products = case.products(used);
             let search = nonlinear_parameters::search(case, &products, &always);
             let chosen = search.select(&names);
+            progress.selected(chosen.terms.len());
             let moved = case.recentre_payloads(&chosen) | case.update_delay(&chosen);
             let goes_on = round < RIPPLE_ROUNDS
                 && (nonlinear_parameters::find_ripple(case, &chosen, used) || moved);

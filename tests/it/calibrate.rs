@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use diagnosis::{Campaign, FitParameter, Reading, campaign_import, campaign_simulation};
 use diagnosis_report::Error;
 use diagnosis_report::calibration::{self, Settings};
+use diagnosis_report::progress::ignore;
 use glam::{DMat3, DVec3};
 use recording::model::RobotModel;
 use recording::model::presets::preset;
@@ -187,7 +188,7 @@ fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
     // The command is run in the folder: its result names the file without it.
     seen.file = "seen.csv".into();
     let settings = Settings { seed: 7, ..Settings::default() };
-    let calibrated = calibration::calibrate(model, &[seen], &settings, &mut |_| {});
+    let calibrated = calibration::calibrate(model, &[seen], &settings, &ignore);
     let calibrated = calibrated.expect("a calibration");
     assert!(calibrated.is_validated(), "{:?}", calibrated.rejection_reasons);
     assert_eq!(calibrated.model_toml().expect("a model"), place.read("robot2.toml"));
@@ -206,7 +207,7 @@ fn recordings_that_do_not_belong_to_the_model_are_refused_by_the_library_with_th
     let place = place_with(&rows);
     let model = preset(BASE).expect("preset").model().expect("sound");
     let seen = read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
-    let refused = calibration::calibrate(model, &[seen], &Settings::default(), &mut |_| {});
+    let refused = calibration::calibrate(model, &[seen], &Settings::default(), &ignore);
     let Err(Error::GrossFaults(faults)) = refused else { panic!("a mirrored frame is a fault") };
     assert!(faults[0].message.contains("mirrored"), "{faults:?}");
 }

@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use diagnosis_report::progress::ignore;
 use diagnosis_report::{ReportedFinding, Settings, diagnose, lines, summary};
 use recording::model::presets::preset;
 use recording::series::{self, RequiredData};
@@ -126,7 +127,7 @@ fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_firs
         let seen =
             series::read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a file");
         let settings = Settings { seed: 1, findings_most, ..Settings::default() };
-        diagnose(model, vec![seen], &settings, &mut |_| {}).expect("a diagnosis")
+        diagnose(model, vec![seen], &settings, &ignore).expect("a diagnosis")
     };
     let whole: Value = serde_json::from_str(&found(20).json().expect("json")).expect("json");
     assert_eq!(whole["findings"], written["findings"]);

@@ -4,6 +4,7 @@
 //! been evaluated.
 
 use diagnosis::hold_out::{self, Calibration, HoldOutSplit, PositionErrors};
+use diagnosis::progress::{Listener, Progress, Stage, ignore};
 use diagnosis::tool_displacement::tool_displacements;
 use diagnosis::{
     Campaign, ExtendedModel, Fit, Pose, UndeterminedParameter, campaign_import, gross_errors,
@@ -97,7 +98,7 @@ pub struct CalibrationResult {
     tolerance_mm: Option<f64>,
 }
 
-/// Calibrates `base` by recordings of one robot. `begins` is called with the name of each step as it begins, for a progress display.
+/// Calibrates `base` by recordings of one robot. `listener` is told of the progress, by [`Stage::CALIBRATION`].
 ///
 /// # Errors
 /// [`Error::GrossFaults`] if recordings and model do not match; [`Error::Input`] if recordings cannot be used with this model or contain too few
@@ -106,18 +107,18 @@ pub fn calibrate(
     base: RobotModel,
     recordings: &[Recording],
     settings: &Settings,
-    begins: &mut dyn FnMut(&'static str),
+    listener: Listener<'_>,
 ) -> Result<CalibrationResult, Error> {
     let campaign =
         campaign_import::campaign(&base.physics.arm, recordings).map_err(Error::input)?;
     let parts = PoseSplit::of(&campaign, recordings, settings)?;
-    begins("gross faults");
+    listener(Stage::CalibrationScreening, Progress::Begun);
     let faults = gross_errors::detect_global_errors(&campaign, &base.physics);
     if !faults.is_empty() {
         return Err(Error::GrossFaults(faults));
     }
-    let fitted = FittedModels::of(&base, &campaign, &parts, begins);
-    begins("checks");
+    let fitted = FittedModels::of(&base, &campaign, &parts, listener);
+    listener(Stage::CalibrationChecks, Progress::Begun);
     CalibrationResult::of(base, recordings, campaign, parts, fitted, settings)
 }
 
@@ -134,20 +135,20 @@ impl FittedModels {
         base: &RobotModel,
         campaign: &Campaign,
         PoseSplit { split, seed }: &PoseSplit,
-        begins: &mut dyn FnMut(&'static str),
+        listener: Listener<'_>,
     ) -> Self {
         let training = &split.training;
         // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend
         // on the seed. Poses that a recording reserves for validation are used in no fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
         let anew = |used: &[bool]| {
-            hold_out::calibrate(campaign, &base.physics, &base.sigma, used, &mut |_| ()).advanced
+            hold_out::calibrate(campaign, &base.physics, &base.sigma, used, &ignore).advanced
         };
         let (calibration, written) = std::thread::scope(|scope| {
             let written = seed.is_some().then(|| scope.spawn(|| anew(&used)));
             let proven =
-                hold_out::calibrate(campaign, &base.physics, &base.sigma, training, begins);
-            begins("fitting the model to all poses");
+                hold_out::calibrate(campaign, &base.physics, &base.sigma, training, listener);
+            listener(Stage::CalibrationAllPoses, Progress::Begun);
             (proven, written.map(std::thread::ScopedJoinHandle::join))
         });
         let written = match written {

@@ -15,6 +15,7 @@ use crate::fit::{FitEffort, FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::geometry::Tolerances;
 use crate::hypothesis::PriorSource;
+use crate::progress::{Listener, Stage, StageProgress};
 use crate::score_test::ScoreTest;
 use physics::{AnyEffect, Model};
 use std::mem::discriminant;
@@ -39,13 +40,15 @@ pub struct ExtendedModel {
     pub chosen: Vec<AddedEffect>,
 }
 
-/// Adds the effects to `calibrated` that the training poses require.
+/// Adds the effects to `calibrated` that the training poses require; `listener` is told of the progress.
 #[must_use]
 pub fn select_effects(
     campaign: &Campaign,
     calibrated: &Fit,
     settings: &FitSettings<'_>,
+    listener: Listener<'_>,
 ) -> ExtendedModel {
+    let progress = StageProgress::begin(listener, Stage::CalibrationSearch);
     let (base, mut chosen) = with_compliances(campaign, calibrated, settings)
         .unwrap_or_else(|| (calibrated.clone(), Vec::new()));
     let model = &base.hypothesis.model;
@@ -53,7 +56,7 @@ pub fn select_effects(
     // Counterbalance springs are searched for separately; see `springs`.
     library.retain(|candidate| !candidate.is_spring() && is_new(candidate, model));
     let EffectSelection { fit, selected: named } = loop {
-        let selected = select_from(campaign, &base, settings, &library);
+        let selected = select_from(campaign, &base, settings, &library, progress);
         let refused: Vec<_> = implausible_effects(&selected).map(discriminant).collect();
         let count = library.len();
         library.retain(|one| {
@@ -78,6 +81,7 @@ fn select_from(
     base: &Fit,
     settings: &FitSettings<'_>,
     dictionary: &[Candidate],
+    progress: StageProgress<'_>,
 ) -> EffectSelection {
     let model = &base.hypothesis.model;
     let cache = JacobianCache::default();
@@ -87,6 +91,7 @@ fn select_from(
         settings: *settings,
         dictionary,
         cache: &cache,
+        progress,
     };
     let start = EffectSelection::none(base);
     let also = search.searched_candidates(&start);

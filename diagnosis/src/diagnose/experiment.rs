@@ -21,6 +21,7 @@ use crate::campaign_simulation;
 use crate::fit::{FitEffort, FitSettings, fit, refit_with_fixed_weights};
 use crate::fit_result::Fit;
 use crate::hypothesis::Hypothesis;
+use crate::progress::StageProgress;
 use crate::robust_weights::Influence;
 use physics::{AnyEffect, Model};
 use recording::series::Channel;
@@ -126,7 +127,11 @@ impl<'a> Design<'a> {
 
     /// The experiment that best distinguishes the ambiguous effect with the largest gain from its nearest alternatives; `None` if no effect is
     /// ambiguous.
-    pub(super) fn propose(&self, named: &[SelectedEffect]) -> Option<ProposedExperiment> {
+    pub(super) fn propose(
+        &self,
+        named: &[SelectedEffect],
+        progress: StageProgress<'_>,
+    ) -> Option<ProposedExperiment> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let own = self.last.hypothesis.model.effects().nth(one.effect)?;
@@ -140,11 +145,14 @@ impl<'a> Design<'a> {
             alike.iter().filter_map(|rival| self.fit_with_alternative(one, rival)).collect();
         let measured = measured_channels(self.campaign);
         let wanted = relevant_experiments(own, &alike);
-        let tried = catalogue(&self.given.arm).into_iter().filter(wanted);
-        let parted = tried.filter_map(|experiment| {
+        let tried: Vec<Experiment> =
+            catalogue(&self.given.arm).into_iter().filter(wanted).collect();
+        let steps = progress.steps(tried.len());
+        let parted = tried.into_iter().filter_map(|experiment| {
             let parts = others.iter().map(|other| self.separation(&experiment, &measured, other));
-            let least =
-                parts.collect::<Option<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min);
+            let parts: Option<Vec<f64>> = parts.collect();
+            steps.step();
+            let least = parts?.into_iter().fold(f64::INFINITY, f64::min);
             least.is_finite().then_some((experiment, least))
         });
         // Among equals the first, which is the simplest.

@@ -11,6 +11,7 @@ use super::{Finding, NORMAL_QUANTILE_95, RELATIVE_SIGMA_FLOOR};
 use crate::engine::attribution::ErrorEnergies;
 use crate::fit_result::Fit;
 use crate::hypothesis::{Hypothesis, parameter_key};
+use crate::progress::StageProgress;
 use physics::spec::Unit;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
@@ -24,10 +25,15 @@ pub(super) fn findings(
     (last, uncertainty): (&Fit, &[f64]),
     all: &[SelectedEffect],
     given: &Fit,
+    progress: StageProgress<'_>,
 ) -> Vec<Finding> {
+    // Each effect removed, alone, with those before it, and as a finding; none of them and all of them.
+    let steps = progress.steps(4 * all.len() + 2);
     let left = |gone: &[&SelectedEffect]| {
         let fit = held.compared(&hypothesis_without(last, model, gone), last);
-        RemainingError { energy: held.energy(&fit), rms: held.rms(&fit) }
+        let error = RemainingError { energy: held.energy(&fit), rms: held.rms(&fit) };
+        steps.step();
+        error
     };
     let alone_left_out: Vec<RemainingError> = all.par_iter().map(|one| left(&[one])).collect();
     let by_itself = (0..all.len()).into_par_iter().map(|k| {
@@ -82,7 +88,12 @@ pub(super) fn findings(
             group: groups[k],
         })
     };
-    (0..order.len()).into_par_iter().filter_map(finding).collect()
+    let findings = (0..order.len()).into_par_iter().filter_map(|k| {
+        let finding = finding(k);
+        steps.step();
+        finding
+    });
+    findings.collect()
 }
 
 /// Errors on the test set with some effects removed.

@@ -42,6 +42,7 @@ impl Search<'_> {
             let Some(next) = self.next_selection(&best, also) else { break };
             let stands = keys(&next.selected) == keys(&best.selected);
             best = next;
+            self.progress.selected(best.selected.len());
             if stands {
                 break;
             }

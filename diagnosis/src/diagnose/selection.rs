@@ -17,6 +17,7 @@ use crate::candidates::{Candidate, insert};
 use crate::fit::{FitEffort, FitSettings, fit, refit_with_fixed_weights};
 use crate::fit_result::Fit;
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
+use crate::progress::StageProgress;
 use crate::score_test::ScoreTest;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
@@ -106,6 +107,8 @@ pub(super) struct Search<'a> {
     pub(super) dictionary: &'a [Candidate],
     /// Cached tool displacements by each candidate of the dictionary.
     pub(super) cache: &'a JacobianCache,
+    /// The stage that this run is part of.
+    pub(super) progress: StageProgress<'a>,
 }
 
 /// A preselection from the empty selection: a few rounds of selection and fit, which end early at `many` effects or if the effects no longer change.
@@ -121,6 +124,7 @@ pub(super) fn preselect(
         let Some(next) = search.next_selection(&selection, &also) else { break };
         let stands = keys(&next.selected) == keys(&selection.selected);
         selection = next;
+        search.progress.selected(selection.selected.len());
         if stands || selection.selected.len() >= many {
             break;
         }
@@ -227,8 +231,12 @@ impl Search<'_> {
     ) -> f64 {
         let mut stepwise = StepwiseSelection::new(self, selection, also);
         stepwise.include_previous();
-        let compared = (0..selection.selected.len()).into_par_iter();
-        let compared = compared.map(|k| stepwise.with_alternatives(self, selection, k));
+        let steps = self.progress.steps(selection.selected.len());
+        let compared = (0..selection.selected.len()).into_par_iter().map(|k| {
+            let with_alternatives = stepwise.with_alternatives(self, selection, k);
+            steps.step();
+            with_alternatives
+        });
         selection.selected = compared.collect();
         stepwise.penalty()
     }

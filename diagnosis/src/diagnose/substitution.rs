@@ -21,6 +21,7 @@ pub(super) fn with_alternatives(
     search: &Search<'_>,
     mut selection: EffectSelection,
 ) -> EffectSelection {
+    search.progress.selected(selection.selected.len());
     for round in 0..=SUBSTITUTION_ROUNDS {
         let also = search.searched_candidates(&selection);
         let penalty = search.find_alternatives(&mut selection, &also);
@@ -64,6 +65,7 @@ impl Search<'_> {
     /// Replaces effects by alternatives that are better after a nonlinear fit; returns whether any was replaced.
     pub(super) fn substitute(&self, selection: &mut EffectSelection, penalty: f64) -> bool {
         let mut any = false;
+        let steps = self.progress.steps(selection.selected.len());
         for k in 0..selection.selected.len() {
             let one = &selection.selected[k];
             let better = one.best_replacement(penalty).map(|place| &one.alternatives[place]);
@@ -73,6 +75,7 @@ impl Search<'_> {
             if let Some((renamed, _)) = renamed.filter(|(_, loss)| *loss < -REPLACEMENT_GAIN_MIN) {
                 (*selection, any) = (renamed, true);
             }
+            steps.step();
         }
         any
     }
@@ -80,6 +83,7 @@ impl Search<'_> {
     /// Refits alternatives that appear better and corrects their loss in log-likelihood. Alternatives that are incompatible with the other effects
     /// are removed.
     fn refit_alternatives(&self, selection: &mut EffectSelection, penalty: f64) {
+        let steps = self.progress.steps(selection.selected.len());
         for k in 0..selection.selected.len() {
             for _ in 0..REFITS_MAX {
                 let one = &selection.selected[k];
@@ -102,6 +106,7 @@ impl Search<'_> {
             selection.selected[k]
                 .alternatives
                 .sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
+            steps.step();
         }
     }
 
@@ -155,6 +160,7 @@ mod tests {
     use crate::diagnose::selection::{key, preselect};
     use crate::diagnose::verdict::confidence;
     use crate::fit::{FitEffort, FitSettings};
+    use crate::progress::{Stage, StageProgress, ignore};
     use crate::robust_weights::Influence;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
     use physics::{AnyEffect, ParameterValues};
@@ -181,6 +187,7 @@ mod tests {
             settings,
             dictionary: &library,
             cache: &cache,
+            progress: StageProgress::begin(&ignore, Stage::Alternatives),
         };
         let (mut selection, also) = preselect(&search, &base, 10);
         let penalty = search.find_alternatives(&mut selection, &also);

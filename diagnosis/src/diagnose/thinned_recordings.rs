@@ -8,6 +8,7 @@ use super::{Diagnosis, diagnose, diagnose_selected_rows, preparation};
 use crate::campaign::Campaign;
 use crate::campaign_import::{CampaignError, RecordingSummary, campaign};
 use crate::gross_errors::{self, SuspectedError};
+use crate::progress::Listener;
 use physics::{Arm, Model};
 use recording::series::Recording;
 
@@ -72,11 +73,14 @@ impl ThinnedRecordings {
         sigma: &[Vec<f64>],
         held_out: Option<Vec<bool>>,
         seed: u64,
+        listener: Listener<'_>,
     ) -> Diagnosis {
-        match self.chosen {
-            None => diagnose(self.campaign, model, sigma, held_out, seed),
+        let Self { campaign, chosen, .. } = self;
+        match chosen {
+            None => diagnose(campaign, model, sigma, held_out, seed, listener),
             Some((says, _)) => {
-                diagnose_selected_rows(self.campaign, vec![says], model, sigma, held_out, seed)
+                let notes = vec![says];
+                diagnose_selected_rows(campaign, notes, model, sigma, held_out, seed, listener)
             }
         }
     }

@@ -12,6 +12,7 @@ use crate::fit_result::Fit;
 use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
 use crate::least_squares::{FitState, VisitScope, visit_readings};
+use crate::progress::StageProgress;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -77,6 +78,7 @@ pub(super) fn drop_unsupported(
     model: &Model,
     (split, kept): (&HoldOutSplit, &[bool]),
     mut selection: EffectSelection,
+    progress: StageProgress<'_>,
 ) -> EffectSelection {
     // The design effect of the full selection is kept: without an effect, measurements of one pose would appear more correlated.
     let together = selection.fit.design_effect;
@@ -104,7 +106,13 @@ pub(super) fn drop_unsupported(
         order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
         let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
         order.truncate(first.max(REVALIDATED_EFFECTS));
-        let asked: Vec<f64> = order.par_iter().map(|k| told(&selection.selected[*k])).collect();
+        let steps = progress.steps(order.len());
+        let asked = order.par_iter().map(|k| {
+            let margin = told(&selection.selected[*k]);
+            steps.step();
+            margin
+        });
+        let asked: Vec<f64> = asked.collect();
         order.into_iter().zip(asked).for_each(|(k, margin)| margins[k] = margin);
         let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
@@ -113,6 +121,7 @@ pub(super) fn drop_unsupported(
         let gone = selection.selected.remove(k);
         shift_indices_after(&mut selection.selected, &gone);
         selection.fit = held.compared(&hypothesis, &selection.fit);
+        progress.selected(selection.selected.len());
     }
     selection
 }

@@ -20,6 +20,7 @@ use super::nonlinear_parameters;
 use super::{Diagnosis, DiagnosisError, StatedModel, diagnose};
 use crate::diagnose::Verdict;
 use crate::engine::dictionary::ParameterBounds;
+use crate::progress::ignore;
 use glam::{DMat3, DVec3};
 
 const MASS: f64 = 90.0;
@@ -87,7 +88,7 @@ fn told(
     let model = Model::new(*arm, effects).unwrap();
     let sigma = vec![vec![0.0; 8]; effects.len()];
     let stated = StatedModel { model: &model, sigma: &sigma, delay_s: 0.0 };
-    diagnose(&stated, &[recording], None, 1)
+    diagnose(&stated, &[recording], None, 1, &ignore)
 }
 
 pub(super) fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
@@ -177,7 +178,7 @@ fn a_friction_off_within_its_doubt_is_no_finding_and_is_refitted() {
     let model = Model::new(arm, &[dry, viscous]).unwrap();
     let sigma = vec![vec![2.0], vec![0.0]];
     let stated = StatedModel { model: &model, sigma: &sigma, delay_s: 0.0 };
-    let found = diagnose(&stated, &[with_stops(0.3, force)], None, 1).unwrap();
+    let found = diagnose(&stated, &[with_stops(0.3, force)], None, 1, &ignore).unwrap();
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
     let [refit] = &found.refits[..] else { panic!("{:?}", found.refits) };
     assert_eq!(

@@ -6,7 +6,6 @@
 //! that a recording reserves for validation are never fitted.
 
 use std::path::PathBuf;
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use diagnosis::gross_errors::SuspectedError;
@@ -19,11 +18,6 @@ use crate::input::Reading;
 use crate::options::{Seed, tolerance_mm};
 use crate::output::{Console, Emphasis};
 use crate::{progress, wrap};
-
-/// Stages that the progress shows.
-const STAGES: u64 = 7;
-/// How often the progress draws while a stage lasts.
-const TICK: Duration = Duration::from_millis(200);
 
 /// Calibrate a robot: identify its model, with uncertainties, from measurements of the tool
 ///
@@ -73,14 +67,12 @@ impl Calibrate {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let mut outputs = console.outputs().file(&self.out).pages(&self.report);
         outputs.check(self.recordings.iter().chain(self.reading.files()))?;
+        let spinner = progress::stages(console, "reading recordings");
         let (model, recordings) = self.reading.measured(&self.recordings)?;
-        let progress = progress::bar(console, STAGES, "reading recordings");
-        progress.enable_steady_tick(TICK);
-        let calibrated = calibrate(model, &recordings, &self.settings(), &mut |stage| {
-            progress.inc(1);
-            progress.set_message(stage);
+        let calibrated = calibrate(model, &recordings, &self.settings(), &|stage, done| {
+            progress::show(&spinner, stage, done);
         });
-        progress.finish_and_clear();
+        spinner.finish_and_clear();
         let calibrated = match calibrated {
             Err(Error::GrossFaults(faults)) => return refuse(console, &faults),
             calibrated => calibrated?,

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use diagnosis::force::has_force;
 use diagnosis_report::{
-    DiagnosisJson, JSON, MODEL, PAGE, RobotDiagnosis, Settings, Stage, diagnose, lines, summary,
+    DiagnosisJson, JSON, MODEL, PAGE, RobotDiagnosis, Settings, diagnose, lines, summary,
 };
 use recording::model::RobotModel;
 use recording::series::Recording;
@@ -120,11 +120,8 @@ impl Diagnose {
         let seed = self.seed.resolve();
         let (band_hz, tolerance_mm) = (self.band, self.tolerance_mm);
         let settings = Settings { seed, band_hz, tolerance_mm, ..Settings::default() };
-        let found = diagnose(model, recordings, &settings, &mut |begun| {
-            stage.set_message(match begun {
-                Stage::Torques => "drive torques: fit, search, validation",
-                Stage::Positions => "positions: fit, search, validation",
-            });
+        let found = diagnose(model, recordings, &settings, &|begun, done| {
+            progress::show(&stage, begun, done);
         })?;
         stage.set_message("figures and files");
         let reports = found.reports();

@@ -3,6 +3,7 @@
 use crate::campaign::Campaign;
 use crate::campaign_simulation;
 use crate::hold_out::{PositionErrors, calibrate};
+use crate::progress::ignore;
 use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
 use glam::DVec3;
 use physics::{AnyEffect, Model, ParameterValues, Wrench};
@@ -47,7 +48,7 @@ struct Said {
 fn selected(campaign: &Campaign, base: &Model) -> Said {
     let training: Vec<bool> = (0..campaign.poses.len()).map(|k| k % 3 != 0).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
-    let found = calibrate(campaign, base, &[], &training, &mut |_| ());
+    let found = calibrate(campaign, base, &[], &training, &ignore);
     let model = *found.advanced.fit.hypothesis.model;
     let chosen = found.advanced.chosen.iter().filter_map(|c| model.effects().nth(c.effect));
     Said {

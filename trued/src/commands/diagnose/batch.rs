@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use batch::check::unusable_robots;
 use batch::{DiagnosisError, Existing, Item, Job, Row, Shard, Summary, UndiagnosedRecording};
 use clap::Args;
+use diagnosis_report::progress::ignore;
 use diagnosis_report::{ForceDiagnosis, Settings, diagnose};
 use recording::files::FileError;
 use recording::manifest::Manifest;
@@ -143,7 +144,7 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
         DiagnosisInput::Robot(model, recordings) => {
             let temperatures = MeanTemperatures::of(&recordings);
             let settings = Settings { seed, band_hz: manifest.band_hz, ..Settings::default() };
-            let found = diagnose(*model, recordings, &settings, &mut |_| {})?;
+            let found = diagnose(*model, recordings, &settings, &ignore)?;
             Ok(of_reports(&found.reports(), &temperatures))
         }
     }
