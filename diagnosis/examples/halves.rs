@@ -5,6 +5,7 @@
 
 use diagnosis::campaign_import;
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use recording::model::RobotModel;
 use recording::series::{self, RequiredData};
 use serde_json::{Value, json};
@@ -22,8 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         series::read(Path::new(file), Some(Path::new(mapping)), RequiredData::Measurement)?;
     let campaign = campaign_import::campaign(&model.physics.arm, &[recording])?;
     let run = |split: &HoldOutSplit| {
-        let found =
-            calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
+        let found = calibrate(&campaign, &model.physics, &model.sigma, &split.training, &ignore);
         let shown = show(&found, &|fit| PositionErrors::of(fit, &campaign, &split.held_out()));
         eprintln!("{}: {shown}", split.description);
         shown

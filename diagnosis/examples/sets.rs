@@ -5,6 +5,7 @@
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "an example that prints")]
 
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use diagnosis::{AddedEffect, campaign_import};
 use diagnosis::{Campaign, Fit, FitEffort, FitSettings, Hypothesis, Influence, fit};
 use recording::mapping::Mapping;
@@ -101,8 +102,7 @@ fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
     let mut seen: Vec<Vec<[[f64; 3]; 3]>> = vec![Vec::new(); kinds.len() + 1];
     for seed in 1..=seeds {
         let split = HoldOutSplit::random(&campaign, 0.5, seed);
-        let found =
-            calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
+        let found = calibrate(&campaign, &model.physics, &model.sigma, &split.training, &ignore);
         let held = split.held_out();
         for (kind, seen) in seen.iter_mut().enumerate() {
             let wanted: Vec<bool> = held
@@ -137,8 +137,7 @@ fn sweeps(data: &Path) -> Answer<()> {
     };
     let mut errors = [const { Vec::new() }; 3];
     for (pose, split) in HoldOutSplit::leave_one_out(&campaign).iter().enumerate() {
-        let found =
-            calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
+        let found = calibrate(&campaign, &model.physics, &model.sigma, &split.training, &ignore);
         let mut only = vec![false; campaign.poses.len()];
         only[pose] = true;
         for (list, fit) in errors.iter_mut().zip(fits(&found)) {
@@ -185,7 +184,7 @@ fn hilti(data: &Path) -> Answer<()> {
         "wood left",
     ];
     let from_flat: Vec<bool> = scenes.iter().map(|scene| *scene == 1).collect();
-    let flat = calibrate(&campaign, &model.physics, &model.sigma, &from_flat, &mut |_| ());
+    let flat = calibrate(&campaign, &model.physics, &model.sigma, &from_flat, &ignore);
     told(&flat.advanced.chosen, &flat);
     for (scene, name) in names.iter().enumerate() {
         let scored: Vec<bool> = scenes
@@ -219,7 +218,7 @@ fn hilti(data: &Path) -> Answer<()> {
             row(&format!("hilti {name}, from flat"), poses, scores(&flat));
         }
         let others: Vec<bool> = scenes.iter().map(|at| *at != scene).collect();
-        let found = calibrate(&campaign, &model.physics, &model.sigma, &others, &mut |_| ());
+        let found = calibrate(&campaign, &model.physics, &model.sigma, &others, &ignore);
         row(&format!("hilti {name}, from the other scenes"), poses, scores(&found));
     }
     Ok(())

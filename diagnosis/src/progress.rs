@@ -203,3 +203,60 @@ impl Steps<'_> {
         (self.progress.listener)(self.progress.stage, Progress::Steps { done: *done, of: self.of });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign_simulation::simulate_readings;
+    use crate::diagnose::diagnose;
+    use crate::test_campaigns::{nominal_robot, thesis_robot, unmeasured_campaign};
+
+    #[test]
+    fn a_diagnosis_reports_its_stages_in_order_and_every_loop_counts_to_its_end() {
+        let heard = Mutex::new(Vec::new());
+        let listener = |stage, progress| {
+            heard.lock().expect("no thread panicked").push((stage, progress));
+        };
+        // Enough poses for a validation set.
+        let bare = unmeasured_campaign(1, 220);
+        let campaign = simulate_readings(&bare, &thesis_robot(), &bare.surroundings, 1.0, 5);
+        drop(diagnose(campaign, &nominal_robot(), &[], None, 1, &listener));
+        let heard = heard.into_inner().expect("no thread panicked");
+        let mut begun = Vec::new();
+        let mut open: Option<(usize, usize)> = None;
+        for (stage, progress) in &heard {
+            match *progress {
+                Progress::Begun => begun.push(*stage),
+                Progress::Selected(_) => {}
+                Progress::Steps { done: 0, of } => {
+                    assert!(of > 0, "{stage}");
+                    assert_eq!(open.replace((0, of)), None, "{stage}: a loop did not end");
+                }
+                Progress::Steps { done, of } => {
+                    assert_eq!(open, Some((done - 1, of)), "{stage}");
+                    open = (done < of).then_some((done, of));
+                }
+            }
+            assert_eq!(begun.last(), Some(stage));
+            assert!(*progress != Progress::Begun || open.is_none(), "{stage}: a loop did not end");
+        }
+        assert_eq!(open, None);
+        // The recordings were screened before.
+        assert_eq!(begun, Stage::POSITIONS[1..]);
+        let has =
+            |stage, is: fn(&Progress) -> bool| heard.iter().any(|(s, p)| *s == stage && is(p));
+        for stage in [Stage::FirstSearch, Stage::SecondSearch] {
+            assert!(has(stage, |p| matches!(p, Progress::Selected(1..))), "{stage}");
+        }
+        for stage in [Stage::Validation, Stage::Alternatives, Stage::TestErrors] {
+            assert!(has(stage, |p| matches!(p, Progress::Steps { .. })), "{stage}");
+        }
+    }
+
+    #[test]
+    fn a_stage_says_its_domain_its_number_and_the_count_of_all() {
+        assert_eq!(Stage::NoiseModel.to_string(), "positions 3/10: noise model");
+        assert_eq!(Stage::TorqueRows.to_string(), "torques 1/8: filter");
+        assert_eq!(Stage::CalibrationChecks.to_string(), "calibration 6/6: checks");
+    }
+}

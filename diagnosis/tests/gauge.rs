@@ -6,6 +6,7 @@
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use diagnosis::{
     Arrival, Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis,
     Influence, Instrument, MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo,
@@ -180,7 +181,7 @@ fn case(model: &Model, number: u64) -> Case {
 /// Calibration on 70 % of the poses, selected at random with `seed`.
 fn calibrated(model: &Model, campaign: &Campaign, seed: u64) -> Calibration {
     let training = HoldOutSplit::random(campaign, 0.7, seed).training;
-    calibrate(campaign, model, &[], &training, &mut |_| ())
+    calibrate(campaign, model, &[], &training, &ignore)
 }
 
 /// RMS error at poses that were not measured, with frame and targets fitted, m.
@@ -239,7 +240,7 @@ fn what_is_called_identifiable_lies_within_its_interval() {
     for number in 10..26 {
         let Case { robot, campaign, .. } = case(&model, number);
         let used = vec![true; POSES];
-        let found = calibrate(&campaign, &model, &[], &used, &mut |_| ()).advanced.fit;
+        let found = calibrate(&campaign, &model, &[], &used, &ignore).advanced.fit;
         for (k, (free, value)) in
             found.hypothesis.free.iter().zip(found.hypothesis.values()).enumerate()
         {

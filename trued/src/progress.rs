@@ -6,23 +6,23 @@ use std::time::Duration;
 use diagnosis::progress::{Progress, Stage};
 use indicatif::style::TemplateError;
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
-
 use report::pluralise;
 
 use crate::output::Console;
 
-/// A bar with the remaining time, within 80 columns.
-const TEMPLATE: &str = "{msg:<26} {bar:20} {percent:>3} %  {elapsed}, {eta} left";
+/// A bar with the elapsed time and, once a step is done, the remaining time, within 80 columns.
+const TEMPLATE: &str = "{msg:<26} {bar:20} {percent:>3} %  {elapsed}{left}";
 /// A stage with the steps of its present loop, if their number is known, and the time since the start, within the width of the terminal.
 const STAGE: &str = "{spinner} {wide_msg} {steps}{elapsed:>6} ";
 /// Refresh interval of a stage's time.
 const TICK: Duration = Duration::from_millis(200);
+/// Least remaining time of a loop that is shown, as it is shown in whole seconds.
+const LEFT_LEAST: Duration = Duration::from_secs(1);
 
 /// A bar with the given number of steps. It disappears when finished or dropped.
 #[must_use]
 pub fn bar(console: &Console, steps: u64, what: impl Into<String>) -> ProgressBar {
-    let style =
-        ProgressStyle::with_template(TEMPLATE).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = bar_style().unwrap_or_else(|_| ProgressStyle::default_bar());
     let bar = ProgressBar::new(steps)
         .with_style(style.progress_chars("━╸ "))
         .with_message(what.into())
@@ -43,21 +43,32 @@ pub fn stages(console: &Console, first: &'static str) -> ProgressBar {
     spinner
 }
 
-fn stage_style() -> Result<ProgressStyle, TemplateError> {
-    let style = ProgressStyle::with_template(STAGE)?;
-    Ok(style.with_key("steps", |state: &ProgressState, text: &mut dyn Write| {
-        let steps = steps(state.pos(), state.len(), state.eta());
-        // Writing into memory cannot fail.
-        drop(text.write_str(&steps));
+fn bar_style() -> Result<ProgressStyle, TemplateError> {
+    let style = ProgressStyle::with_template(TEMPLATE)?;
+    Ok(style.with_key("left", |state: &ProgressState, text: &mut dyn Write| {
+        // Without a step nothing is known about the remaining time. Writing into memory cannot fail.
+        if state.pos() > 0 {
+            write!(text, ", {:#} left", HumanDuration(state.eta())).unwrap_or_default();
+        }
     }))
 }
 
-/// Steps of a loop with the remaining time, as `3/12, 20s left `: empty if their number `of` is unknown, without a time before the first is done.
+fn stage_style() -> Result<ProgressStyle, TemplateError> {
+    let style = ProgressStyle::with_template(STAGE)?;
+    Ok(style.with_key("steps", |state: &ProgressState, text: &mut dyn Write| {
+        // Writing into memory cannot fail.
+        text.write_str(&steps(state.pos(), state.len(), state.eta())).unwrap_or_default();
+    }))
+}
+
+/// Steps of a loop with the remaining time, as `3/12, 20s left `. Empty if their number `of` is unknown, if none is done yet, or if less than
+/// [`LEFT_LEAST`] is left: many short loops would flicker.
 fn steps(done: u64, of: Option<u64>, left: Duration) -> String {
     match of {
-        None => String::new(),
-        Some(of) if done == 0 => format!("0/{of} "),
-        Some(of) => format!("{done}/{of}, {:#} left ", HumanDuration(left)),
+        Some(of) if done > 0 && left >= LEFT_LEAST => {
+            format!("{done}/{of}, {:#} left ", HumanDuration(left))
+        }
+        _ => String::new(),
     }
 }
 
@@ -88,9 +99,43 @@ mod tests {
 
     #[test]
     fn the_template_is_understood_and_nothing_is_drawn_when_quiet() {
-        assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
-        assert!(ProgressStyle::with_template(STAGE).is_ok());
+        assert!(bar_style().is_ok());
+        assert!(stage_style().is_ok());
         let console = Console::new(Common { quiet: true, ..Common::default() });
         assert!(bar(&console, 10, "demo").is_hidden());
+        assert!(stages(&console, "reading").is_hidden());
+    }
+
+    #[test]
+    fn a_stage_fits_80_columns_with_a_hundred_effects_and_an_hour_left() {
+        let steps = steps(100, Some(402), Duration::from_secs(3599));
+        assert_eq!(steps, "100/402, 60m left ");
+        let stages = Stage::POSITIONS.iter().chain(&Stage::TORQUES).chain(&Stage::CALIBRATION);
+        for stage in stages {
+            // Spinner, message, steps, time and the spaces of the template.
+            let columns = 2 + format!("{stage}, 100 effects").len() + 1 + steps.len() + 6 + 1;
+            assert!(columns <= 80, "{stage}: {columns}");
+        }
+    }
+
+    #[test]
+    fn a_loop_is_shown_with_its_length_until_it_ends_and_no_time_is_invented() {
+        let spinner = ProgressBar::hidden();
+        let shown = |progress| {
+            show(&spinner, Stage::Validation, progress);
+            (spinner.message(), spinner.length(), spinner.position())
+        };
+        let message = "positions 6/10: validation".to_owned();
+        assert_eq!(shown(Progress::Begun), (message.clone(), None, 0));
+        assert_eq!(shown(Progress::Steps { done: 0, of: 2 }), (message.clone(), Some(2), 0));
+        assert_eq!(shown(Progress::Steps { done: 1, of: 2 }), (message.clone(), Some(2), 1));
+        assert_eq!(shown(Progress::Steps { done: 2, of: 2 }).1, None);
+        assert_eq!(shown(Progress::Selected(1)).0, message.clone() + ", 1 effect");
+        assert_eq!(shown(Progress::Selected(2)).0, message + ", 2 effects");
+        let second = Duration::from_secs(1);
+        assert_eq!(super::steps(0, Some(2), second), "", "no step is done");
+        assert_eq!(super::steps(1, None, second), "", "the length is unknown");
+        assert_eq!(super::steps(1, Some(2), second / 2), "", "nearly done");
+        assert_eq!(super::steps(1, Some(2), second), "1/2, 1s left ");
     }
 }

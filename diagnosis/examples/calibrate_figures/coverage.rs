@@ -7,6 +7,7 @@
 use crate::rig::{self, between};
 use diagnosis::hold_out::calibrate;
 use diagnosis::hypothesis::{Hypothesis, describe, parameter_key};
+use diagnosis::progress::ignore;
 use diagnosis::uncertainty_propagation::tool_uncertainty;
 use diagnosis::{
     Campaign, Extrinsics, Fit, FitEffort, FitSettings, Influence, Reading, ReadingNoise,
@@ -299,7 +300,7 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
         let truth = draw(&open, &fixed, &mut chance);
         let made =
             campaign_simulation::simulate_readings(&empty, &truth, &empty.surroundings, 1.0, seed);
-        let found = calibrate(&made, &nominal, &[], &used, &mut |_| ()).advanced;
+        let found = calibrate(&made, &nominal, &[], &used, &ignore).advanced;
         let at = |model: &Model, inputs: &Inputs| {
             model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
         };

@@ -4,6 +4,7 @@
 use crate::rig::{self, between};
 use crate::robot::{C_TRACK, SPATIAL_DEG};
 use diagnosis::hold_out::{PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use diagnosis::{Campaign, Fit, Reading, campaign_simulation};
 use glam::DVec3;
 use physics::{Inputs, Model};
@@ -67,7 +68,7 @@ fn run(truth: &Model, nominal: &Model, seed: u64) -> Option<Run> {
         training.iter().enumerate().map(|(row, trains)| *trains && !rows.contains(&row)).collect();
     let found = [(&clean, &training), (&clean, &sound), (&spoilt, &training)].map(
         |(campaign, training)| {
-            let found = calibrate(campaign, nominal, &[], training, &mut |_| ());
+            let found = calibrate(campaign, nominal, &[], training, &ignore);
             (found.calibrated, found.advanced.fit)
         },
     );

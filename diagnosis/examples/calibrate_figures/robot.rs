@@ -6,6 +6,7 @@
 use crate::rig;
 use diagnosis::hold_out::{PositionErrors, calibrate};
 use diagnosis::hypothesis::Hypothesis;
+use diagnosis::progress::ignore;
 use diagnosis::{
     Campaign, Fit, FitEffort, FitSettings, Influence, ReadingNoise, campaign_simulation, fit,
     geometry,
@@ -72,7 +73,7 @@ fn run(truth: &Model, nominal: &Model, ranges_deg: &[[f64; 2]; 6], seed: u64) ->
         campaign_simulation::simulate_readings(&campaign, truth, &campaign.surroundings, 1.0, seed);
     let training: Vec<bool> = (0..inputs.len()).map(|pose| pose < 2 * TRAINING).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
-    let found = calibrate(&campaign, nominal, &[], &training, &mut |_| ());
+    let found = calibrate(&campaign, nominal, &[], &training, &ignore);
     let settings = FitSettings {
         used: &training,
         influence: Influence::Equal,

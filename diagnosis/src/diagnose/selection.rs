@@ -135,6 +135,7 @@ pub(super) fn preselect(
 /// Selection until no alternative of a selected effect is better once it is fitted; starts from `start`.
 pub(super) fn select(search: &Search<'_>, start: EffectSelection) -> EffectSelection {
     let mut selection = start;
+    search.progress.selected(selection.selected.len());
     for _ in 0..SUBSTITUTION_ROUNDS {
         let also = search.searched_candidates(&selection);
         selection = search.merge_effects(search.iterate_until_stable(selection, &also));

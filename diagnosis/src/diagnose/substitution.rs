@@ -65,7 +65,6 @@ impl Search<'_> {
     /// Replaces effects by alternatives that are better after a nonlinear fit; returns whether any was replaced.
     pub(super) fn substitute(&self, selection: &mut EffectSelection, penalty: f64) -> bool {
         let mut any = false;
-        let steps = self.progress.steps(selection.selected.len());
         for k in 0..selection.selected.len() {
             let one = &selection.selected[k];
             let better = one.best_replacement(penalty).map(|place| &one.alternatives[place]);
@@ -75,7 +74,6 @@ impl Search<'_> {
             if let Some((renamed, _)) = renamed.filter(|(_, loss)| *loss < -REPLACEMENT_GAIN_MIN) {
                 (*selection, any) = (renamed, true);
             }
-            steps.step();
         }
         any
     }
@@ -83,7 +81,6 @@ impl Search<'_> {
     /// Refits alternatives that appear better and corrects their loss in log-likelihood. Alternatives that are incompatible with the other effects
     /// are removed.
     fn refit_alternatives(&self, selection: &mut EffectSelection, penalty: f64) {
-        let steps = self.progress.steps(selection.selected.len());
         for k in 0..selection.selected.len() {
             for _ in 0..REFITS_MAX {
                 let one = &selection.selected[k];
@@ -106,7 +103,6 @@ impl Search<'_> {
             selection.selected[k]
                 .alternatives
                 .sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
-            steps.step();
         }
     }
 

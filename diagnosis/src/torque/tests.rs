@@ -20,8 +20,9 @@ use super::nonlinear_parameters;
 use super::{Diagnosis, DiagnosisError, StatedModel, diagnose};
 use crate::diagnose::Verdict;
 use crate::engine::dictionary::ParameterBounds;
-use crate::progress::ignore;
+use crate::progress::{Progress, Stage, ignore};
 use glam::{DMat3, DVec3};
+use std::sync::Mutex;
 
 const MASS: f64 = 90.0;
 
@@ -167,6 +168,24 @@ fn short_stops_of_a_friction_that_is_known_make_no_name() {
     let known = effect(&arm, "coulomb_friction", &[("level", &[40.0])]);
     let found = of(&arm, &[known], with_stops(0.3, force));
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
+}
+
+#[test]
+fn a_diagnosis_reports_its_stages_in_order() {
+    let arm = slider(true);
+    let model = Model::new(arm, &[]).unwrap();
+    let stated = StatedModel { model: &model, sigma: &[], delay_s: 0.0 };
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 40.0 * sign(v);
+    let heard = Mutex::new(Vec::new());
+    let listener = |stage, progress| heard.lock().unwrap().push((stage, progress));
+    diagnose(&stated, &[with_stops(0.3, force)], None, 1, &listener).unwrap();
+    let heard = heard.into_inner().unwrap();
+    let begun = heard.iter().filter(|(_, progress)| *progress == Progress::Begun);
+    assert!(begun.map(|(stage, _)| *stage).eq(Stage::TORQUES));
+    let is_found = |(stage, progress): &(Stage, Progress)| {
+        *stage == Stage::TorqueFirstSearch && matches!(progress, Progress::Selected(1..))
+    };
+    assert!(heard.iter().any(is_found), "{heard:?}");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::data;
 use diagnosis::hold_out::{HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use diagnosis::{
     Campaign, FitEffort, FitSettings, Influence, campaign_import, fit, geometry, gross_errors,
     joint_readback,
@@ -32,7 +33,7 @@ fn named_effects_carry_from_the_first_half_in_time_to_the_second() {
     // Every second pose only, to save time; docs/figures.md has the figures for all.
     let training: Vec<bool> =
         split.training.iter().enumerate().map(|(pose, trains)| *trains && pose % 2 == 0).collect();
-    let found = calibrate(&campaign, &model, &[], &training, &mut |_| ());
+    let found = calibrate(&campaign, &model, &[], &training, &ignore);
     let errors = |fit| PositionErrors::of(fit, &campaign, &split.held_out());
     let (plain, named) = (errors(&found.calibrated), errors(&found.advanced.fit));
     assert!(plain.mean() < 0.25e-3, "geometry leaves {} mm", plain.mean() * 1e3);

@@ -2,6 +2,7 @@
 
 use super::data;
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
+use diagnosis::progress::ignore;
 use diagnosis::{Campaign, Fit, FitEffort, FitSettings, Hypothesis, Influence};
 use diagnosis::{campaign_import, fit, gross_errors};
 use physics::Model;
@@ -25,7 +26,7 @@ fn known(name: &str) -> Model {
 
 fn calibrated(campaign: &Campaign, model: &Model, training: &[bool]) -> Calibration {
     assert_eq!(gross_errors::detect_global_errors(campaign, model), []);
-    calibrate(campaign, model, &[], training, &mut |_| ())
+    calibrate(campaign, model, &[], training, &ignore)
 }
 
 /// Mean errors of the nominal and of the calibrated model with effects, mm.

@@ -18,6 +18,7 @@ use tracing::warn;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::pages::Outputs;
+use crate::progress;
 
 /// Convert a recording (MCAP, CSV, Parquet) to a table (CSV, Parquet) or to ROS 2 messages (MCAP)
 ///
@@ -84,6 +85,7 @@ impl Convert {
         if is_of_daemon && self.mapping.is_some() {
             return Err(Failure::input("an MCAP file of the daemon needs no --mapping"));
         }
+        let spinner = progress::stages(console, "converting");
         let report = if has_ending(&self.out, "mcap") {
             self.to_ros2(is_of_daemon, &mut outputs, &mut written)?
         } else if is_of_daemon {
@@ -94,6 +96,7 @@ impl Convert {
         outputs.check([&self.input].into_iter().chain(&self.mapping))?;
         let files = written.iter().map(|path| path.display().to_string()).collect();
         let report = Report { files, ..report };
+        spinner.finish_and_clear();
         console.write(outputs, "trued.convert/1", &report)?;
         print_report(console, &report)
     }

@@ -14,7 +14,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading, unusable};
 use crate::options::tolerance_mm;
 use crate::output::Console;
-use crate::wrap;
+use crate::{progress, wrap};
 
 /// Correct a path file without a daemon: joint targets as CSV
 ///
@@ -57,6 +57,7 @@ impl Correct {
         let out = self.out.clone().unwrap_or_else(|| default_output(&self.path));
         let mut outputs = console.outputs().file(&out);
         outputs.check([&self.path].into_iter().chain(self.reading.files()).chain(&self.config))?;
+        let spinner = progress::stages(console, "correcting the path");
         let cell = self.config.as_deref().map(cell).transpose()?;
         let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let Input { model, recording, .. } = self.reading.read(&self.path, fallback)?;
@@ -65,6 +66,7 @@ impl Correct {
             CorrectedPath::compute(&model, recording, CorrectionRequest { cell, dynamic })?;
         let tolerance =
             self.tolerance_mm.map(|allowed_mm| corrected.compare_with_tolerance(allowed_mm));
+        spinner.finish_and_clear();
         outputs.put(&out, corrected.csv.as_slice());
         console.write(outputs, "trued.correct/1", &corrected.report(&out, tolerance))?;
         for line in corrected.text(&out, tolerance, wrap::columns_of_stdout()) {

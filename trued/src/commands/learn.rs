@@ -19,6 +19,7 @@ use crate::dynamic_options::InTime;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, in_file, unusable};
 use crate::output::Console;
+use crate::progress;
 
 /// Improve the commands of a repeated path from measured runs (iterative learning control)
 ///
@@ -56,6 +57,7 @@ impl Learn {
         outputs.check(inputs.chain(self.reading.files()).chain(&self.config))?;
         self.check_distinct()?;
         let settings = self.in_time.settings()?;
+        let spinner = progress::stages(console, "learning from the measured runs");
         // The path is trued's own table; the mapping belongs to the measurements.
         let ours = Reading { mapping: None, ..self.reading.clone() };
         let cell = self.config.as_deref().map(cell).transpose()?;
@@ -77,6 +79,7 @@ impl Learn {
         let (next, report) = learned.map_err(in_file(&self.path))?;
         corrections.replace_joints(next.commanded);
         outputs.put(&out, corrections.csv(input.recording).as_slice());
+        spinner.finish_and_clear();
         console.write(outputs, "trued.learn/1", &report)?;
         console.say(report.text())?;
         console.say(format!("next commands       {}", out.display()))?;

@@ -17,6 +17,7 @@ use crate::exit::{Answer, Outcome};
 use crate::input::{Input, InspectedRecording, Reading};
 use crate::options::Seed;
 use crate::output::Console;
+use crate::progress;
 
 /// Simulate the tool position and drive torques of a model for the commands of a recording
 ///
@@ -60,6 +61,7 @@ impl Simulate {
             force_noise_n: self.force_noise,
             seed: self.seed.resolve(),
         };
+        let spinner = progress::stages(console, "simulating the recording");
         let (model, mut recording) = match self.reading.inspect(&self.input)? {
             InspectedRecording::WithoutArm(alone) => *alone,
             InspectedRecording::OfArm(_) => {
@@ -72,6 +74,7 @@ impl Simulate {
         simulation.warnings().iter().for_each(|warning| warn!("{warning}"));
         outputs.put(&toml, simulation.about_toml());
         outputs.put(&csv, simulation.readings.recording.to_csv());
+        spinner.finish_and_clear();
         console.write(outputs, "trued.simulate/1", &simulation.report(&csv))?;
         console.say_lines(&simulation.text(&csv))?;
         Ok(Answer::Done)

@@ -10,7 +10,7 @@ use spectrum_report::vibration::{Inputs, Settings, analyse, read};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Emphasis};
-use crate::wrap;
+use crate::{progress, wrap};
 
 /// Find vibrations in a recording, with time, cause and remedy
 ///
@@ -76,6 +76,7 @@ impl Spectrum {
         let mut outputs = console.outputs().pages(&self.report);
         let inputs = [&self.file].into_iter().chain(&self.model).chain(&self.mapping);
         outputs.check(inputs.chain(&self.cut))?;
+        let spinner = progress::stages(console, "spectra, vibration events");
         let mut analysis = analyse(read(&self.file, &self.inputs())?, &self.settings())?;
         if let Some(cut) = &self.cut {
             analysis.add_nearest_stable(cut)?;
@@ -83,6 +84,7 @@ impl Spectrum {
         if let Some(report) = &self.report {
             outputs.put_page(report, analysis.page()?);
         }
+        spinner.finish_and_clear();
         console.write(outputs, "trued.spectrum/1", &analysis.report())?;
         let paint = if analysis.has_alarm() { Emphasis::Bad } else { Emphasis::Good };
         let text = analysis.text(wrap::columns_of_stdout(), |text| console.paint(paint, text));

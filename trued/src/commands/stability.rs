@@ -11,6 +11,7 @@ use tracing::warn;
 
 use crate::exit::{Answer, Outcome};
 use crate::output::Console;
+use crate::progress;
 
 /// Predict chatter: stability lobes, the nearest stable cut, the best feed direction
 ///
@@ -31,10 +32,12 @@ impl Stability {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let mut outputs = console.outputs().pages(&self.report);
         outputs.check([&self.cut])?;
+        let spinner = progress::stages(console, "stability lobes, feed directions");
         let analysis = analyse(read(&self.cut)?)?;
         if let Some(report) = &self.report {
             outputs.put_page(report, analysis.page());
         }
+        spinner.finish_and_clear();
         console.write(outputs, "trued.stability/1", &analysis.report())?;
         for warning in &analysis.cut.warnings {
             warn!("{warning}");

@@ -7,6 +7,7 @@ use recording::series::Recording;
 use super::{Diagnose, outputs};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Emphasis};
+use crate::progress;
 
 /// Diagnoses a recording without joints, of forces.
 pub(super) fn diagnose_forces(
@@ -24,11 +25,13 @@ pub(super) fn diagnose_forces(
     }
     let mut outputs = outputs(console.outputs(), &asked.out);
     outputs.check(asked.inputs())?;
+    let spinner = progress::stages(console, "forces: phases, lines, cut");
     let found = ForceDiagnosis::of(base, &recording, asked.seed.resolve())?;
     let report = found.report();
     outputs.put(&asked.out.join(JSON), found.json()?);
     outputs.put(&asked.out.join(MODEL), found.model_toml()?);
     outputs.put_page(&asked.out.join(PAGE), found.page());
+    spinner.finish_and_clear();
     console.write(
         outputs,
         "trued.diagnosis/1",
