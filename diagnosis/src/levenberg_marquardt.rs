@@ -7,7 +7,7 @@
 //! The sum never increases; the same input gives the same bits; the number of steps is bounded. Columns and weights are selected by the caller.
 
 use crate::campaign::Campaign;
-use crate::least_squares::{FitState, ReadingWeights, cost, with_priors};
+use crate::least_squares::{ReadingWeights, cost, with_priors};
 use crate::linearisation::Linearisation;
 use crate::qr::QrFactor;
 use std::sync::Arc;
@@ -72,12 +72,13 @@ pub(crate) fn minimise(
         let promised = predicted_reduction(&triangle, &step);
         let mut full = vec![0.0; state.width()];
         active.iter().zip(&step).for_each(|(column, by)| full[*column] = *by);
-        // After a rejected step the next may be rejected too: its derivatives are computed only once it is accepted.
-        let next = TrialStep::at(campaign, state.stepped(&full), weighing, growth == 2.0);
-        let ratio = if promised > 0.0 { (sum - next.sum) / promised } else { -1.0 };
-        if next.sum < sum {
-            sum = next.sum;
-            linearisation = next.linearisation(campaign, weighing);
+        // Derivatives are computed only once the step is accepted.
+        let next = state.stepped(&full);
+        let next_sum = cost(campaign, &next, weighing);
+        let ratio = if promised > 0.0 { (sum - next_sum) / promised } else { -1.0 };
+        if next_sum < sum {
+            sum = next_sum;
+            linearisation = Arc::new(Linearisation::of(campaign, next, &weighing.used));
             data = linearisation.triangle(campaign, weighing, active);
             triangle = with_priors(&data, &linearisation.state, active);
             let back = 2.0 * ratio - 1.0;
@@ -95,38 +96,6 @@ pub(crate) fn minimise(
         }
     }
     Minimum { linearisation, triangle, data, steps, converged }
-}
-
-/// The state after a trial step: with derivatives, or the sum of squares alone.
-struct TrialStep {
-    sum: f64,
-    state: TrialState,
-}
-
-enum TrialState {
-    Linearised(Linearisation),
-    StateOnly(FitState),
-}
-
-impl TrialStep {
-    fn at(campaign: &Campaign, state: FitState, weighing: &ReadingWeights, whole: bool) -> Self {
-        if whole {
-            let linearisation = Linearisation::of(campaign, state, &weighing.used);
-            Self {
-                sum: linearisation.cost(campaign, weighing),
-                state: TrialState::Linearised(linearisation),
-            }
-        } else {
-            Self { sum: cost(campaign, &state, weighing), state: TrialState::StateOnly(state) }
-        }
-    }
-
-    fn linearisation(self, campaign: &Campaign, weighing: &ReadingWeights) -> Arc<Linearisation> {
-        Arc::new(match self.state {
-            TrialState::Linearised(linearisation) => linearisation,
-            TrialState::StateOnly(state) => Linearisation::of(campaign, state, &weighing.used),
-        })
-    }
 }
 
 /// Reduction of the linearised sum of squares by a full step.
