@@ -201,13 +201,8 @@ fn diagnose_selected_rows(
     let begin = |stage| StageProgress::begin(listener, stage);
     begin(Stage::GivenModel);
     preparation::exclude_path_starts(&mut campaign, model, &mut notes);
-    let split = match held_out {
-        Some(held) => HoldOutSplit {
-            description: "what the recordings reserve for validation".to_owned(),
-            training: held.iter().map(|held| !held).collect(),
-        },
-        None => HoldOutSplit::in_blocks(&campaign, seed),
-    };
+    let reserved = held_out.map(|held_out| HoldOutSplit::reserved(&held_out));
+    let split = reserved.unwrap_or_else(|| HoldOutSplit::in_blocks(&campaign, seed));
     let selection_split = split.with_validation_set(&campaign, seed);
     validation::remove_rows_at_boundaries(&mut campaign, [&split, &selection_split]);
     let covariates = covariates::all_covariates(&campaign, model);
@@ -334,10 +329,7 @@ fn finish(
     let next_experiment = design.propose(&selected, progress);
     let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspicion| suspicion.message);
-    let (far, rows) = outlier_counts(&last, &campaign);
-    let outliers = format!(
-        "{far} of {rows} rows are outliers of the final model and have little or no weight"
-    );
+    let notes = outlier_note(&last, &campaign).into_iter().collect();
     Diagnosis {
         verdict,
         findings,
@@ -350,7 +342,7 @@ fn finish(
         next_experiment,
         map,
         not_tested: Vec::new(),
-        notes: if far > 0 { vec![outliers] } else { Vec::new() },
+        notes,
         unsettled_message,
         campaign,
         split,
@@ -361,6 +353,14 @@ fn finish(
 fn outlier_counts(last: &Fit, campaign: &Campaign) -> (usize, usize) {
     let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
     (last.outliers(campaign).len(), rows)
+}
+
+/// Note on the outlier rows of the final fit, if there are any.
+fn outlier_note(last: &Fit, campaign: &Campaign) -> Option<String> {
+    let (far, rows) = outlier_counts(last, campaign);
+    (far > 0).then(|| {
+        format!("{far} of {rows} rows are outliers of the final model and have little or no weight")
+    })
 }
 
 impl Diagnosis {

@@ -162,12 +162,9 @@ pub fn diagnose(
     let has = |state: State| phases.iter().any(|phase| phase.state == state);
     let mut notes = signal.notes.clone();
     if has(State::Cut) {
-        let chatter = spectral_lines.iter().filter(|tone| tone.cause == Cause::SelfExcited);
-        findings.extend(chatter.take(1).map(|tone| Finding::Chatter {
-            line: tone.clone(),
-            resolution_hz,
-            is_speed_known: spindle_hz.is_some(),
-        }));
+        let line = spectral_lines.iter().find(|line| line.cause == Cause::SelfExcited).cloned();
+        let is_speed_known = spindle_hz.is_some();
+        findings.extend(line.map(|line| Finding::Chatter { line, resolution_hz, is_speed_known }));
     } else {
         not_tested.push(("chatter", "cutting and air cannot be distinguished in this recording"));
     }

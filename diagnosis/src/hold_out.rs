@@ -86,6 +86,15 @@ impl HoldOutSplit {
         }
     }
 
+    /// The split that recordings reserve: for each pose, whether it is held out.
+    #[must_use]
+    pub fn reserved(held_out: &[bool]) -> Self {
+        Self {
+            description: "what the recordings reserve for validation".to_owned(),
+            training: held_out.iter().map(|held| !held).collect(),
+        }
+    }
+
     /// Every fifth run, or block of runs if there are few, is held out, beginning with a block given by `seed`. Each frame, anchor and touched object
     /// keeps at least half of its measurements in the training set, because it would not be determined otherwise; runs are divided further if
     /// necessary.

@@ -59,10 +59,7 @@ pub(super) fn findings(
         let effect = whole.effects().nth(one.effect).copied()?;
         let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
         let (confidence, shares) = verdict::confidence(one, last);
-        let stated = one
-            .previous_priors
-            .as_ref()
-            .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
+        let stated = one.previous_priors.as_ref().and_then(|_| model.effects().nth(one.effect));
         let bare = hypothesis_without(last, model, &[one]).model;
         let seen = residual_map::visibility(held.campaign, &last.surroundings, whole, &bare);
         let registered = everywhere.compared(&Hypothesis::fixed(*bare), last);
@@ -70,14 +67,10 @@ pub(super) fn findings(
         Some(Finding {
             seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
-            determined: (0..effect.values().len())
-                .map(|value| {
-                    free_index(one, value, last).is_none_or(|k| column_index(k, last).is_some())
-                })
-                .collect(),
+            determined: determined_values(one, &effect, last),
             effect,
             effect_index: one.effect,
-            stated,
+            stated: stated.map(|effect| effect.values().to_vec()),
             settings: one.candidate.settings.clone(),
             confidence,
             gain: one.gain,
@@ -94,6 +87,13 @@ pub(super) fn findings(
         finding
     });
     findings.collect()
+}
+
+/// For each parameter of an effect: whether the data determine it, or it was not fitted.
+fn determined_values(one: &SelectedEffect, effect: &AnyEffect, last: &Fit) -> Vec<bool> {
+    let is_determined =
+        |value| free_index(one, value, last).is_none_or(|free| column_index(free, last).is_some());
+    (0..effect.values().len()).map(is_determined).collect()
 }
 
 /// Errors on the test set with some effects removed.
