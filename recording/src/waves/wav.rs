@@ -220,11 +220,19 @@ fn decode_of<const N: usize>(
     to: &mut Vec<f64>,
 ) {
     to.reserve(raw.len() / (N * format.channels) * places.len());
-    for frame in raw.chunks_exact(N * format.channels) {
-        let (samples, _) = frame.as_chunks::<N>();
-        to.extend(
-            places.iter().filter_map(|at| Some(full_scale * decoded(samples.get(*at)?, format))),
-        );
+    let frames = raw.chunks_exact(N * format.channels);
+    let frames = frames.map(|frame| frame.as_chunks::<N>().0);
+    let value = |sample: &[u8; N]| full_scale * decoded(sample, format);
+    let first = places.first().copied().unwrap_or(0);
+    let run = first..first + places.len();
+    if places.iter().copied().eq(run.clone()) {
+        // Neighbours need no lookup for each sample.
+        let runs = frames.filter_map(|samples| samples.get(run.clone()));
+        runs.for_each(|samples| to.extend(samples.iter().map(value)));
+        return;
+    }
+    for samples in frames {
+        to.extend(places.iter().filter_map(|at| Some(value(samples.get(*at)?))));
     }
 }
 

@@ -115,34 +115,52 @@ impl SpectrumAverager {
 struct NeighbourSums {
     /// Sums over 1, 2, 4, 8 and 16 bins, starting at each bin.
     of: [Vec<f64>; 5],
+    /// Sums over the 21 bins between [`LOBE_BINS`] and [`MEDIAN_BINS`] on one side, starting at each bin.
+    side: Vec<f64>,
 }
 
 impl NeighbourSums {
-    /// Adds the power of the neighbours of each bin, and its square. Sums of 21 bins are composed
-    /// of sums of 16, 4 and 1, because differences of running sums lose digits near a strong line.
+    /// Adds the power of the neighbours of each bin, and its square.
     fn add_neighbour_power(&mut self, power: &[f64], to: &mut [[f64; 2]]) {
+        self.sum_sides(power);
+        let add = |[sum, squares]: &mut [f64; 2], value: f64| {
+            *sum += value;
+            *squares += value * value;
+        };
+        // The bins with all neighbours on both sides.
+        let inner = FIRST_BIN + MEDIAN_BINS..power.len().saturating_sub(MEDIAN_BINS);
+        let left = self.side.get(FIRST_BIN..).unwrap_or_default();
+        let right = left.get(MEDIAN_BINS + LOBE_BINS + 1..).unwrap_or_default();
+        let sums = to.get_mut(inner.clone()).unwrap_or_default();
+        for (sums, (left, right)) in sums.iter_mut().zip(left.iter().zip(right)) {
+            add(sums, left + right);
+        }
+        for at in candidates(power.len()).filter(|at| !inner.contains(at)) {
+            let reach = neighbour_bins(power.len(), at);
+            let left = &power[at - reach..at - LOBE_BINS];
+            let right = &power[at + LOBE_BINS + 1..at + reach + 1];
+            add(&mut to[at], left.iter().chain(right).sum());
+        }
+    }
+
+    /// Computes [`Self::side`]. Sums of 21 bins are composed of sums of 16, 4 and 1, because differences of running sums lose digits near a strong
+    /// line.
+    fn sum_sides(&mut self, power: &[f64]) {
         self.of[0].clear();
         self.of[0].extend_from_slice(power);
         for k in 1..self.of.len() {
             let (done, rest) = self.of.split_at_mut(k);
             let (half, shift) = (&done[k - 1], 1 << (k - 1));
+            let shifted = half.get(shift..).unwrap_or_default();
             rest[0].clear();
-            rest[0]
-                .extend(half.iter().zip(half.get(shift..).unwrap_or_default()).map(|(a, b)| a + b));
+            rest[0].extend(half.iter().zip(shifted).map(|(a, b)| a + b));
         }
         let [ones, _, fours, _, sixteens] = &self.of;
-        let side = |from: usize| sixteens[from] + fours[from + 16] + ones[from + 20];
-        for at in candidates(power.len()) {
-            let reach = neighbour_bins(power.len(), at);
-            let sum = if reach == MEDIAN_BINS {
-                side(at - MEDIAN_BINS) + side(at + LOBE_BINS + 1)
-            } else {
-                let left = &power[at - reach..at - LOBE_BINS];
-                left.iter().chain(&power[at + LOBE_BINS + 1..at + reach + 1]).sum()
-            };
-            to[at][0] += sum;
-            to[at][1] += sum * sum;
-        }
+        let fours = fours.get(16..).unwrap_or_default();
+        let ones = ones.get(20..).unwrap_or_default();
+        self.side.clear();
+        let parts = sixteens.iter().zip(fours).zip(ones);
+        self.side.extend(parts.map(|((sixteen, four), one)| sixteen + four + one));
     }
 }
 
