@@ -70,7 +70,7 @@ pub use screening::{ScreeningReport, screen_recordings};
 pub use selection::AlternativeEffect;
 pub use thinned_recordings::ThinnedRecordings;
 pub use untested::UntestedEffect;
-pub use validation::TestErrors;
+pub use validation::{TestErrors, TestExcess};
 
 /// Relative standard uncertainty of a parameter that remains whatever the noise: scale of the instrument, nominal lever arms, simplified equation of
 /// the effect.
@@ -374,11 +374,17 @@ impl Diagnosis {
         // Rows that a single smooth function explains are not inconsistent with the others.
         let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
         let follows = self.findings.is_empty() && with < EXPLAINED_RMS_SHARE * without;
-        (far as f64 > OUTLIER_SHARE_MAX * rows as f64 && !follows).then(|| {
-            format!(
+        if far as f64 > OUTLIER_SHARE_MAX * rows as f64 && !follows {
+            return Some(format!(
                 "{far} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
-            )
-        })
+            ));
+        }
+        // Without a finding, the model would be said to agree with the recording.
+        let excess = self.test_errors.excess.filter(|_| self.verdict == Verdict::Consistent)?;
+        Some(format!(
+            "the model does not predict the poses that were held out: their RMS error is {:.1} times that of the fitted poses, more than scatter explains, and no known effect accounts for it; measure more poses, spread over the workspace",
+            excess.ratio
+        ))
     }
 }
 

@@ -47,6 +47,49 @@ pub struct TestErrors {
     pub noise: f64,
     /// Whether the errors are lengths (m) or angles (rad).
     pub is_length: bool,
+    /// How much larger they are than the residuals of the training rows, if by more than chance ([`ExcessSettings`]).
+    pub excess: Option<TestExcess>,
+}
+
+/// Errors on the test set that a fit to the training rows does not explain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TestExcess {
+    /// RMS of the whitened errors on the test set over that of the training rows; no unit.
+    pub ratio: f64,
+    /// Normal deviate of the ratio, for independent clusters of normally distributed errors.
+    pub deviate: f64,
+}
+
+/// When errors on the test set count as larger than the residuals of the training rows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ExcessSettings {
+    /// Least ratio of the RMS values; no unit, above 1. Default 1.5: smaller ratios occur where the noise differs between parts of the workspace.
+    pub(super) ratio_least: f64,
+    /// Least normal deviate; above 0. Default 4: by chance once in 30 000 recordings.
+    pub(super) deviate_least: f64,
+}
+
+impl Default for ExcessSettings {
+    fn default() -> Self {
+        Self { ratio_least: 1.5, deviate_least: 4.0 }
+    }
+}
+
+impl TestExcess {
+    /// Compares the mean squares of `test` and `training`, each with its degrees of freedom, by the F distribution (normal approximation of
+    /// Paulson 1942).
+    fn of_mean_squares(test: [f64; 2], training: [f64; 2]) -> Self {
+        let f = test[0] / training[0].max(f64::MIN_POSITIVE);
+        let [a, b] = [test[1], training[1]].map(|freedom| 2.0 / (9.0 * freedom.max(1.0)));
+        let root = f.cbrt();
+        let deviate = ((1.0 - b) * root - (1.0 - a)) / (b * root * root + a).sqrt();
+        Self { ratio: f.sqrt(), deviate }
+    }
+
+    /// Whether it is significant.
+    fn is_significant(self, settings: &ExcessSettings) -> bool {
+        self.ratio >= settings.ratio_least && self.deviate >= settings.deviate_least
+    }
 }
 
 /// Removes the measurements of a path just before each boundary between sets, so that autocorrelated noise does not correlate the sets.
@@ -204,7 +247,12 @@ impl<'a> FitEvaluator<'a> {
 
     /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed.
     fn whitened_sum(&self, fit: &Fit) -> f64 {
-        let mut sum = 0.0;
+        self.whitened_sum_and_count(fit).0
+    }
+
+    /// The same with the number of values.
+    fn whitened_sum_and_count(&self, fit: &Fit) -> (f64, f64) {
+        let (mut sum, mut count) = (0.0, 0.0);
         let surroundings = fit.surroundings.clone();
         let state = FitState { surroundings, hypothesis: fit.hypothesis.clone() };
         let mut filter = WhiteningFilter::new(self.campaign);
@@ -216,9 +264,31 @@ impl<'a> FitEvaluator<'a> {
                 let mut left = [scale * at.rows.residual[part]];
                 filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
                 sum += weight * left[0] * left[0];
+                count += weight;
             }
         });
-        sum
+        (sum, count)
+    }
+
+    /// How much larger the errors on these poses are than the residuals of the training rows; `None` without evaluated or training rows, or if not
+    /// significantly. Outliers of `last` do not count on either side.
+    ///
+    /// The design effect of the fit divides the degrees of freedom, since the values of a pose may be correlated.
+    fn excess(&self, last: &Fit, settings: &ExcessSettings) -> Option<TestExcess> {
+        let training = FitEvaluator::new(self.campaign, (self.split, &self.split.training), last);
+        let (of_test, tested) = self.whitened_sum_and_count(last);
+        let (of_training, trained) = training.whitened_sum_and_count(last);
+        let parameters = last.columns().len() as f64;
+        let freedom = trained - parameters;
+        if tested < 1.0 || freedom < 1.0 {
+            return None;
+        }
+        // The prediction for a test row has, on average, the variance of `parameters` of `trained` values in addition.
+        let predicted = 1.0 + parameters / trained;
+        let test = [of_test / (tested * predicted), tested / last.design_effect];
+        let training = [of_training / freedom, freedom / last.design_effect];
+        let excess = TestExcess::of_mean_squares(test, training);
+        excess.is_significant(settings).then_some(excess)
     }
 
     /// Weighted RMS residual of the training rows, corrected for the number of fitted parameters.
@@ -240,7 +310,8 @@ impl<'a> FitEvaluator<'a> {
     /// The errors on the test set, `before` with the model as given and `after` with `last`.
     pub(super) fn test_errors(&self, before: f64, after: f64, last: &Fit) -> TestErrors {
         let (says, noise) = (self.split.description.clone(), self.rms_in_training(last));
-        TestErrors { says, before, after, noise, is_length: self.is_length }
+        let excess = self.excess(last, &ExcessSettings::default());
+        TestErrors { says, before, after, noise, is_length: self.is_length, excess }
     }
 
     /// The fit of `hypothesis` with the weights and noise of `last`, so that the sums of squares can be compared.
@@ -251,8 +322,10 @@ impl<'a> FitEvaluator<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::{ExcessSettings, TestExcess};
     use super::{FitEvaluator, HoldOutSplit};
     use crate::campaign::{Observation, Reading, ReadingNoise};
+    use crate::campaign_simulation::simulate_readings;
     use crate::fit::{FitEffort, FitSettings, fit};
     use crate::hypothesis::Hypothesis;
     use crate::robust_weights::Influence;
@@ -282,5 +355,44 @@ mod tests {
         let energy = held.energy(&found);
         assert!((energy - 0.5 * swing * swing).abs() < 1e-12, "{energy}");
         assert!(held.rms(&found) > 0.7 * zero, "the error as it is has it");
+    }
+
+    /// The excess on the test set of a campaign of the nominal robot, whose test poses have `scale` times the noise of the others.
+    fn excess(scale: f64, seed: u64) -> Option<TestExcess> {
+        let bare = unmeasured_campaign(1, 220);
+        let measured =
+            |scale| simulate_readings(&bare, &nominal_robot(), &bare.surroundings, scale, seed);
+        let (mut campaign, louder) = (measured(1.0), measured(scale));
+        let split = HoldOutSplit::in_blocks(&campaign, seed);
+        let held_out = split.held_out();
+        for (k, pose) in louder.poses.into_iter().enumerate().filter(|(k, _)| held_out[*k]) {
+            campaign.poses[k] = pose;
+        }
+        let (influence, effort) = (Influence::Redescending, FitEffort::Full);
+        let settings = FitSettings { used: &split.training, influence, from: None, effort };
+        let found = fit(&campaign, &Hypothesis::fixed(nominal_robot()), &settings);
+        let held = FitEvaluator::new(&campaign, (&split, &held_out), &found);
+        held.excess(&found, &ExcessSettings::default())
+    }
+
+    #[test]
+    fn errors_on_the_test_set_are_no_excess_unless_they_are_larger_than_scatter() {
+        for seed in 0..20 {
+            assert_eq!(excess(1.0, seed), None, "seed {seed}");
+        }
+        for seed in 0..5 {
+            let ratio = excess(2.5, seed).map_or(0.0, |excess| excess.ratio);
+            assert!((2.0..3.0).contains(&ratio), "seed {seed}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn the_deviate_of_a_ratio_is_that_of_the_f_distribution() {
+        // Upper quantiles of F by SciPy 1.17 (`scipy.stats.f.isf`): probability of a normal deviate of 4 is 3.167e-5.
+        for (freedoms, f) in [([12.0, 60.0], 4.5946), ([40.0, 200.0], 2.4217)] {
+            let excess = TestExcess::of_mean_squares([f, freedoms[0]], [1.0, freedoms[1]]);
+            assert!((excess.deviate - 4.0).abs() < 0.03, "{freedoms:?}: {}", excess.deviate);
+            assert!((excess.ratio - f.sqrt()).abs() < 1e-12);
+        }
     }
 }

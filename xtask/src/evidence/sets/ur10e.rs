@@ -105,9 +105,9 @@ fn all_runs(bench: &SetRunner) -> Result<Case, String> {
     case.set_heldout_errors(&said, "Nm");
     case.reference = Some(Reference { value: None, text: WEIGHED });
     let named = payloads(&said);
-    let only = named == [format!("{LOADED} alone")];
+    let only = named == [format!("{LOADED} only")];
     let told = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
-    case.checks.push(LimitCheck::new("payload found in", told, format!("{LOADED} alone"), only));
+    case.checks.push(LimitCheck::new("payload found in", told, format!("{LOADED} only"), only));
     case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
     load_shares(&said, &mut case);
     Ok(case)
