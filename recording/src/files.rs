@@ -7,8 +7,15 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use encoding_rs::{UTF_16BE, UTF_16LE};
+
 use crate::faults::{Fault, Faults, Location};
 use crate::partial_file::Part;
+
+/// UTF-16 without a byte-order mark is recognised by this many bytes.
+const UTF16_HEAD_BYTES: usize = 16;
+/// Least number of characters there.
+const UTF16_PAIRS_MIN: usize = 4;
 
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
@@ -43,11 +50,32 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
     Ok(text_of(&path.display().to_string(), bytes)?)
 }
 
-/// Bytes as text, without a byte-order mark.
+/// Bytes of UTF-16 as UTF-8; `None` for anything else. Recognised by the byte-order mark, or by zero bytes between the first characters of ASCII.
+/// Bytes that are no valid UTF-16 become the replacement character.
+#[must_use]
+pub fn utf16_as_utf8(bytes: &[u8]) -> Option<String> {
+    let head = bytes.get(..UTF16_HEAD_BYTES.min(bytes.len())).unwrap_or_default();
+    let (pairs, _) = head.as_chunks::<2>();
+    let is_text = |text: u8, zero: u8| text.is_ascii() && text != 0 && zero == 0;
+    let has_pairs = pairs.len() >= UTF16_PAIRS_MIN;
+    let encoding = match bytes {
+        [0xff, 0xfe, ..] => UTF_16LE,
+        [0xfe, 0xff, ..] => UTF_16BE,
+        _ if has_pairs && pairs.iter().all(|[a, b]| is_text(*a, *b)) => UTF_16LE,
+        _ if has_pairs && pairs.iter().all(|[a, b]| is_text(*b, *a)) => UTF_16BE,
+        _ => return None,
+    };
+    Some(encoding.decode(bytes).0.into_owned())
+}
+
+/// Bytes as text, without a byte-order mark: UTF-8, or UTF-16.
 ///
 /// # Errors
-/// The bytes are not UTF-8; the fault names the line.
+/// The bytes are neither; the fault names the line.
 pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
+    if let Some(text) = utf16_as_utf8(&bytes) {
+        return Ok(text);
+    }
     match String::from_utf8(bytes) {
         Ok(mut text) => {
             if text.starts_with('\u{feff}') {
@@ -132,5 +160,20 @@ mod tests {
         let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
         assert_eq!(faults.list()[0].location.as_ref().unwrap().line, 2);
         assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");
+    }
+
+    #[test]
+    fn utf16_is_read_with_and_without_a_byte_order_mark_and_binary_data_are_not_taken_for_it() {
+        let text = "t_s,q1_deg,µ\n0,1,2\n";
+        for mark in ["", "\u{feff}"] {
+            let units: Vec<u16> = format!("{mark}{text}").encode_utf16().collect();
+            let little: Vec<u8> = units.iter().flat_map(|unit| unit.to_le_bytes()).collect();
+            let big: Vec<u8> = units.iter().flat_map(|unit| unit.to_be_bytes()).collect();
+            assert_eq!(text_of("x", little).unwrap(), text);
+            assert_eq!(text_of("x", big).unwrap(), text);
+        }
+        for bytes in [&b"RIFF\x24\0\0\0WAVEfmt "[..], b"", b"a\0", text.as_bytes()] {
+            assert_eq!(utf16_as_utf8(bytes), None);
+        }
     }
 }

@@ -8,13 +8,14 @@ use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use parquet::basic::{LogicalType, Type};
+use parquet::basic::{ConvertedType, LogicalType, Type};
 use parquet::column::reader::get_typed_column_reader;
 use parquet::data_type::{
     BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type,
     Int64Type,
 };
 use parquet::errors::ParquetError;
+use parquet::file::metadata::FileMetaData;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
@@ -53,15 +54,21 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     let columns: Vec<_> = schema.columns().to_vec();
     let mut faults = Faults::new(name);
     let header: Vec<String> = columns.iter().map(|column| column.path().string()).collect();
+    let durations = durations(reader.metadata().file_metadata());
     for (column, name) in columns.iter().zip(&header) {
-        if let Some(found) = strange(column) {
+        let found = if durations.contains(name) {
+            Some("is a duration; a recording has times in seconds, as numbers")
+        } else {
+            strange(column)
+        };
+        if let Some(found) = found {
             faults.push(Fault::new(name, found).expected("one number, string or Boolean per row"));
         }
     }
     if !faults.is_empty() {
         return Ok(Err(faults));
     }
-    let whole = |place: usize| cells(&reader, place, columns[place].physical_type());
+    let whole = |place: usize| cells(&reader, place, &columns[place]);
     let cells: Vec<Cells> = (0..columns.len()).map(whole).collect::<Result<_, _>>()?;
     Ok(Ok(RawTable::made(header, cells)))
 }
@@ -77,7 +84,36 @@ fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
             Some("is a date or time of day; a recording has times in seconds")
         }
         Some(LogicalType::Decimal(_)) => Some("contains decimals"),
+        Some(LogicalType::Float16) => Some("contains floats of 16 bits"),
         _ => None,
+    }
+}
+
+/// Names of the columns that pandas wrote as durations: Parquet stores them as integers without a logical type.
+fn durations(metadata: &FileMetaData) -> Vec<String> {
+    let written = metadata.key_value_metadata().into_iter().flatten();
+    let pandas = written
+        .filter(|entry| entry.key == "pandas")
+        .find_map(|entry| serde_json::from_str::<serde_json::Value>(entry.value.as_deref()?).ok());
+    let columns = pandas.as_ref().and_then(|pandas| pandas["columns"].as_array());
+    let is_duration = |column: &&serde_json::Value| {
+        column["numpy_type"].as_str().is_some_and(|name| name.starts_with("timedelta"))
+    };
+    let durations = columns.into_iter().flatten().filter(is_duration);
+    durations.filter_map(|column| column["field_name"].as_str().map(str::to_owned)).collect()
+}
+
+/// Whether a column has integers without a sign.
+fn is_unsigned(column: &ColumnDescriptor) -> bool {
+    match column.logical_type_ref() {
+        Some(LogicalType::Integer(integer)) => !integer.is_signed,
+        _ => matches!(
+            column.converted_type(),
+            ConvertedType::UINT_8
+                | ConvertedType::UINT_16
+                | ConvertedType::UINT_32
+                | ConvertedType::UINT_64
+        ),
     }
 }
 
@@ -121,16 +157,24 @@ fn all<T: DataType, V>(
 fn cells(
     file: &SerializedFileReader<File>,
     column: usize,
-    kind: Type,
+    described: &ColumnDescriptor,
 ) -> Result<Cells, ParquetError> {
     let or_nan = |all: Vec<Option<f64>>| all.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let texts = |all: Vec<Option<String>>| -> Texts {
         all.iter().map(|text| text.as_deref().unwrap_or_default()).collect()
     };
-    Ok(match kind {
+    let is_unsigned = is_unsigned(described);
+    Ok(match described.physical_type() {
         Type::DOUBLE => Cells::Numbers(or_nan(all::<DoubleType, _>(file, column, |v| v)?)),
         Type::FLOAT => Cells::Numbers(or_nan(all::<FloatType, _>(file, column, f64::from)?)),
+        // Numbers above 2^53 lose digits, as in other columns of floats.
+        Type::INT64 if is_unsigned => {
+            Cells::Numbers(or_nan(all::<Int64Type, _>(file, column, |v| v.cast_unsigned() as f64)?))
+        }
+        Type::INT32 if is_unsigned => {
+            Cells::Whole(all::<Int32Type, _>(file, column, |v| i64::from(v.cast_unsigned()))?)
+        }
         Type::INT64 => Cells::Whole(all::<Int64Type, _>(file, column, |v| v)?),
         Type::INT32 => Cells::Whole(all::<Int32Type, _>(file, column, i64::from)?),
         Type::BOOLEAN => Cells::Whole(all::<BoolType, _>(file, column, i64::from)?),

@@ -10,7 +10,7 @@ use csv::{ReaderBuilder, StringRecord};
 
 use super::cells::Cells;
 use super::channel::Column;
-use super::number::{Notation, NumberError};
+use super::number::{Notation, NumberError, is_number};
 use super::rows::{Rows, TooLarge, too_large};
 use super::separator::{guess_separator, separator_line};
 use super::units_line::UnitsLine;
@@ -309,8 +309,17 @@ impl<'s> RawTable<'s> {
 
     fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
         let width = self.header.len();
-        let fits = |found: usize| found == width || (more_may_follow && found > width);
-        for row in (0..self.rows.len()).filter(|row| !fits(self.rows.width(*row))) {
+        let cell = |row, at| self.rows.cell(row, at).unwrap_or_default();
+        // A comment may follow, but no further number.
+        let is_comment = |row: &usize| {
+            let mut more = (width..self.rows.width(*row)).map(|at| cell(*row, at));
+            more.all(|cell| cell.trim().is_empty() || !is_number(cell))
+        };
+        let fits = |row: &usize| {
+            let found = self.rows.width(*row);
+            found == width || (more_may_follow && found > width && is_comment(row))
+        };
+        for row in (0..self.rows.len()).filter(|row| !fits(row)) {
             faults.push_with(|| {
                 let line = self.line_of_row(row);
                 let text = self.line_text(line);

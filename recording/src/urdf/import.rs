@@ -182,10 +182,18 @@ impl<'a> Chain<'a, '_> {
         let unit = if is_turning { "rad" } else { "m" };
         let given = ["lower", "upper"].map(|key| self.source.wide(limit, key));
         let [low, high] = given.map(Option::unwrap_or_default);
+        if low.is_nan() || high.is_nan() {
+            return [0.0, 0.0];
+        }
+        let keys = ["lower", "upper"].into_iter().zip(given);
+        let missing = keys.filter(|(_, given)| given.is_none()).map(|(key, _)| key).next();
         let otherwise = if is_turning { ", or the type \"continuous\"" } else { "" };
         let give = format!("give lower and upper in {unit}{otherwise}");
         let wrong = if given == [None, None] {
             Some(("has neither `lower` nor `upper`, which means 0 to 0".to_owned(), give))
+        } else if let Some(missing) = missing.filter(|_| low >= high) {
+            let message = format!("has no `{missing}`, which means 0: {low} to {high}");
+            Some((message, give))
         } else if low > high {
             let help = format!("swap them: the lower limit comes first, in {unit}");
             Some((format!("has lower {low} above upper {high}"), help))
@@ -201,10 +209,9 @@ impl<'a> Chain<'a, '_> {
             self.source.fault(limit, message, help);
             return [0.0, 0.0];
         }
-        if let Some(key) = ["lower", "upper"].iter().zip(given).find(|(_, given)| given.is_none()) {
+        if let Some(missing) = missing {
             self.notes.push(format!(
-                "joint {joint} has no `{}` limit: 0 by the URDF specification",
-                key.0
+                "joint {joint} has no `{missing}` limit: 0 by the URDF specification"
             ));
         }
         if low.is_infinite() || high.is_infinite() {

@@ -162,15 +162,16 @@ impl<'s> Source<'s> {
     }
 
     /// A number that may be infinite, if the attribute is present; unrealistically large ones
-    /// become infinite.
+    /// become infinite. NaN, with a fault, if it is no number.
     pub(super) fn wide(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
         let said = self.said(node, attribute)?;
         let number = said.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
         if number.is_none() {
             self.fault_at(node, attribute, &said, "a number");
         }
-        let number = number.unwrap_or_default();
-        Some(if number.abs() < SIZE_MAX { number } else { f64::INFINITY.copysign(number) })
+        let number = number.unwrap_or(f64::NAN);
+        let is_large = number.abs() >= SIZE_MAX;
+        Some(if is_large { f64::INFINITY.copysign(number) } else { number })
     }
 
     /// A finite number; `None`, without a fault, if it is missing or not finite.
@@ -185,7 +186,7 @@ impl<'s> Source<'s> {
         }
     }
 
-    /// Three numbers, if the attribute is present.
+    /// Three numbers; `None`, with a fault, if they are no numbers, and without one if the attribute is missing.
     pub(super) fn vector(&self, node: Node<'_, '_>, attribute: &str) -> Option<DVec3> {
         let said = self.said(node, attribute)?;
         let numbers: Option<Vec<f64>> = said.1.split_whitespace().map(number).collect();
@@ -193,7 +194,7 @@ impl<'s> Source<'s> {
         if vector.is_none() {
             self.fault_at(node, attribute, &said, "three numbers below 1e12, separated by spaces");
         }
-        Some(DVec3::from_array(vector.unwrap_or_default()))
+        vector.map(DVec3::from_array)
     }
 
     /// The pose of `<origin>`: child frame to parent frame, m; the identity without one.

@@ -109,6 +109,10 @@ impl Section {
             faults.push(fault.expected("X_Value and the channels' names"));
             return Vec::new();
         }
+        if let Some(fault) = self.unsupported(lines, separator) {
+            faults.push(fault);
+            return Vec::new();
+        }
         let said = self.said(lines, separator, &heads);
         let body_end = byte_of(source, self.body.end);
         let body = source.get(..body_end).unwrap_or(source);
@@ -119,7 +123,7 @@ impl Section {
             width: Some(heads.len()),
             ..Dialect::default()
         };
-        let shape = Shape { dialect, heads: Some(heads) };
+        let shape = Shape { dialect, heads: Some(heads), unusable: None };
         let records = table::records(body, shape, &said, options, faults, notes);
         let stated = said.rate_hz.zip(records.first());
         if let Some((stated_hz, Record { grid: Grid::Time { rate_hz, .. }, .. })) = stated
@@ -131,6 +135,29 @@ impl Section {
             ));
         }
         records
+    }
+
+    /// The values of a key of the section's header, one for each channel.
+    fn values<'l>(&self, lines: &[&'l str], key: &str, separator: char) -> Vec<&'l str> {
+        let header = lines.get(self.header.clone()).unwrap_or_default();
+        let list = header.iter().find_map(|line| value(line, key, separator)).unwrap_or_default();
+        list.split(separator).map(str::trim).filter(|value| !value.is_empty()).collect()
+    }
+
+    /// Why the section is not read: samples that are not over time, or not of one rate.
+    fn unsupported(&self, lines: &[&str], separator: char) -> Option<Fault> {
+        let dimensions = self.values(lines, "X_Dimension", separator);
+        if let Some(other) = dimensions.iter().find(|name| !name.eq_ignore_ascii_case("time")) {
+            let fault = Fault::new("X_Dimension", format!("is `{other}`"));
+            return Some(fault.expected("samples over time").help("export the time signals"));
+        }
+        let steps = self.values(lines, "Delta_X", separator);
+        let size = |step: &str| step.replace(',', ".").parse::<f64>().ok();
+        let first = steps.first()?;
+        let other = steps.iter().find(|step| size(step) != size(first))?;
+        let message = format!("differs between the channels: {first}, {other}");
+        let fault = Fault::new("Delta_X", message).expected("one rate for all channels");
+        Some(fault.help("export channels of different rates to different files"))
     }
 
     /// Units and rate of the section's header. Its lists count channels; the table may have an X column each.

@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::faults::{Fault, Faults};
-use crate::files::FileError;
+use crate::files::{FileError, utf16_as_utf8};
 use crate::mapping::mapping_path;
 use crate::series::{self, Channel, RecordingMetadata, RequiredData};
 use crate::unit::Quantity;
@@ -190,6 +190,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     }
     let mapped = is_mapped(path, options);
     let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+    let bytes = utf16_as_utf8(&bytes).map_or(bytes, String::into_bytes);
     if options.full_scale.is_some() && (mapped || !matches!(Form::of(path, &bytes), Form::Wav)) {
         let mut faults = Faults::new(&name);
         let fault = Fault::new("", "is no WAV file, so that its values have no full scale");

@@ -10,6 +10,8 @@ use crate::unit::{Quantity, Unit};
 pub(super) enum ColumnRole {
     /// Time; the unit in s.
     Time(f64),
+    /// Time in an unknown unit.
+    TimeInUnknownUnit,
     /// A length along which the others were measured; the unit in m.
     Length(f64),
     /// Sample numbers, which do not determine the rate.
@@ -53,12 +55,16 @@ pub(super) fn counts(head: &str) -> ColumnRole {
     let is = |list: &[&str]| list.contains(&name.as_str());
     match measured {
         Some((Quantity::Time, si)) if is(TIME) => ColumnRole::Time(si),
-        None if is(TIME) => ColumnRole::Time(1.0),
+        None if is(TIME) && unit.is_none() => ColumnRole::Time(1.0),
+        None if is(TIME) => ColumnRole::TimeInUnknownUnit,
         Some((Quantity::Length, si)) if is(LENGTH) => ColumnRole::Length(si),
         None if is(SAMPLES) => ColumnRole::Samples,
         // `seconds`, `ms`: only a unit.
         None => match quantity::of(&name) {
-            Some((Quantity::Time, si)) if name != "m" => ColumnRole::Time(si),
+            // `min` may be a minimum.
+            Some((Quantity::Time, si)) if !matches!(name.as_str(), "min" | "h") => {
+                ColumnRole::Time(si)
+            }
             _ => ColumnRole::Else,
         },
         _ => ColumnRole::Else,
@@ -112,10 +118,13 @@ mod tests {
             assert_eq!(counts(head), ColumnRole::Time(1.0), "{head}");
         }
         assert_eq!(counts("t_ms"), ColumnRole::Time(1e-3));
+        assert_eq!(counts("Time (min)"), ColumnRole::Time(60.0));
+        assert_eq!(counts("Time (10 ms)"), ColumnRole::Time(0.01));
+        assert_eq!(counts("Time (ticks)"), ColumnRole::TimeInUnknownUnit);
         assert_eq!(counts("x_um"), ColumnRole::Length(1e-6));
         assert_eq!(counts("Position (mm)"), ColumnRole::Length(1e-3));
         assert_eq!(counts("Sample"), ColumnRole::Samples);
-        for head in ["Fx_N", "x", "temp_C", "tacho", "Force (N)"] {
+        for head in ["Fx_N", "x", "temp_C", "tacho", "Force (N)", "min", "h"] {
             assert_eq!(counts(head), ColumnRole::Else, "{head}");
         }
     }

@@ -6,6 +6,7 @@
 
 use super::names;
 use super::quantity;
+use crate::faults::{Fault, Location};
 use crate::series::{Dialect, is_number, is_unit};
 
 /// Lines that are searched for the beginning.
@@ -21,6 +22,32 @@ pub(super) struct Shape {
     pub(super) dialect: Dialect,
     /// One per column of the table; `None` if no line of names was found.
     pub(super) heads: Option<Vec<String>>,
+    /// A line of names just above the table, but of another number than its columns.
+    pub(super) unusable: Option<UnusableNames>,
+}
+
+/// Names that do not belong to the columns of the table below.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct UnusableNames {
+    /// Line in the file, from 1.
+    line: usize,
+    text: String,
+    names: usize,
+    columns: usize,
+}
+
+impl Shape {
+    /// The fault of names that do not belong to the columns.
+    pub(super) fn unusable_names(&self) -> Option<Fault> {
+        let UnusableNames { line, text, names, columns } = self.unusable.as_ref()?;
+        let fault = Fault::new("", format!("has {names} names above rows of {columns} cells"));
+        Some(
+            fault
+                .at(Location::from_line(*line, text, &(0..text.len())))
+                .expected("one name for each column")
+                .help("if the numbers have decimal commas, use another separator, such as `;`; if the line holds no names, remove it, or skip it by a mapping (`header = false`, `skip_rows`)"),
+        )
+    }
 }
 
 /// The structure of the first table of a text, searched after `skipped` lines.
@@ -50,6 +77,10 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
         let width = width(line, separator)?;
         let above = |up: usize| at.checked_sub(up).and_then(|at| lines.get(at)).map(|(_, l)| *l);
         let heads = heads(above(1), above(2), separator, width);
+        let is_next =
+            at.checked_sub(1).and_then(|at| lines.get(at)).is_some_and(|l| l.0 + 1 == number);
+        let unusable = above(1).filter(|_| heads.is_none() && is_next);
+        let unusable = unusable.and_then(|text| unusable_names(text, separator, width, number));
         let dialect = Dialect {
             separator: Some(separator),
             skip_lines: number,
@@ -57,7 +88,7 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
             width: Some(width),
             ..Dialect::default()
         };
-        Some(Shape { dialect, heads })
+        Some(Shape { dialect, heads, unusable })
     })
 }
 
@@ -84,6 +115,15 @@ fn cells(line: &str, separator: u8) -> Vec<&str> {
         cells.pop();
     }
     cells
+}
+
+/// A line above a table that has names, each of letters, but not one for each column. Lines of blanks and tabulators are text of any kind.
+fn unusable_names(text: &str, separator: u8, width: usize, line: usize) -> Option<UnusableNames> {
+    let cells = cells(text, separator);
+    let is_name = |cell: &&str| cell.contains(char::is_alphabetic) && !cell.contains(' ');
+    let is_line_of_names = matches!(separator, b',' | b';') && cells.len() > 1;
+    let found = is_line_of_names && cells.len() != width && cells.iter().all(is_name);
+    found.then(|| UnusableNames { line, text: text.to_owned(), names: cells.len(), columns: width })
 }
 
 fn heads(
@@ -141,7 +181,7 @@ mod tests {
     use super::*;
 
     fn found(text: &str) -> (u8, usize, Option<Vec<String>>) {
-        let Shape { dialect, heads } = find(text, 0).unwrap();
+        let Shape { dialect, heads, .. } = find(text, 0).unwrap();
         (dialect.separator.unwrap(), dialect.skip_lines, heads)
     }
 
@@ -167,6 +207,16 @@ mod tests {
         assert_eq!(found(grouped), (b';', 1, names(&["t", "F"])));
         let text = "t,F,note\ns,N,-\n0,1,2\n1,2,3\n2,3,4\n";
         assert_eq!(found(text).2, names(&["t [s]", "F [N]", "note"]));
+    }
+
+    #[test]
+    fn names_that_are_not_one_for_each_column_are_reported_and_other_texts_are_not() {
+        let unusable = |text: &str| find(text, 0).unwrap().unusable.is_some();
+        assert!(unusable("t_s,a\n0,000,1,5\n0,001,1,7\n0,002,2,0\n"));
+        assert!(!unusable("t_s,a\n0,1\n1,2\n2,3\n"));
+        assert!(!unusable("Recorded by, the third shift\n0,1,2\n1,2,3\n2,3,4\n"));
+        assert!(!unusable("Device;7\n0;1;2\n1;2;3\n2;3;4\n"));
+        assert!(!unusable("t a\n0 1 2\n1 2 3\n2 3 4\n"));
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
     columns::check(options, &mut faults);
     let shape = preamble::find(&source, 0).unwrap_or_else(|| {
         let dialect = Dialect { units_row: Some(false), ..Dialect::default() };
-        Shape { dialect, heads: None }
+        Shape { dialect, heads: None, unusable: None }
     });
     let records = records(&source, shape, &HeaderInfo::default(), options, &mut faults, &mut notes);
     let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
@@ -43,6 +43,10 @@ pub(super) fn records(
     faults: &mut Faults,
     notes: &mut Vec<String>,
 ) -> Vec<Record> {
+    if let Some(fault) = shape.unusable_names() {
+        faults.push(fault);
+        return Vec::new();
+    }
     let mut table = RawTable::cut(source, &shape.dialect, faults);
     let named = shape.heads.is_some() || !shape.dialect.no_header;
     match shape.heads {
@@ -85,7 +89,12 @@ impl TableReader<'_, '_> {
     ) -> Vec<Record> {
         let heads = &self.table.header;
         let asked = pick::columns(heads, &options.columns, faults);
-        let counter = self.counter(&asked, notes);
+        // A stated rate replaces a time that cannot be read.
+        let has_grid = columns::asked(options).is_some();
+        let is_usable = |(at, role): &(usize, ColumnRole)| {
+            !has_grid || (*role != ColumnRole::TimeInUnknownUnit && self.is_numeric(*at))
+        };
+        let counter = self.counter(&asked, notes).filter(is_usable);
         let beside: Vec<(usize, Channel)> = (0..heads.len())
             .filter(|at| !asked.contains(at))
             .filter_map(|at| Some((at, process(heads.get(at)?)?)))
@@ -129,12 +138,16 @@ impl TableReader<'_, '_> {
     /// The column with time or length, and its meaning.
     fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, ColumnRole)> {
         let heads = &self.table.header;
-        let free = || (0..heads.len()).filter(|at| !asked.contains(at) && self.is_numeric(*at));
-        let by_name = |wanted: fn(ColumnRole) -> bool| {
-            let counts = |at: usize| (at, names::counts(&heads[at]));
-            free().map(counts).find(|(_, counts)| wanted(*counts))
-        };
+        let others = || (0..heads.len()).filter(|at| !asked.contains(at));
+        let free = || others().filter(|at| self.is_numeric(*at));
+        let role = |at: usize| (at, names::counts(&heads[at]));
+        let by_name =
+            |wanted: fn(ColumnRole) -> bool| free().map(role).find(|(_, counts)| wanted(*counts));
+        // A time may also be a date and time of the day.
+        let dates = || others().map(role).find(|(_, role)| matches!(role, ColumnRole::Time(_)));
         let found = by_name(|counts| matches!(counts, ColumnRole::Time(_)))
+            .or_else(dates)
+            .or_else(|| by_name(|counts| counts == ColumnRole::TimeInUnknownUnit))
             .or_else(|| by_name(|counts| matches!(counts, ColumnRole::Length(_))));
         if found.is_some() {
             return found;
@@ -161,6 +174,17 @@ impl TableReader<'_, '_> {
             self.table.numbers(at, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
         };
         match counts {
+            ColumnRole::Time(_) if !self.is_numeric(at) => {
+                Positions::Time(self.table.times(&[at], None, faults))
+            }
+            ColumnRole::TimeInUnknownUnit => {
+                let head = &self.table.header[at];
+                let fault = Fault::new(head, "is a time in an unknown unit");
+                faults.push(fault.expected("s, ms, us, ns, min or h, as in `time (ms)`").help(
+                    "give the sampling rate (--rate HZ), or name the unit in a mapping (`t_s = { from = …, scale = … }`)",
+                ));
+                Positions::Time(times(1.0, faults))
+            }
             ColumnRole::Time(si) => {
                 let x = times(si, faults);
                 // LabVIEW leaves the column empty and states the step.

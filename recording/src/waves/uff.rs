@@ -134,12 +134,13 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
 /// Completes the units of functions by the systems of units, each with the number of functions
 /// before it: the last one before a function, or otherwise the first one after it.
 fn complete(functions: &mut [Function], systems: &[(usize, Units)], notes: &mut Vec<String>) {
-    let (mut units, mut next) = (systems.first().map_or(Units::SI, |(_, units)| *units), 0);
+    let (mut units, mut next) =
+        (systems.first().map_or_else(Units::si, |(_, units)| units.clone()), 0);
     for (at, function) in functions.iter_mut().enumerate() {
         while let Some((_, system)) = systems.get(next).filter(|(before, _)| *before <= at) {
-            (units, next) = (*system, next + 1);
+            (units, next) = (system.clone(), next + 1);
         }
-        function.complete(units);
+        function.complete(&units);
     }
     if systems.iter().any(|(_, units)| systems.first().is_some_and(|(_, first)| first != units)) {
         let several = "contains several systems of units (dataset 164); each applies to the functions after it";

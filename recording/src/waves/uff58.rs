@@ -74,7 +74,7 @@ impl Function {
     }
 
     /// Completes its units by the file's system.
-    pub(super) fn complete(&mut self, units: Units) {
+    pub(super) fn complete(&mut self, units: &Units) {
         self.source.ordinate.complete(units);
         self.denominator.complete(units);
     }

@@ -21,10 +21,18 @@ const PRESSURE: i64 = 15;
 const TIME: i64 = 17;
 const FREQUENCY: i64 = 18;
 
-/// Units of length and force by their factor in dataset 164: the number of units per SI unit.
+/// Units of length and force by their factor in dataset 164: the number of units per SI unit. Others are multiples of the first.
 const LENGTHS: &[(f64, &str)] =
     &[(1.0, "m"), (1e3, "mm"), (1e2, "cm"), (1.0 / 0.0254, "in"), (1.0 / 0.3048, "ft")];
-const FORCE_UNITS: &[(f64, &str)] = &[(1.0, "N"), (1e-3, "kN"), (0.224_808_943_1, "lbf")];
+const FORCE_UNITS: &[(f64, &str)] = &[
+    (1.0, "N"),
+    (1e-3, "kN"),
+    (1e3, "mN"),
+    (1e2, "cN"),
+    (1.0 / 9.806_65, "kgf"),
+    (0.224_808_943_1, "lbf"),
+    (1.0 / 0.138_254_954_376, "pdl"),
+];
 /// Factors are written with seven digits or more.
 const FACTOR_PART: f64 = 1e-5;
 
@@ -90,24 +98,27 @@ pub(super) enum AbscissaQuantity {
     Else,
 }
 
-/// The system of units, for axes that state no unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The system of units, for axes that state no unit; `None`: unknown.
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Units {
-    length: Option<&'static str>,
-    force: Option<&'static str>,
+    length: Option<String>,
+    force: Option<String>,
 }
 
 impl Units {
-    pub(super) const SI: Self = Self { length: Some("m"), force: Some("N") };
+    pub(super) fn si() -> Self {
+        Self { length: Some("m".to_owned()), force: Some("N".to_owned()) }
+    }
 
     /// Reads dataset 164 after its number; unreadable parts leave the units unknown.
     pub(super) fn read(cursor: &mut Cursor<'_>) -> Self {
         cursor.line();
         let factors = cursor.text().and_then(|line| in_line(&line)).unwrap_or_default();
         let named = |at: usize, list: &[(f64, &'static str)]| {
-            let factor = factors.get(at)?;
+            let factor = *factors.get(at).filter(|factor| factor.is_finite() && **factor > 0.0)?;
             let same = |(known, _): &&(f64, &str)| (factor / known - 1.0).abs() < FACTOR_PART;
-            list.iter().find(same).map(|(_, name)| *name)
+            let multiple = || Some(format!("{:e} {}", 1.0 / factor, list.first()?.1));
+            list.iter().find(same).map(|(_, name)| (*name).to_owned()).or_else(multiple)
         };
         Self { length: named(0, LENGTHS), force: named(1, FORCE_UNITS) }
     }
@@ -132,7 +143,7 @@ impl Head {
             return Err(cut().into());
         };
         // Times and frequencies are of one unit in every system.
-        abscissa.complete(Units::SI);
+        abscissa.complete(&Units::si());
         let dofs = Dofs::of(&dofs).ok_or_else(|| {
             Fault::new("", "states no degree of freedom")
                 .expected("function type, node and direction")
@@ -187,7 +198,7 @@ impl Axis {
     }
 
     /// Sets a missing unit to that of the axis's type of data in a system of units.
-    pub(super) fn complete(&mut self, units: Units) {
+    pub(super) fn complete(&mut self, units: &Units) {
         if self.unit.is_empty() {
             self.unit = by_kind(self.kind, units);
         }
@@ -206,14 +217,14 @@ impl Axis {
 }
 
 /// The unit of data of a type, in the file's system of units.
-fn by_kind(kind: i64, units: Units) -> String {
-    let of_length = |end: &str| units.length.map(|length| format!("{length}{end}"));
+fn by_kind(kind: i64, units: &Units) -> String {
+    let of_length = |end: &str| units.length.as_ref().map(|length| format!("{length}{end}"));
     let unit = match kind {
         DISPLACEMENT => of_length(""),
         VELOCITY => of_length("/s"),
         ACCELERATION => of_length("/s^2"),
-        kind if FORCES.contains(&kind) => units.force.map(str::to_owned),
-        PRESSURE if units == Units::SI => Some("Pa".to_owned()),
+        kind if FORCES.contains(&kind) => units.force.clone(),
+        PRESSURE if *units == Units::si() => Some("Pa".to_owned()),
         TIME => Some("s".to_owned()),
         FREQUENCY => Some("Hz".to_owned()),
         _ => None,

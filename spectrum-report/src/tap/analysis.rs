@@ -129,7 +129,8 @@ impl Analysis {
                 said.extend(test.hits.notes.iter().cloned());
             }
             None => said.push(
-                "the response functions have no coherence, so the modes are unverified".to_owned(),
+                "coherence of response functions is not read, so the modes are unverified"
+                    .to_owned(),
             ),
         }
         said.extend(self.modes.iter().flat_map(|mode| self.reservations(mode)));

@@ -114,7 +114,9 @@ pub fn read(paths: &[impl AsRef<Path>], requested: &Channels) -> Result<Source, 
                 notes.push(format!("{}: {what}", path.display()));
             }
             for function in &waves.responses {
-                functions.push(given(requested, path, function).map_err(unfit)?);
+                let mut assumed = Vec::new();
+                functions.push(given(requested, path, function, &mut assumed).map_err(unfit)?);
+                notes.extend(assumed.iter().map(|note| format!("{}: {note}", path.display())));
             }
         }
     }
@@ -243,8 +245,12 @@ fn force_factor(
             notes.push(format!("column `{}` has no unit; N is assumed", force.name));
             Ok(1.0)
         }
-        _ => Err(format!(
-            "the force, column `{}`, is in `{}`, expected a force; give --force-scale, N per unit",
+        (None, Some(_)) => Err(format!(
+            "the force, column `{}`, is in `{}`, which is no force",
+            force.name, force.unit
+        )),
+        (None, None) => Err(format!(
+            "the force, column `{}`, is in `{}`, an unknown unit; give --force-scale, N per unit",
             force.name, force.unit
         )),
     }
@@ -305,32 +311,20 @@ fn given(
     requested: &Channels,
     path: &Path,
     given: &ResponseFunction,
+    notes: &mut Vec<String>,
 ) -> Result<MeasuredFunction, String> {
-    let [response, reference] = given.quantities();
-    let known = response.and_then(|(quantity, si)| Some((response_of(quantity)?, si)));
-    let (kind, response_si) = match (requested.response, known) {
-        (Some(stated), Some((kind, _))) if stated != kind => {
-            return Err(format!(
-                "its response is in `{}`, which contradicts --response-kind",
-                given.response_unit
-            ));
-        }
-        (_, Some(known)) => known,
-        (Some(kind), None) => (kind, requested.response_scale.unwrap_or(1.0)),
-        (None, None) => {
-            return Err(
-                "does not state the quantity of its response; give --response-kind".to_owned()
-            );
-        }
-    };
-    let force_si = match reference {
-        Some((Quantity::Force, si)) => si,
-        None => requested.force_scale.unwrap_or(1.0),
-        Some(_) => {
-            let unit = &given.reference_unit;
-            return Err(format!("its reference is in `{unit}`, expected a force"));
-        }
-    };
+    if let [Some((Quantity::Force, _)), _] = given.quantities() {
+        return Err(
+            "its response is a force; expected displacement, velocity or acceleration by force"
+                .to_owned(),
+        );
+    }
+    // Each end is judged as a column without samples.
+    let end = |name: &str, unit: &str| Wave::new(name, unit, Vec::new());
+    let response = end(&given.response, &given.response_unit);
+    let reference = end(&given.reference, &given.reference_unit);
+    let (response_si, kind) = response_factor(requested, &response, notes)?;
+    let force_si = force_factor(requested, &reference, notes)?;
     let values =
         given.values.iter().map(|[re, im]| Complex::new(*re, *im) * (response_si / force_si));
     let name = format!("{} {} by {}", stem(path), given.response, given.reference);
