@@ -305,7 +305,7 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
     let place = Place::new();
     place.file("arm.uff", &uff());
     let done = place.succeed(&["tap", "arm.uff", "--json", "uff.json"]);
-    assert!(done.err.contains("have no coherence"), "{}", done.err);
+    assert!(done.err.contains("coherence of response functions is not read"), "{}", done.err);
     let near = |file: &str| {
         let modes = place.json(file)["modes"].clone();
         for (mode, (f_n, zeta, _)) in modes.as_array().unwrap().iter().zip(ROBOT) {
@@ -395,4 +395,43 @@ fn the_real_tools_modes_are_found_from_its_hit_and_from_its_response_functions()
             "{zeta}: {mode}"
         );
     }
+}
+
+#[test]
+fn units_of_response_functions_are_converted_or_refused() {
+    let place = Place::new();
+    let mass_of = |text: &str| {
+        place.file("arm.uff", text);
+        place.succeed(&["tap", "arm.uff", "--json", "arm.json"]);
+        place.json("arm.json")["modes"][0]["modal_mass_kg"].as_f64().unwrap()
+    };
+    let (stated, newton) = (uff(), format!("{:<20} {:<20}", "NONE", "N"));
+    let with_force = |unit: &str| {
+        assert!(stated.contains(&newton));
+        stated.replace(&newton, &format!("{:<20} {unit:<20}", "NONE"))
+    };
+    let kg = mass_of(&stated);
+    for (unit, factor) in [("daN", 10.0), ("kgf", 9.806_65), ("lbs", 4.448_221_615)] {
+        assert!((mass_of(&with_force(unit)) / (kg * factor) - 1.0).abs() < 1e-6, "{unit}");
+    }
+    // Dataset 164 with mm and mN: the numbers of a function in m and N, without a stated unit.
+    let system = format!(
+        "{:>6}\n{:>6}\n{:>10}{:<20}{:>10}\n{:>25.16e}{:>25.16e}{:>25.16e}\n{:>25.16e}\n{:>6}\n",
+        -1, 164, 9, "USER", 2, 1e3, 1e3, 1.0, 273.15, -1
+    );
+    let bare = with_force("NONE").replace("m/s^2", "NONE ");
+    assert!((mass_of(&(system + &bare)) / kg - 1.0).abs() < 1e-6);
+    for unit in ["V", "foo"] {
+        place.file("arm.uff", &with_force(unit));
+        refused(&place.run(&["tap", "arm.uff"]), &["an unknown unit", "--force-scale"]);
+    }
+    let table = |head: &str| {
+        let rows: String = (1..50).map(|k| format!("{k},1,0.5\n")).collect();
+        place.file("table.csv", &format!("{head}\n{rows}"));
+        place.run(&["tap", "--frf", "--response-kind", "acceleration", "table.csv"])
+    };
+    refused(&table("omega (rad/s),re,im"), &["its first column is in `rad/s`"]);
+    refused(&table("frequency_Hz,Magnitude,Phase (deg)"), &["`Magnitude`", "real part"]);
+    refused(&table("frequency_Hz,imag,real"), &["`imag`", "real part"]);
+    refused(&table("frequency_Hz,re (V/N),im (V/N)"), &["`V/N`", "an unknown unit"]);
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag;
 
 use crate::exit::Failure;
@@ -32,6 +32,17 @@ pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
     let flag = FLAG.get_or_init(Arc::default);
     install(flag).map_err(Failure::system)?;
     Ok(Arc::clone(flag))
+}
+
+/// Lets a write beyond the limit of the file size fail, as on a full disk, instead of ending the program: then temporary files are removed and the
+/// reason is reported.
+///
+/// # Errors
+///
+/// [`Failure::System`] if the system rejects the handler.
+pub fn continue_at_file_size_limit() -> Result<(), Failure> {
+    flag::register(SIGXFSZ, Arc::default()).map_err(Failure::system)?;
+    Ok(())
 }
 
 /// For `?` inside a loop: an error once the flag is set.

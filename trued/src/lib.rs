@@ -47,7 +47,8 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     };
     let mut console = Console::new(cli.common.clone()).with_invocation(invocation);
     logs::start(&console);
-    let outcome = commands::run(&cli.command, &mut console);
+    let outcome = interrupt::continue_at_file_size_limit();
+    let outcome = outcome.and_then(|()| commands::run(&cli.command, &mut console));
     let outcome = outcome.and_then(|answer| console.close().map(|()| answer));
     if let Err(failure) = &outcome {
         console.print_failure(failure);

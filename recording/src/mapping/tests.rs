@@ -297,3 +297,24 @@ proptest! {
         let _ = apply(&text, "t,q\n1,2\n");
     }
 }
+
+#[test]
+fn a_unit_in_the_name_of_a_source_column_that_is_read_in_another_is_refused() {
+    let read = |from: &str, unit: &str| {
+        let mapping = format!(
+            "schema = \"trued.mapping/1\"\njoints = 1\n[columns]\nt_s = {{ from = \"t\" }}\nq1_deg = {{ from = \"q\" }}\n\
+             x_mm = {{ from = \"{from}\"{unit} }}\ny_mm = {{ from = \"y\" }}\nz_mm = {{ from = \"z\" }}\n"
+        );
+        let text = format!("t,q,{from},y,z\n0,1,2,3,4\n1,2,2,3,4\n");
+        apply(&mapping, &text).map_err(|faults| faults.plain())
+    };
+    let x = |recording: &Recording| recording.column(Channel::Position(0)).unwrap()[0];
+    for name in ["x [m]", "x (m)", "x_m"] {
+        let fault = read(name, "").unwrap_err();
+        assert!(fault.contains("has the unit m in its name, but is read in mm"), "{fault}");
+        assert!((x(&read(name, ", unit = \"m\"").unwrap()) - 2.0).abs() < 1e-12);
+    }
+    for name in ["x [mm]", "x_mm", "x", "x (filtered)", "x_s"] {
+        assert!((x(&read(name, "").unwrap()) - 2e-3).abs() < 1e-12, "{name}");
+    }
+}

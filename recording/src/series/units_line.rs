@@ -24,7 +24,9 @@ const SPELLINGS: &[(&str, &[&str])] = &[
 /// Cells without a unit.
 const NONE: [&str; 2] = ["", "-"];
 /// Units that are recognised but not supported.
-const FOREIGN: &[&str] = &["%", "V", "mV", "K", "W", "bar", "counts"];
+const FOREIGN: &[&str] = &[
+    "%", "V", "mV", "K", "W", "bar", "counts", "in", "inch", "ft", "lbf", "kgf", "rev", "min", "h",
+];
 
 /// The units below a header.
 pub(super) struct UnitsLine {
@@ -73,7 +75,12 @@ impl RawTable<'_> {
         stated: bool,
         faults: &mut Faults,
     ) {
-        let Some(line) = &self.units else { return };
+        let Some(line) = &self.units else {
+            if let Some(read_in) = read_in.filter(|_| !stated) {
+                self.check_unit_of_name(column, read_in, faults);
+            }
+            return;
+        };
         let (Some(found), Some(read_in)) = (line.cells.get(column), read_in) else { return };
         let message = match found.unit {
             Some(unit) if (unit.quantity, unit.si) == (read_in.quantity, read_in.si) => return,
@@ -85,6 +92,38 @@ impl RawTable<'_> {
         let fault = Fault::new(name, message).expected(read_in.name).help(found.remedy(read_in));
         faults.push(self.line_fault(line.line, column, fault));
     }
+
+    /// Adds a fault if the unit in a column's name contradicts the one in which it is read: any in brackets, as in `x [m]`; after an underscore only
+    /// another size of the same quantity, since `x_m` may mean something else.
+    fn check_unit_of_name(&self, column: usize, read_in: Unit, faults: &mut Faults) {
+        let Some(name) = self.header.get(column) else { return };
+        let found = match unit_in_brackets(name) {
+            Some(unit) => Some(unit),
+            None => Unit::split(name).1.filter(|unit| unit.quantity == read_in.quantity),
+        };
+        let Some(found) = found else { return };
+        if (found.quantity, found.si) == (read_in.quantity, read_in.si) {
+            return;
+        }
+        let message =
+            format!("has the unit {} in its name, but is read in {}", found.name, read_in.name);
+        let help = format!(
+            "state `unit = \"{}\"` in the mapping; if it is in {}, state that",
+            found.name, read_in.name
+        );
+        let fault = Fault::new(name.clone(), message).expected(read_in.name).help(help);
+        faults.push(self.header_fault(column, fault));
+    }
+}
+
+/// The unit at the end of a name in brackets, if it is known.
+fn unit_in_brackets(name: &str) -> Option<Unit> {
+    let name = name.trim();
+    let within = [('[', ']'), ('(', ')')].into_iter().find_map(|(open, close)| {
+        let (_, text) = name.strip_suffix(close)?.rsplit_once(open)?;
+        Some(text.trim())
+    });
+    within.and_then(unit)
 }
 
 impl UnitCell {

@@ -122,12 +122,18 @@ fn limits_that_are_none_are_refused_for_what_they_are() {
         (turn, "<limit velocity=\"2\"/>", "has neither `lower` nor `upper`, which means 0 to 0"),
         (turn, "<limit lower=\"0\" upper=\"0\"/>", "has lower and upper both at 0"),
         (turn, "<limit lower=\"3\" upper=\"-3\"/>", "has lower 3 above upper -3"),
+        (turn, "<limit lower=\"1\"/>", "has no `upper`, which means 0: 1 to 0"),
+        (turn, "<limit lower=\"-1,5\" upper=\"1,5\"/>", "limit lower`: is \"-1,5\""),
         (turn, "<limit lower=\"nan\" upper=\"3\"/>", "limit lower`: is \"nan\""),
         (slide, "<limit lower=\"-inf\" upper=\"inf\"/>", "is infinite: -inf to inf"),
     ] {
         let told = refusal(limit, with);
         assert!(told.contains(why), "{told}");
-        assert_eq!(told.matches("error:").count(), 1, "{told}");
+        assert_eq!(
+            told.matches("error:").count(),
+            1 + usize::from(with.contains("1,5\" upper")),
+            "{told}"
+        );
     }
     for (limit, low, high, why) in [
         ("<limit lower=\"-inf\" upper=\"inf\" velocity=\"inf\"/>", -360.0, 360.0, "infinite limit"),

@@ -48,3 +48,46 @@ fn a_line_of_units_counts_beside_a_column_of_text_too() {
         assert_eq!(force.values, [1.5, 2.5, 3.5]);
     }
 }
+
+#[test]
+fn a_time_has_the_unit_of_its_name_or_is_a_date_and_an_unknown_unit_is_refused() {
+    let read = |head: &str, times: [&str; 4]| {
+        let rows: String = times.iter().map(|time| format!("{time},1.5\n")).collect();
+        parsed(&format!("{head},a\n{rows}"), &Options::default())
+    };
+    let grid = |head: &str, times| read(head, times).unwrap().records[0].grid;
+    let even = ["0", "1", "2", "3"];
+    let of_rate = |rate_hz: f64| Grid::Time { start_s: 0.0, rate_hz };
+    assert_eq!(grid("Time (ms)", even), of_rate(1000.0));
+    assert_eq!(grid("Time (10 ms)", even), of_rate(100.0));
+    let minutes = ["0", "0.0005", "0.001", "0.0015"];
+    let Grid::Time { rate_hz, .. } = grid("time [min]", minutes) else { panic!("no time") };
+    assert!((rate_hz - 1.0 / 0.03).abs() < 1e-9, "{rate_hz}");
+    let dates = [
+        "2026-11-26T14:00:00.000",
+        "2026-11-26T14:00:00.001",
+        "2026-11-26T14:00:00.002",
+        "2026-11-26T14:00:00.003",
+    ];
+    assert_eq!(grid("t_s", dates), of_rate(1000.0));
+    for unit in ["ticks", "samples", "d"] {
+        let fault = read(&format!("Time ({unit})"), even).unwrap_err().to_string();
+        assert!(fault.contains("is a time in an unknown unit"), "{fault}");
+    }
+    let text = "Time (ticks),a\n0,1.5\n1,2.5\n2,3.5\n";
+    let options = Options { rate_hz: Some(500.0), ..Options::default() };
+    assert_eq!(parsed(text, &options).unwrap().records[0].grid, of_rate(500.0));
+}
+
+#[test]
+fn cells_that_have_no_name_are_refused_unless_they_are_a_comment() {
+    let read = |text: &str| parsed(text, &Options::default()).map_err(|faults| faults.to_string());
+    let commas = read("t_s,a\n0,000,1,5\n0,001,1,7\n0,002,2,0\n").unwrap_err();
+    assert!(commas.contains("has 2 names above rows of 4 cells"), "{commas}");
+    assert!(commas.contains("decimal commas"), "{commas}");
+    let rows = "0,1\n1,2\n2,3\n3,4\n4,5\n5,6\n";
+    let number = read(&format!("t_s,a\n{rows}6,7,0.1\n")).unwrap_err();
+    assert!(number.contains("this row has 3 fields"), "{number}");
+    let comment = read(&format!("t_s,a\n{rows}6,7,door open\n")).unwrap();
+    assert_eq!(comment.records[0].channels[0].values.len(), 7);
+}

@@ -195,6 +195,14 @@ fn labview_files_are_read_with_units_rate_and_several_sections() {
     let thinned = thinned.unwrap();
     assert_eq!(thinned.records[0].grid, Grid::Time { start_s: 0.0, rate_hz: 100.0 });
     assert!(thinned.notes.iter().any(|note| note.contains("the column takes precedence")));
+    for (from, to, reason) in [
+        ("0.001\t0.001", "0.001\t0.002", "`Delta_X`: differs between the channels: 0.001, 0.002"),
+        ("Time\tTime", "Frequency\tFrequency", "`X_Dimension`: is `Frequency`"),
+    ] {
+        let text = format!("{header}{}", times.replace(from, to));
+        let fault = parsed(&text, &Options::default()).unwrap_err().to_string();
+        assert!(fault.contains(reason), "{fault}");
+    }
 }
 
 #[test]

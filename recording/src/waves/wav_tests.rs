@@ -153,6 +153,12 @@ fn big_endian_and_large_files_are_read() {
 
 #[test]
 fn a_file_from_a_pipe_is_read_to_its_end_and_reports_it() {
+    let large = Made { mark: b"RF64", data_size: Some(u32::MAX), ..Made::of(PCM, 2) };
+    let mut file = large.file(&pcm(2));
+    let at = file.windows(4).position(|four| four == b"ds64").expect("ds64") + 8;
+    file[at..at + 24].fill(0);
+    let waves = read(&file).unwrap();
+    assert_eq!(waves.records[0].channels[0].values, [0.5, -0.5, -1.0]);
     for size in [u32::MAX, 0] {
         let made = Made { data_size: Some(size), ..Made::of(PCM, 2) };
         let waves = read(&made.file(&pcm(2))).unwrap();

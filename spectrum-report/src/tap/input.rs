@@ -300,10 +300,70 @@ fn table(requested: &Channels, path: &Path, waves: &Waves) -> Result<MeasuredFun
                 .to_owned(),
         );
     };
-    let factor = requested.response_scale.unwrap_or(1.0) / requested.force_scale.unwrap_or(1.0);
+    let is_frequency = |wave: &Wave| match wave.quantity() {
+        Some((Quantity::Frequency, si)) => Some(si),
+        None if wave.unit == "1" => Some(1.0),
+        _ => None,
+    };
+    let frequency_si = is_frequency(frequency).ok_or_else(|| {
+        format!("its first column is in `{}`; expected a frequency in Hz or kHz", frequency.unit)
+    })?;
+    for (wave, part) in [(re, "real"), (im, "imaginary")] {
+        if names_another_part(&wave.name, part) {
+            return Err(format!(
+                "its column `{}` stands where the {part} part is expected; expected frequency, real part, imaginary part",
+                wave.name
+            ));
+        }
+    }
+    let factor = function_factor(requested, re, kind)?;
+    if factor.to_bits() != function_factor(requested, im, kind)?.to_bits() {
+        return Err("its real and imaginary parts are in different units".to_owned());
+    }
     let parts = re.values.iter().zip(&im.values);
     let values = parts.map(|(re, im)| factor * Complex::new(*re, *im)).collect();
-    function(stem(path), frequency.values.clone(), values, kind)
+    let frequency_hz = frequency.values.iter().map(|value| frequency_si * value).collect();
+    function(stem(path), frequency_hz, values, kind)
+}
+
+/// Whether a column's name says that it holds another part of a complex number than `part`.
+fn names_another_part(name: &str, part: &str) -> bool {
+    let name = name.to_lowercase();
+    let parts: [(&str, &[&str]); 3] = [
+        ("real", &["real", "re"]),
+        ("imaginary", &["imag", "imaginary", "im"]),
+        ("", &["magnitude", "mag", "abs", "amplitude", "phase", "angle", "db"]),
+    ];
+    let words = || name.split(|c: char| !c.is_alphabetic());
+    let others = parts.iter().filter(|(other, _)| *other != part);
+    others.flat_map(|(_, names)| *names).any(|other| words().any(|word| word == *other))
+}
+
+/// SI value of one unit of a response function's column: by the scales, or by its unit, such as `g/N`; SI if it has none.
+fn function_factor(requested: &Channels, wave: &Wave, kind: Response) -> Result<f64, String> {
+    if requested.response_scale.is_some() || requested.force_scale.is_some() || wave.unit == "1" {
+        let response = requested.response_scale.unwrap_or(1.0);
+        return Ok(response / requested.force_scale.unwrap_or(1.0));
+    }
+    let end = |unit: &str| Wave::new("", unit, Vec::new());
+    let ends = wave.unit.rsplit_once('/').map(|(response, force)| (end(response), end(force)));
+    let known = ends.and_then(|(response, force)| match (kind_of(&response), force.quantity()) {
+        (Some((found, response_si)), Some((Quantity::Force, force_si))) => {
+            Some((found, response_si / force_si))
+        }
+        _ => None,
+    });
+    match known {
+        Some((found, si)) if found == kind => Ok(si),
+        Some(_) => Err(format!(
+            "its column `{}` is in `{}`, which contradicts --response-kind",
+            wave.name, wave.unit
+        )),
+        None => Err(format!(
+            "its column `{}` is in `{}`, an unknown unit; expected one such as `m/s2/N`, or give --response-scale and --force-scale",
+            wave.name, wave.unit
+        )),
+    }
 }
 
 /// A response function of a universal file.

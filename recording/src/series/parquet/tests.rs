@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::data_type::{ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
@@ -97,6 +98,41 @@ fn a_missing_column_and_a_date_are_reported_with_their_name() {
         dated.contains("q2_deg") && dated.contains("a recording has times in seconds"),
         "{dated}"
     );
+}
+
+#[test]
+fn integers_without_a_sign_keep_their_size_and_half_floats_and_durations_are_refused() {
+    let write = |schema: &str, pandas: Option<&str>| {
+        let schema = Arc::new(parse_message_type(schema).expect("a schema"));
+        let metadata = pandas.map(|text| vec![KeyValue::new("pandas".to_owned(), text.to_owned())]);
+        let how = WriterProperties::builder().set_key_value_metadata(metadata).build();
+        let mut writer = SerializedFileWriter::new(Vec::new(), schema, Arc::new(how)).unwrap();
+        let mut rows = writer.next_row_group().unwrap();
+        let mut column = rows.next_column().unwrap().expect("t_s");
+        column.typed::<Int64Type>().write_batch(&[0, 1], None, None).unwrap();
+        column.close().unwrap();
+        let mut column = rows.next_column().unwrap().expect("q1_deg");
+        column.typed::<Int32Type>().write_batch(&[-1, i32::MIN], None, None).unwrap();
+        column.close().unwrap();
+        let mut column = rows.next_column().unwrap().expect("q2_deg");
+        column.typed::<Int64Type>().write_batch(&[-1, 5], None, None).unwrap();
+        column.close().unwrap();
+        rows.close().unwrap();
+        writer.into_inner().unwrap()
+    };
+    let schema = "message recording {
+        required int64 t_s; required int32 q1_deg (INTEGER(32,false)); required int64 q2_deg (INTEGER(64,false));
+    }";
+    let recording = taken_as("unsigned", &write(schema, None), RequiredData::Path).unwrap();
+    let degrees = |joint| {
+        let values = recording.column(Channel::Command(joint)).unwrap();
+        values.iter().map(|value| value.to_degrees().round()).collect::<Vec<f64>>()
+    };
+    assert_eq!(degrees(0), [4_294_967_295.0, 2_147_483_648.0]);
+    assert_eq!(degrees(1), [u64::MAX as f64, 5.0]);
+    let pandas = r#"{"columns": [{"field_name": "t_s", "numpy_type": "timedelta64[ns]"}]}"#;
+    let error = taken("durations", &write(schema, Some(pandas))).expect_err("a duration");
+    assert!(error.to_string().contains("is a duration"), "{error}");
 }
 
 #[test]
