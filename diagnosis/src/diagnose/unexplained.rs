@@ -144,14 +144,15 @@ fn instead_of_effects(
     replacement(search, selection, words, kept, REPLACEMENT_MARGIN)
 }
 
-/// The same after the preselection, for many effects far behind the smooth function: further selection would take long and not catch up.
+/// The same after the preselection, for many effects far behind the smooth function: further selection would take long and not catch up. Needs a
+/// validation set: on few rows a function of many coefficients is ahead of effects whose selection is not complete.
 pub(super) fn early_replacement(
     search: &Search<'_>,
     selection: &EffectSelection,
     words: &[Covariate],
     kept: &[bool],
 ) -> Option<(EffectSelection, SmoothFunction)> {
-    let many = selection.selected.len() >= IMITATING_EFFECTS_MIN;
+    let many = selection.selected.len() >= IMITATING_EFFECTS_MIN && kept.contains(&true);
     let (few, law) =
         many.then(|| replacement(search, selection, words, kept, EARLY_REPLACEMENT_MARGIN))??;
     (law.improvement > EARLY_IMPROVEMENT_MIN).then_some((few, law))
