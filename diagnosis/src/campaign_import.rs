@@ -173,7 +173,10 @@ impl<'a> Reader<'a> {
             let known = if number.is_nan() {
                 unsaid
             } else {
-                stations.iter().find(|(said, _)| *said == number.to_bits()).map(|(_, at)| *at)
+                stations
+                    .iter()
+                    .find(|(station, _)| *station == number.to_bits())
+                    .map(|(_, index)| *index)
             };
             let frame = known.unwrap_or(surroundings.frames.len());
             self.frames.push(frame);
@@ -324,11 +327,11 @@ impl<'a> Reader<'a> {
         let follows =
             about.kind == RecordingKind::Path || about.approach == DirectionSource::Sequence;
         for joint in 0..self.arm.count() {
-            let said = sample(self.columns.directions[joint], row);
+            let recorded = sample(self.columns.directions[joint], row);
             let moved = before.map_or(0.0, |before| inputs.q[joint] - before.q[joint]);
             let direction = &mut inputs.direction[joint];
-            if about.approach == DirectionSource::Columns && !said.is_nan() {
-                *direction = said;
+            if about.approach == DirectionSource::Columns && !recorded.is_nan() {
+                *direction = recorded;
             } else if follows && moved != 0.0 {
                 *direction = moved.signum();
             }
@@ -352,27 +355,34 @@ impl<'a> Reader<'a> {
         surroundings: &Extrinsics,
         instruments: &RecordingInstruments,
     ) -> Result<Vec<Observation>, CampaignError> {
-        let mut seen = Vec::new();
+        let mut list = Vec::new();
         let mut take =
-            |reading: Reading, (instrument, noise): (usize, ReadingNoise), at: DVec3, what| {
+            |reading: Reading, (instrument, noise): (usize, ReadingNoise), point: DVec3, what| {
                 let missing = CampaignError::Sigma { file: self.name(), what };
-                let whitening = noise.whitening(at).ok_or(missing)?;
-                seen.push(Observation { reading, whitening, instrument });
+                let whitening = noise.whitening(point).ok_or(missing)?;
+                list.push(Observation { reading, whitening, instrument });
                 Ok(())
             };
         let frame = self.frames[row];
         let laid =
             self.nests.as_ref().map_or(Frame::IDENTITY, |nests| nests.common_from_measured(row));
-        if let Some(at) = vector(&self.columns.position, row).map(|at| laid.point(at)) {
+        if let Some(point) =
+            vector(&self.columns.position, row).map(|measured| laid.point(measured))
+        {
             let place = ToolPoint::Tcp;
-            take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
+            take(Reading::Point { place, frame, at: point }, instruments.points, point, "x, y, z")?;
         }
         for target in 0..surroundings.targets.len() {
             let columns = self.columns.targets.get(target);
-            let at = columns.and_then(|columns| vector(columns, row));
-            if let Some(at) = at.map(|at| laid.point(at)) {
+            let measured = columns.and_then(|columns| vector(columns, row));
+            if let Some(point) = measured.map(|measured| laid.point(measured)) {
                 let place = ToolPoint::Target(target);
-                take(Reading::Point { place, frame, at }, instruments.points, at, "targets")?;
+                take(
+                    Reading::Point { place, frame, at: point },
+                    instruments.points,
+                    point,
+                    "targets",
+                )?;
             }
         }
         let [w, x, y, z] = self.columns.orientation.map(|column| sample(column, row));
@@ -389,7 +399,7 @@ impl<'a> Reader<'a> {
                 take(reading, (instruments.joints.0, *noise), DVec3::ZERO, "ql")?;
             }
         }
-        Ok(seen)
+        Ok(list)
     }
 }
 

@@ -24,7 +24,7 @@ pub fn simulate_readings(
 ) -> Campaign {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut made = campaign.clone();
-    visit_poses(model, campaign, None, |pose, seen, _| {
+    visit_poses(model, campaign, None, |pose, evaluation, _| {
         let commanded = campaign.poses[pose].inputs.q;
         for observation in &mut made.poses[pose].seen {
             let mut draw = || rng.sample::<f64, _>(StandardNormal);
@@ -33,7 +33,7 @@ pub fn simulate_readings(
                 1 => DVec3::X * (normal.x / observation.whitening.x_axis.x),
                 _ => observation.whitening.inverse() * normal,
             };
-            read(&mut observation.reading, seen, &commanded, truth, noise);
+            read(&mut observation.reading, evaluation, &commanded, truth, noise);
         }
     });
     made

@@ -197,11 +197,11 @@ impl ReadingPrediction<'_> {
         rows
     }
 
-    fn point(&self, place: ToolPoint, frame: usize, at: DVec3) -> ReadingResidual {
+    fn point(&self, place: ToolPoint, frame: usize, measured: DVec3) -> ReadingResidual {
         let station = &self.surroundings.frames[frame].value;
         let predicted = station.measuring_from_base.point(self.place(place).0);
         let slope = station.measuring_from_base.rotation;
-        let mut rows = self.of_point(3, at - predicted, slope, place);
+        let mut rows = self.of_point(3, measured - predicted, slope, place);
         if let Some(first) = self.columns.first(0, frame) {
             let turned = DVec3::AXES.map(|axis| axis.cross(predicted - station.pivot));
             rows.local.push((first, turned.into_iter().chain(DVec3::AXES).collect()));
@@ -237,8 +237,8 @@ impl ReadingPrediction<'_> {
         let fixed = &self.surroundings.anchors[anchor];
         let away = self.place(place).0 - fixed.place.value;
         let direction = away.normalize_or_zero();
-        let said = away.length() + fixed.offset_m.value;
-        let mut rows = self.along(length_m - said, direction, place);
+        let predicted_m = away.length() + fixed.offset_m.value;
+        let mut rows = self.along(length_m - predicted_m, direction, place);
         if let Some(first) = self.columns.first(2, anchor) {
             let block = direction.to_array().map(|d| DVec3::X * -d);
             rows.local.push((first, block.to_vec()));

@@ -79,8 +79,8 @@ mod tests {
             }
             assert!((weight(Influence::Huber, count, 4.0 * knee) - 0.25).abs() < 1e-12);
             assert_eq!(weight(Influence::Redescending, count, 4.0 * knee), 0.0);
-            let near = weight(Influence::Redescending, count, 1.1 * knee);
-            assert!(near > 0.8 && near < 1.0, "{near}");
+            let beyond_knee = weight(Influence::Redescending, count, 1.1 * knee);
+            assert!(beyond_knee > 0.8 && beyond_knee < 1.0, "{beyond_knee}");
         }
     }
 

@@ -52,16 +52,20 @@ impl<'a> ToolJacobian<'a> {
         &mut self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) -> Vec<ToolMotion> {
         let mut motions = vec![ToolMotion::default(); self.wanted.len()];
         let mut on_loads = Vec::new();
-        self.model.derivatives_under(inputs, memories, seen, &self.wanted, |place, change| {
-            match ToolMotion::of(&self.model.arm, seen, change) {
+        self.model.derivatives_under(
+            inputs,
+            memories,
+            evaluation,
+            &self.wanted,
+            |place, change| match ToolMotion::of(&self.model.arm, evaluation, change) {
                 Some(motion) => motions[place] = motion,
                 None => on_loads.push((place, *change)),
-            }
-        });
+            },
+        );
         if !on_loads.is_empty() {
             let yielding = self.yielding.get_or_insert_with(|| {
                 // Gravity sag depends on the direction of gravity like no compliance; among candidates only compliances respond to loads.
@@ -71,9 +75,9 @@ impl<'a> ToolJacobian<'a> {
                 };
                 LoadResponse::of(self.model, follows)
             });
-            yielding.set_pose(memories, seen);
+            yielding.set_pose(memories, evaluation);
             let bent = self.are_candidates.then(|| yielding.deflected(inputs));
-            let seen = bent.as_ref().unwrap_or(seen);
+            let evaluation = bent.as_ref().unwrap_or(evaluation);
             // The response to a unit load is computed with the step of the largest change: others may be nearly zero here, as at the dead point of a
             // spring.
             let mut most = [0.0_f64; JOINTS_MAX];
@@ -83,7 +87,7 @@ impl<'a> ToolJacobian<'a> {
                 }
             }
             for (joint, size) in most.iter().enumerate().filter(|(_, size)| **size > 0.0) {
-                yielding.compute_joint_response(joint, STEP * size, inputs, seen);
+                yielding.compute_joint_response(joint, STEP * size, inputs, evaluation);
             }
             for (place, change) in &on_loads {
                 motions[*place] = match *change {
@@ -91,7 +95,9 @@ impl<'a> ToolJacobian<'a> {
                     Contribution::JointLoad { joint, load } => {
                         yielding.responses[joint].unwrap_or_default().scaled(load)
                     }
-                    _ => yielding.response_to(change, STEP * self.sizes[*place], inputs, seen),
+                    _ => {
+                        yielding.response_to(change, STEP * self.sizes[*place], inputs, evaluation)
+                    }
                 };
             }
         }
@@ -124,8 +130,8 @@ impl LoadResponse {
                     role == Some(Role::Linear) && effect.values()[value] != 0.0
                 });
             // Cannot fail: the whole model has room for it.
-            let stands = at_work && model.push(*effect).is_ok();
-            places.push(stands.then(|| model.effects().len() - 1));
+            let is_included = at_work && model.push(*effect).is_ok();
+            places.push(is_included.then(|| model.effects().len() - 1));
         }
         let (memories, loaded) = (Memories::default(), Box::default());
         let responses = [None; JOINTS_MAX];
@@ -133,14 +139,14 @@ impl LoadResponse {
     }
 
     /// Moves to a pose; `seen` contains its chain and loads.
-    fn set_pose(&mut self, all: &Memories, seen: &Evaluation) {
+    fn set_pose(&mut self, all: &Memories, evaluation: &Evaluation) {
         for (from, to) in self.places.iter().enumerate() {
             if let Some(to) = to {
                 self.memories.take(*to, all, from);
             }
         }
         self.responses = [None; JOINTS_MAX];
-        (self.loaded.nominal, self.loaded.loads) = (seen.nominal, seen.loads);
+        (self.loaded.nominal, self.loaded.loads) = (evaluation.nominal, evaluation.loads);
     }
 
     /// The deflection under the present loads, and the arm with only that.
@@ -158,11 +164,11 @@ impl LoadResponse {
         inputs: &Inputs,
         seen: &Evaluation,
     ) {
-        let here = seen.loads.gravity_torque[joint];
+        let loaded_torque = seen.loads.gravity_torque[joint];
         let response = self.response(inputs, seen, step, |yielding, by| {
-            yielding.loaded.loads.gravity_torque[joint] = here + by;
+            yielding.loaded.loads.gravity_torque[joint] = loaded_torque + by;
         });
-        self.loaded.loads.gravity_torque[joint] = here;
+        self.loaded.loads.gravity_torque[joint] = loaded_torque;
         self.responses[joint] = Some(response);
     }
 

@@ -167,12 +167,16 @@ pub(crate) fn joint_polynomials(arm: &Arm, campaign: &Campaign, used: &[bool]) -
 }
 
 /// Largest absolute value of a joint load over the campaign, Nm or N; zero if it is rounding.
-pub(super) fn largest_load(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
+pub(super) fn largest_load(
+    arm: &Arm,
+    campaign: &Campaign,
+    quantity: impl Fn(&Loads) -> f64,
+) -> f64 {
     let (model, memories) = (Model::nominal(*arm), Memories::default());
-    let mut seen = Evaluation::default();
+    let mut evaluation = Evaluation::default();
     let load = |pose: &crate::Pose| {
-        model.evaluate_into(&pose.inputs, &memories, &mut seen);
-        of(&seen.loads).abs()
+        model.evaluate_into(&pose.inputs, &memories, &mut evaluation);
+        quantity(&evaluation.loads).abs()
     };
     let most = campaign.poses.iter().map(load).fold(0.0, f64::max);
     if most > ROUNDING { most } else { 0.0 }

@@ -34,11 +34,11 @@ impl Candidate {
             _ => {
                 let mut same = self.clone();
                 same.probes.iter_mut().for_each(|probe| probe.effect = *effect);
-                let stands = |probe: &CandidateParameter| {
+                let change = |probe: &CandidateParameter| {
                     values[probe.value] - had.get(probe.value).copied().unwrap_or(0.0)
                 };
-                let stands = same.probes.iter().map(stands).collect();
-                (same, stands)
+                let changes = same.probes.iter().map(change).collect();
+                (same, changes)
             }
         }
     }

@@ -69,8 +69,8 @@ fn slow_waves(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
         let range = positions().fold(f64::NEG_INFINITY, f64::max)
             - positions().fold(f64::INFINITY, f64::min);
         let is_slow = |cycles: &f64| cycles * range < CYCLES_MIN * TAU && range > RANGE_MIN;
-        let asked = WAVE_ORDERS.map(|order| order * unit).into_iter().filter(is_slow);
-        all.extend(asked.filter_map(|cycles| wave_candidate(arm, joint, cycles)));
+        let slow = WAVE_ORDERS.map(|order| order * unit).into_iter().filter(is_slow);
+        all.extend(slow.filter_map(|cycles| wave_candidate(arm, joint, cycles)));
     }
     all
 }
@@ -148,7 +148,7 @@ mod tests {
             (pose.inputs.q[0], pose.inputs.q[1]) = (2.1 * share, 5.6 * share);
         }
         let found = slow_waves(&test_campaigns::nominal_robot().arm, &campaign);
-        let of = |joint: usize| found.iter().filter(|one| one.joint == Some(joint)).count();
-        assert_eq!((of(0), of(1), of(2)), (2, 0, 0));
+        let count_of = |joint: usize| found.iter().filter(|one| one.joint == Some(joint)).count();
+        assert_eq!((count_of(0), count_of(1), count_of(2)), (2, 0, 0));
     }
 }

@@ -23,10 +23,10 @@ impl PartialCholesky {
         shows: impl Fn(usize, f64) -> bool,
     ) -> Option<Self> {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut own = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
+        let mut partial = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
         for k in columns {
-            let mut row: Vec<f64> = Vec::with_capacity(own.kept.len() + 1);
-            for (other, known) in own.kept.iter().zip(&own.factor) {
+            let mut row: Vec<f64> = Vec::with_capacity(partial.kept.len() + 1);
+            for (other, known) in partial.kept.iter().zip(&partial.factor) {
                 row.push((cell(*other, k) - product(known, &row)) / known[row.len()]);
             }
             let left = cell(k, k) - product(&row, &row);
@@ -34,12 +34,12 @@ impl PartialCholesky {
                 continue;
             }
             let pivot = left.sqrt();
-            own.forward.push((right(k) - product(&row, &own.forward)) / pivot);
+            partial.forward.push((right(k) - product(&row, &partial.forward)) / pivot);
             row.push(pivot);
-            own.factor.push(row);
-            own.kept.push(k);
+            partial.factor.push(row);
+            partial.kept.push(k);
         }
-        (!own.kept.is_empty()).then_some(own)
+        (!partial.kept.is_empty()).then_some(partial)
     }
 
     /// Reduction of the sum of squares.

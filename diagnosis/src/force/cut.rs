@@ -122,13 +122,13 @@ pub(super) fn compare(
 ) -> Result<CutComparison, NoComparison> {
     let (mut case, rows) = set_up(model, recording, signal)?;
     case.uncertain_parameters = candidates::uncertain_parameters(model, sigma);
-    let told = case.estimates.spindle.clone();
+    let stated = case.estimates.spindle.clone();
     let found = spindle::find(&case, &case.row_sets.train);
     case.estimates.spindle = found.clone();
     gross_errors::check(&case)?;
-    let as_told = Case { estimates: Estimates::as_stated(told.clone()), ..case.clone() };
-    let mut best = select_effects(as_told, model, &rows, false);
-    if found != told {
+    let as_stated = Case { estimates: Estimates::as_stated(stated.clone()), ..case.clone() };
+    let mut best = select_effects(as_stated, model, &rows, false);
+    if found != stated {
         let other = select_effects(case, model, &rows, true);
         if supports_other_spindle_motion(&best, &other) {
             best = other;
@@ -140,10 +140,10 @@ pub(super) fn compare(
 
 /// Whether the forces support another spindle angle or speed than stated, after a penalty for these parameters; both variants are compared on the
 /// same rows with the same noise model.
-fn supports_other_spindle_motion(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
-    let mut as_told = told.0.clone();
-    as_told.table.noise.clone_from(&other.0.table.noise);
-    as_told.table.counts.clone_from(&other.0.table.counts);
+fn supports_other_spindle_motion(stated: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
+    let mut as_stated = stated.0.clone();
+    as_stated.table.noise.clone_from(&other.0.table.noise);
+    as_stated.table.counts.clone_from(&other.0.table.counts);
     let cost = |case: &Case, names: &[usize]| {
         let products = case.products(&case.row_sets.train);
         let search =
@@ -154,8 +154,9 @@ fn supports_other_spindle_motion(told: &(Case, Vec<usize>), other: &(Case, Vec<u
         misfit + prices.sum::<f64>()
     };
     let free = other.0.nuisance.spindle.len() as f64;
-    let rows = as_told.model.rows.len() as f64;
-    cost(&as_told, &told.1) - cost(&other.0, &other.1) > SPINDLE_GAIN_LEAST + 0.5 * free * rows.ln()
+    let rows = as_stated.model.rows.len() as f64;
+    cost(&as_stated, &stated.1) - cost(&other.0, &other.1)
+        > SPINDLE_GAIN_LEAST + 0.5 * free * rows.ln()
 }
 
 /// Selects effects for the given spindle angle and speed, which are fitted too if `is_doubted`.
@@ -224,11 +225,11 @@ fn add_line_candidate(case: &mut Case, names: &[usize], listened: &mut Option<Ve
         return false;
     }
     *listened = Some(names.to_vec());
-    let heard = residual_lines::strongest_line(case, &case.row_sets.train);
-    if let Some(tone_hz) = heard {
+    let line_hz = residual_lines::strongest_line(case, &case.row_sets.train);
+    if let Some(tone_hz) = line_hz {
         candidates::add_oscillation(case, tone_hz);
     }
-    heard.is_some()
+    line_hz.is_some()
 }
 
 /// Selects effects with the linearised model.
@@ -260,13 +261,13 @@ fn confirmed_by_validation(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.row_sets.train);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     loop {
-        let of = |names: &[usize]| {
+        let misfit = |names: &[usize]| {
             case.negative_log_likelihood(&search.solve(names).solved, &case.row_sets.validation)
         };
-        let whole = of(&names);
-        let harm = |name: &usize| of(&without_term(&names, *name)) - whole;
-        let asked = names.iter().filter(|name| !case.library.terms[**name].corrects_stated);
-        let worst = asked.map(|name| (*name, harm(name)));
+        let whole = misfit(&names);
+        let harm = |name: &usize| misfit(&without_term(&names, *name)) - whole;
+        let tested = names.iter().filter(|name| !case.library.terms[**name].corrects_stated);
+        let worst = tested.map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((name, harm)) if harm < VALIDATION_GAIN_LEAST => names.retain(|n| *n != name),

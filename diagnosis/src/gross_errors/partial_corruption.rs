@@ -48,16 +48,21 @@ fn frozen(
     let q = |pose: usize| &few.poses[pose].inputs.q;
     let changes = |k: &usize| q(*k)[joint] != q(*k - 1)[joint];
     let last = (1..count).rev().find(changes)?;
-    let own = few.poses[last].recording;
-    let is_early = |pose: usize| pose < last && few.poses[pose].recording == own;
+    let recording = few.poses[last].recording;
+    let is_early = |pose: usize| pose < last && few.poses[pose].recording == recording;
     let early: Vec<bool> = (0..count).map(is_early).collect();
-    let late: Vec<bool> = (0..count).map(|k| k > last && few.poses[k].recording == own).collect();
-    let of = |side: &[bool]| side.iter().filter(|own| **own).count();
-    let least = (STRETCH * count as f64).max(LEAST);
+    let late: Vec<bool> =
+        (0..count).map(|k| k > last && few.poses[k].recording == recording).collect();
+    let count_of = |side: &[bool]| side.iter().filter(|is_member| **is_member).count();
+    let rows_min = (STRETCH * count as f64).max(LEAST);
     let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
     // A joint that moved only occasionally may well be at rest.
-    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > of(&early);
-    if (of(&early) as f64) < least || (of(&late) as f64) < least || !goes_on || !busy {
+    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > count_of(&early);
+    if (count_of(&early) as f64) < rows_min
+        || (count_of(&late) as f64) < rows_min
+        || !goes_on
+        || !busy
+    {
         return None;
     }
     let before_m = errors(few, model, &early, &late).quantile(0.5);

@@ -151,8 +151,8 @@ impl Task {
         found: Vec<CandidatePose>,
         least: usize,
     ) -> Result<Vec<CandidatePose>, PlanError> {
-        let (seen, wanted) = (found.len(), least.max(1));
-        if seen >= wanted {
+        let (found_count, wanted) = (found.len(), least.max(1));
+        if found_count >= wanted {
             return Ok(found);
         }
         let (origin, remedy) = match (self.given_poses.is_empty(), &self.sight) {
@@ -163,7 +163,7 @@ impl Task {
             (true, None) => ("drawn", "relax what bars a pose"),
             (true, Some(_)) => ("drawn", "move the instrument, or relax what bars a pose"),
         };
-        Err(PlanError::TooFewPoses { drawn, origin, free, seen, wanted, remedy })
+        Err(PlanError::TooFewPoses { drawn, origin, free, seen: found_count, wanted, remedy })
     }
 
     /// Random poses near `q` that satisfy the constraints.
@@ -176,10 +176,10 @@ impl Task {
     ) -> Vec<CandidatePose> {
         let mut found = Vec::new();
         for _ in 0..if self.given_poses.is_empty() { count } else { 0 } {
-            let mut near = *q;
-            let moved = near.iter_mut().take(self.arm().count());
+            let mut perturbed = *q;
+            let moved = perturbed.iter_mut().take(self.arm().count());
             moved.for_each(|q| *q += by * (2.0 * rng.random::<f64>() - 1.0));
-            found.extend(self.move_to_measurable(rng, &near).and_then(|q| self.candidate(&q)));
+            found.extend(self.move_to_measurable(rng, &perturbed).and_then(|q| self.candidate(&q)));
         }
         found
     }
@@ -244,16 +244,16 @@ impl Task {
                 match *patch {
                     TouchSurface::Plane { plane, .. } => {
                         let plane = self.surroundings.planes.get(plane)?.value;
-                        let off = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
-                        solve_tip_on_surface(arm, q, tip, |p| (off(p), plane.normal))
+                        let distance = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
+                        solve_tip_on_surface(arm, q, tip, |p| (distance(p), plane.normal))
                     }
                     TouchSurface::Sphere(sphere) => {
                         let sphere = self.surroundings.spheres.get(sphere)?;
                         let (centre, radius) = (sphere.centre.value, sphere.radius_m.value);
-                        let off = |p: DVec3| {
+                        let distance_and_normal = |p: DVec3| {
                             ((p - centre).length() - radius, (p - centre).normalize_or_zero())
                         };
-                        solve_tip_on_surface(arm, q, tip, off)
+                        solve_tip_on_surface(arm, q, tip, distance_and_normal)
                     }
                 }
             }
@@ -299,8 +299,8 @@ impl Task {
                 vec![(self.touch_reading(chain, patches)?, self.noise, DVec3::ZERO)]
             }
         };
-        let observe = |(reading, noise, at): (Reading, ReadingNoise, DVec3)| {
-            Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
+        let observe = |(reading, noise, position): (Reading, ReadingNoise, DVec3)| {
+            Some(Observation { reading, whitening: noise.whitening(position)?, instrument: 0 })
         };
         readings.drain(..).map(observe).collect()
     }
@@ -323,23 +323,23 @@ impl Task {
                 sight.sees(self.arm(), chain, &self.surroundings, *place, radius)
             })
         };
-        let mut seen = Vec::new();
+        let mut readings = Vec::new();
         for place in places.into_iter().filter(is_seen) {
             let on_tool = match place {
                 ToolPoint::Tcp => DVec3::ZERO,
                 ToolPoint::Target(i) => self.surroundings.targets[i].value,
             };
-            let at = station.point(chain.base_from_tool.point(on_tool));
-            seen.push((Reading::Point { place, frame, at }, self.noise, at));
+            let position = station.point(chain.base_from_tool.point(on_tool));
+            readings.push((Reading::Point { place, frame, at: position }, self.noise, position));
         }
-        if seen.len() < least.max(1) {
+        if readings.len() < least.max(1) {
             return None;
         }
         if let Some(sigma) = orientation_rad {
             let reading = Reading::Orientation { frame, measuring_from_tool: DMat3::IDENTITY };
-            seen.push((reading, ReadingNoise::Equal(sigma), DVec3::ZERO));
+            readings.push((reading, ReadingNoise::Equal(sigma), DVec3::ZERO));
         }
-        Some(seen)
+        Some(readings)
     }
 
     /// The reading of the surface that the probe touches.

@@ -146,7 +146,7 @@ impl Case {
         let bites = self.model.all_tooth_forces(&belief.spindle);
         let mut used: Vec<usize> = wanted
             .iter()
-            .flat_map(|k| self.column_parameters[*k].iter().map(|(at, _)| *at))
+            .flat_map(|k| self.column_parameters[*k].iter().map(|(parameter, _)| *parameter))
             .collect();
         used.sort_unstable();
         used.dedup();
@@ -160,29 +160,31 @@ impl Case {
         }
         for (k, slope) in numbers.iter().zip(&slopes) {
             for (target, slope) in target.iter_mut().zip(slope) {
-                let own = belief.parameters[*k];
-                target.iter_mut().zip(slope).for_each(|(t, x)| *t += own * x);
+                let value = belief.parameters[*k];
+                target.iter_mut().zip(slope).for_each(|(t, x)| *t += value * x);
             }
         }
         let drifts = self.nuisance_offsets()[2];
-        let is_turned = turned.iter().any(|at| *at < drifts);
+        let is_turned = turned.iter().any(|parameter| *parameter < drifts);
         let by_angle = if is_turned { self.angle_derivative(belief) } else { Default::default() };
         let column = |k: usize| {
             let mut parts: [Vec<f64>; 3] =
                 std::array::from_fn(|_| vec![0.0; self.model.rows.len()]);
-            for (at, weight) in &self.column_parameters[k] {
-                match numbers.iter().position(|n| n == at) {
+            for (parameter, weight) in &self.column_parameters[k] {
+                match numbers.iter().position(|n| n == parameter) {
                     Some(place) => add_weighted(&mut parts, &slopes[place], *weight),
-                    None if *at >= drifts => self.add_drift_column(at - drifts, &mut parts),
+                    None if *parameter >= drifts => {
+                        self.add_drift_column(parameter - drifts, &mut parts)
+                    }
                     None => add_weighted(
                         &mut parts,
-                        &self.spindle_column(at - PARAMETERS, &by_angle),
+                        &self.spindle_column(parameter - PARAMETERS, &by_angle),
                         1.0,
                     ),
                 }
             }
-            let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
-            let parts = parts.into_iter().enumerate().filter(|(_, values)| felt(values));
+            let is_nonzero = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
+            let parts = parts.into_iter().enumerate().filter(|(_, values)| is_nonzero(values));
             Regressor { parts: parts.map(|(axis, values)| (axis, values.into())).collect() }
         };
         let columns = wanted.iter().map(|k| (*k, column(*k))).collect();
@@ -193,11 +195,11 @@ impl Case {
     fn angle_derivative(&self, belief: &Estimates) -> [Vec<f64>; 3] {
         let reader = self.model.reading_model(&belief.parameters);
         by_axis(self.model.rows.iter().enumerate().map(|(row, stood)| {
-            let at = |by: f64| -> DVec3 {
+            let force_at = |by: f64| -> DVec3 {
                 let bite: ToothForces = self.model.tooth_forces(&belief.spindle, stood, by);
                 reader.reading(row, &bite)
             };
-            (at(ANGLE_STEP) - at(-ANGLE_STEP)) / (2.0 * ANGLE_STEP)
+            (force_at(ANGLE_STEP) - force_at(-ANGLE_STEP)) / (2.0 * ANGLE_STEP)
         }))
     }
 
@@ -277,11 +279,12 @@ impl Case {
                 &rich,
                 &self.row_sets.train,
             );
-            for ((_, size), told) in self.table.noise.iter_mut().zip(self.stated_noise) {
-                *size = told.map_or(*size, |told| told.clamp(*size / NOISE_RATIO_MOST, *size));
+            for ((_, size), stated) in self.table.noise.iter_mut().zip(self.stated_noise) {
+                *size =
+                    stated.map_or(*size, |stated| stated.clamp(*size / NOISE_RATIO_MOST, *size));
             }
-            for (at, column) in self.nuisance.drift.iter().enumerate() {
-                let sigma = DRIFT_PRIOR_RATIO * self.table.noise[at % 3].1;
+            for (index, column) in self.nuisance.drift.iter().enumerate() {
+                let sigma = DRIFT_PRIOR_RATIO * self.table.noise[index % 3].1;
                 self.library.prior[*column] = 1.0 / (sigma * sigma);
             }
         }
@@ -297,16 +300,16 @@ impl Case {
         let [phases, speed, drifts, bends] = self.nuisance_offsets();
         for (k, value) in solved.columns.iter().zip(&solved.values) {
             belief.prior_penalty += 0.5 * self.library.prior[*k] * value * value;
-            for (at, weight) in &self.column_parameters[*k] {
-                match *at {
-                    at if at >= bends => {}
-                    at if at >= drifts => belief.drift[at - drifts] += value,
-                    at if at == speed => belief.spindle.excess_speed += value,
-                    at if at >= phases => {
-                        belief.spindle.phases[at - phases] +=
+            for (parameter, weight) in &self.column_parameters[*k] {
+                match *parameter {
+                    parameter if parameter >= bends => {}
+                    parameter if parameter >= drifts => belief.drift[parameter - drifts] += value,
+                    parameter if parameter == speed => belief.spindle.excess_speed += value,
+                    parameter if parameter >= phases => {
+                        belief.spindle.phases[parameter - phases] +=
                             value.clamp(-PHASE_CHANGE_MOST, PHASE_CHANGE_MOST);
                     }
-                    at => belief.parameters[at] += weight * value,
+                    parameter => belief.parameters[parameter] += weight * value,
                 }
             }
         }

@@ -132,14 +132,14 @@ impl CutModel {
         wanted: &[usize],
     ) -> Vec<[Vec<f64>; 3]> {
         let steps = steps();
-        let mut at = numbers.to_vec();
+        let mut varied = numbers.to_vec();
         let column = |k: &usize| {
             let k = *k;
-            at[k] = numbers[k] + steps[k];
-            let high = self.reading_model(&at);
-            at[k] = numbers[k] - steps[k];
-            let low = self.reading_model(&at);
-            at[k] = numbers[k];
+            varied[k] = numbers[k] + steps[k];
+            let high = self.reading_model(&varied);
+            varied[k] = numbers[k] - steps[k];
+            let low = self.reading_model(&varied);
+            varied[k] = numbers[k];
             let mut all: [Vec<f64>; 3] = Default::default();
             for (row, bite) in bites.iter().enumerate() {
                 let slope = (high.reading(row, bite) - low.reading(row, bite)) / (2.0 * steps[k]);
@@ -181,16 +181,16 @@ impl SensorResponse {
 impl ReadingModel<'_> {
     /// Reading without a force, N.
     pub(super) fn reading_in_air(&self) -> [f64; 3] {
-        self.each.first().map_or([0.0; 3], |felt| felt.offset.to_array())
+        self.each.first().map_or([0.0; 3], |first| first.offset.to_array())
     }
 
     /// Reading in a row, N.
     pub(super) fn reading(&self, row: usize, bite: &ToothForces) -> DVec3 {
         let stood = &self.cut.rows[row];
-        let felt = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
+        let model = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
         let mut acting = DVec3::ZERO;
         if stood.is_cutting {
-            acting = felt.force.acting(&self.cut.cutter, bite, stood.cut_m);
+            acting = model.force.acting(&self.cut.cutter, bite, stood.cut_m);
         }
         let mut hum = DVec3::ZERO;
         if self.has_oscillation {
@@ -200,7 +200,7 @@ impl ReadingModel<'_> {
             }
             hum = oscillation(&self.oscillation_amplitudes[1], sin, cos);
         }
-        felt.offset + felt.matrix * acting + hum
+        model.offset + model.matrix * acting + hum
     }
 }
 

@@ -54,7 +54,7 @@ pub(super) fn assess_effect(
     used: &[bool],
 ) -> AssessedEffect {
     let families = &search.library.terms;
-    let own = &families[name];
+    let effect = &families[name];
     let others = without_term(&selection.terms, name);
     let misfit =
         |names: &[usize]| case.fit_nonlinear(&case.estimates, &search.columns(names), used).1;
@@ -67,7 +67,7 @@ pub(super) fn assess_effect(
     let mut alternatives: Vec<AlternativeEffect> = Vec::new();
     for (candidate, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
-        if is_taken || family.kind == own.kind {
+        if is_taken || family.kind == effect.kind {
             continue;
         }
         if search.gain_beside(&without, candidate) < GAIN_SHARE_LEAST * by_slopes {
@@ -77,7 +77,7 @@ pub(super) fn assess_effect(
         let likelihood_loss = misfit(&names) - whole;
         // In units of the penalty per parameter, so that a choice among many forms counts as part of one.
         let extra_parameters =
-            (penalty_with_forms(search, family) - penalty_with_forms(search, own)) / penalty;
+            (penalty_with_forms(search, family) - penalty_with_forms(search, effect)) / penalty;
         if likelihood_loss > LISTED_LOSS_MOST {
             continue;
         }
@@ -94,19 +94,19 @@ pub(super) fn assess_effect(
             confidence: 0.0,
         };
         match alternatives.iter().position(|one| one.kind == rival.kind) {
-            Some(at) if cost(&alternatives[at]) > cost(&rival) => alternatives[at] = rival,
+            Some(index) if cost(&alternatives[index]) > cost(&rival) => alternatives[index] = rival,
             Some(_) => {}
             None => alternatives.push(rival),
         }
     }
     // The null hypothesis, without any effect, is an alternative too.
-    let nothing = gain - penalty_with_forms(search, own);
+    let nothing = gain - penalty_with_forms(search, effect);
     let losses: Vec<f64> = alternatives.iter().map(cost).chain([nothing]).collect();
     let (confidence, shares) = posterior(&losses);
     alternatives.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     alternatives.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     alternatives.retain(|rival| rival.kind != PERMANENT_TONE_KIND);
-    let is_below_penalty = gain < penalty_with_forms(search, own);
+    let is_below_penalty = gain < penalty_with_forms(search, effect);
     AssessedEffect { gain, confidence, alternatives, is_below_penalty }
 }
 
@@ -169,12 +169,12 @@ pub(super) fn parameters_of(
             // Standard uncertainty of a frequency from that of the phase (Rife and Boorstyn 1974).
             let sharp = libm::sqrt(6.0) * sigma
                 / (amplitude.max(f64::MIN_POSITIVE) * std::f64::consts::PI * lasts_s.max(1e-9));
-            let least = 0.25 / lasts_s.max(1e-9);
+            let resolution = 0.25 / lasts_s.max(1e-9);
             vec![
                 FittedParameter {
                     stem: "frequency",
                     values: vec![frequency],
-                    sigma: vec![sharp.max(least)],
+                    sigma: vec![sharp.max(resolution)],
                 },
                 FittedParameter { stem: "amplitude", values: vec![amplitude], sigma: vec![sigma] },
             ]
@@ -192,11 +192,12 @@ fn parameter_sigma(
     covariance: &DMatrix<f64>,
 ) -> f64 {
     let weights = |columns: &[usize]| -> Vec<f64> {
-        let of = |k: &usize| {
-            let parts = case.column_parameters[*k].iter().filter(|(at, _)| *at == number);
+        let weight_of = |k: &usize| {
+            let parts =
+                case.column_parameters[*k].iter().filter(|(parameter, _)| *parameter == number);
             parts.map(|(_, weight)| *weight).sum::<f64>()
         };
-        columns.iter().map(of).collect()
+        columns.iter().map(weight_of).collect()
     };
     let spread = |covariance: &DMatrix<f64>, weights: &[f64]| {
         let mut sum = 0.0;
@@ -237,13 +238,13 @@ fn runout_polar(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Ve
     } else {
         libm::atan2(whole.y, whole.x)
     };
-    let (had, at) = if stated.length() > 0.0 {
+    let (had, stated_phase) = if stated.length() > 0.0 {
         (stated.length(), libm::atan2(stated.y, stated.x))
     } else {
         (0.0, 0.0)
     };
     vec![
         FittedParameter { stem: "radial", values: vec![radial - had], sigma: vec![along] },
-        FittedParameter { stem: "phase", values: vec![phase - at], sigma: vec![across] },
+        FittedParameter { stem: "phase", values: vec![phase - stated_phase], sigma: vec![across] },
     ]
 }

@@ -49,14 +49,15 @@ pub(super) fn strongest_structure(case: &Case, beside: &[usize]) -> Option<Unexp
 pub(super) fn excessive_drift(case: &Case, belief: &Estimates) -> Option<UnexplainedForce> {
     let segments = belief.spindle.phases.len();
     let free = segments as f64;
-    let least = free + DRIFT_EXCESS_LEAST[0] * libm::sqrt(2.0 * free) + DRIFT_EXCESS_LEAST[1];
-    let far = |axis: usize| {
+    let excess_min = free + DRIFT_EXCESS_LEAST[0] * libm::sqrt(2.0 * free) + DRIFT_EXCESS_LEAST[1];
+    let excess = |axis: usize| {
         let sigma = DRIFT_PRIOR_RATIO * case.table.noise[axis].1;
         let each = (0..segments).map(|segment| belief.drift[3 * segment + axis] / sigma);
         each.map(|x| x * x).sum::<f64>()
     };
-    let furthest = case.table.joints().map(|axis| (axis, far(axis)));
-    let (axis, _) = furthest.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > least)?;
+    let furthest = case.table.joints().map(|axis| (axis, excess(axis)));
+    let (axis, _) =
+        furthest.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, excess)| *excess > excess_min)?;
     let left = case.residual(belief);
     let mut still = belief.clone();
     still.drift.fill(0.0);

@@ -108,9 +108,10 @@ impl Evidence {
         if open == 0 {
             return self.rows;
         }
-        let seen = self.nn.view((0, 0), (open, open)).into_owned() - DMatrix::identity(open, open);
+        let information =
+            self.nn.view((0, 0), (open, open)).into_owned() - DMatrix::identity(open, open);
         let scale = DMatrix::from_fn(open, open, |i, j| {
-            seen[(i, j)] / (seen[(i, i)] * seen[(j, j)]).max(1e-300).sqrt()
+            information[(i, j)] / (information[(i, i)] * information[(j, j)]).max(1e-300).sqrt()
         });
         let found =
             scale.symmetric_eigenvalues().iter().filter(|value| **value > DEPENDENT).count();
@@ -123,10 +124,10 @@ impl Evidence {
         if self.nuisance == 0 {
             return (self.rr, self.rows);
         }
-        let seen = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
-        let width = |i: usize| seen[(i, i)].max(1e-300).sqrt();
+        let information = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
+        let width = |i: usize| information[(i, i)].max(1e-300).sqrt();
         let scaled = DMatrix::from_fn(self.nuisance, self.nuisance, |i, j| {
-            seen[(i, j)] / (width(i) * width(j))
+            information[(i, j)] / (width(i) * width(j))
         });
         let right = DVector::from_fn(self.nuisance, |i, _| self.nr[i] / width(i));
         let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(scaled);
@@ -138,29 +139,29 @@ impl Evidence {
     }
 
     /// Information matrix (`S`) and score (`g`) of a damage.
-    fn left(&self, look: DamageColumns) -> (DMatrix<f64>, DVector<f64>) {
-        let DamageColumns { first, count } = look;
+    fn left(&self, columns: DamageColumns) -> (DMatrix<f64>, DVector<f64>) {
+        let DamageColumns { first, count } = columns;
         let taken = inverse(&self.nn) * self.nd.columns(first, count);
         let nd = self.nd.columns(first, count);
-        let shows = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
-        let says = self.dr.rows(first, count) - taken.transpose() * &self.nr;
-        (0.5 * (&shows + shows.transpose()), says)
+        let information = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
+        let score = self.dr.rows(first, count) - taken.transpose() * &self.nr;
+        (0.5 * (&information + information.transpose()), score)
     }
 
     /// Information on the least observable direction of a damage, in squared standard deviations per squared unit; `None` if it is unobservable.
-    pub(super) fn weakest(&self, look: DamageColumns) -> Option<f64> {
-        let least = self.left(look).0.symmetric_eigenvalues().min();
-        (least > INFORMATION_MIN).then_some(least)
+    pub(super) fn weakest(&self, columns: DamageColumns) -> Option<f64> {
+        let information_min = self.left(columns).0.symmetric_eigenvalues().min();
+        (information_min > INFORMATION_MIN).then_some(information_min)
     }
 
-    pub(super) fn explained(&self, look: DamageColumns) -> Option<DamageEstimate> {
-        let (shows, says) = self.left(look);
-        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(shows);
-        let mut size = DVector::zeros(look.count);
+    pub(super) fn explained(&self, columns: DamageColumns) -> Option<DamageEstimate> {
+        let (information, score) = self.left(columns);
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(information);
+        let mut size = DVector::zeros(columns.count);
         let (mut gain, mut spread, mut count) = (0.0, 0.0, 0);
         for (direction, shown) in eigenvectors.column_iter().zip(eigenvalues.iter()) {
             if *shown > INFORMATION_MIN {
-                let along = direction.dot(&says) / shown;
+                let along = direction.dot(&score) / shown;
                 size += direction * along;
                 gain += along * along * shown;
                 spread += along * along / shown;
@@ -178,12 +179,16 @@ impl Evidence {
     }
 
     /// Reduction of the sum over all damages of `tr (S + OPEN)⁻¹` by each candidate's rows; poorly observable directions dominate it.
-    pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[DamageColumns]) -> Vec<f64> {
+    pub(super) fn worths(
+        &self,
+        candidates: &[DMatrix<f64>],
+        damages: &[DamageColumns],
+    ) -> Vec<f64> {
         let around = inverse(&self.nn);
         let taken = &around * &self.nd;
         let open = |count: usize| DMatrix::identity(count, count) * OPEN;
         let before: Vec<DMatrix<f64>> =
-            looks.iter().map(|look| self.left(*look).0 + open(look.count)).collect();
+            damages.iter().map(|columns| self.left(*columns).0 + open(columns.count)).collect();
         let traces: Vec<f64> = before.iter().map(|shows| inverse(shows).trace()).collect();
         let worth = |rows: &DMatrix<f64>| {
             let (n, d) = self.split(rows);
@@ -191,13 +196,15 @@ impl Evidence {
             let noise =
                 DMatrix::identity(rows.nrows(), rows.nrows()) + &n * &around * n.transpose();
             let Some(noise) = noise.cholesky() else { return 0.0 };
-            let seen = noise.solve(&left);
-            let gain = |(look, (before, trace)): (&DamageColumns, (&DMatrix<f64>, &f64))| {
-                let (a, b) =
-                    (left.columns(look.first, look.count), seen.columns(look.first, look.count));
+            let solved = noise.solve(&left);
+            let gain = |(columns, (before, trace)): (&DamageColumns, (&DMatrix<f64>, &f64))| {
+                let (a, b) = (
+                    left.columns(columns.first, columns.count),
+                    solved.columns(columns.first, columns.count),
+                );
                 trace - inverse(&(before + a.transpose() * b)).trace()
             };
-            looks.iter().zip(before.iter().zip(&traces)).map(gain).sum()
+            damages.iter().zip(before.iter().zip(&traces)).map(gain).sum()
         };
         candidates.iter().map(worth).collect()
     }
@@ -264,14 +271,14 @@ mod tests {
     fn what_may_change_anyway_hides_a_damage_that_does_the_same() {
         let same = DMatrix::from_row_slice(2, 2, &[1e4, 1.0, 2e4, 2.0]);
         let other = DMatrix::from_row_slice(2, 2, &[1e4, 2.0, 2e4, -1.0]);
-        let look = DamageColumns { first: 0, count: 1 };
+        let columns = DamageColumns { first: 0, count: 1 };
         let with = |rows: &DMatrix<f64>| {
             let mut evidence = Evidence::new(1, 1);
             evidence.add(rows, &[1.0, 2.0]);
             evidence
         };
-        assert_eq!(with(&same).weakest(look), None);
-        assert!((with(&other).weakest(look).expect("shown") - 5.0).abs() < 1e-6);
+        assert_eq!(with(&same).weakest(columns), None);
+        assert!((with(&other).weakest(columns).expect("shown") - 5.0).abs() < 1e-6);
         assert!(with(&same).sum() < 1e-6 && with(&other).freedom(1) == 1);
     }
 }
