@@ -61,7 +61,7 @@ pub(crate) fn first_success<T>(
 
 /// Whether the detectability of the hidden effects meets the conditions of the tier.
 pub(crate) fn meets_tier(tier: Tier, detectability: &[Detectability]) -> bool {
-    let shows = |least: f64| detectability.iter().all(|j| j.z >= least);
+    let shows = |z_min: f64| detectability.iter().all(|j| j.z >= z_min);
     match tier {
         Tier::Null => true,
         Tier::Single => {

@@ -72,8 +72,8 @@ impl Instrument {
                 values.extend((0..scene.arm.joint_count()).map(|i| q[i] + bend.0[9 * i]));
                 continue;
             }
-            let seen = mul(&self.measuring_from_base, &tool_pose(&scene.arm, q, bend));
-            values.extend(self.points.iter().flat_map(|place| transform_point(&seen, *place)));
+            let measured = mul(&self.measuring_from_base, &tool_pose(&scene.arm, q, bend));
+            values.extend(self.points.iter().flat_map(|place| transform_point(&measured, *place)));
         }
         values
     }
@@ -221,14 +221,14 @@ mod tests {
             stated: true,
         };
         let exact = vec![0.0; 3 * scene.rows.len()];
-        let seen = noise.measure(&scene, &exact, 3, &mut rng);
-        let whitener = Whitener::of(&scene, &noise, &seen.usable, 3);
-        let white = whitener.apply(&seen.values);
+        let measurement = noise.measure(&scene, &exact, 3, &mut rng);
+        let whitener = Whitener::of(&scene, &noise, &measurement.usable, 3);
+        let white = whitener.apply(&measurement.values);
         let n = white.len() as f64;
         let variance = white.iter().map(|x| x * x).sum::<f64>() / n;
         let next: f64 = white.windows(4).map(|w| w[0] * w[3]).sum::<f64>() / n;
         assert!((variance - 1.0).abs() < 0.05 && next.abs() < 0.05, "{variance} {next}");
-        let missing = seen.recorded.iter().filter(|recorded| !**recorded).count() as f64;
+        let missing = measurement.recorded.iter().filter(|recorded| !**recorded).count() as f64;
         assert!((missing / scene.rows.len() as f64 - 0.02).abs() < 0.012, "{missing}");
     }
 }

@@ -327,8 +327,8 @@ impl Model {
     fn load_out_of_range(&self, loads: &Loads) -> Option<LoadOutOfRange> {
         (0..self.arm.count()).find_map(|joint| {
             let sum = |wanted: fn(&AnyEffect) -> bool| -> f64 {
-                let here = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
-                here.map(|effect| effect.values()[0]).sum()
+                let at_joint = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
+                at_joint.map(|effect| effect.values()[0]).sum()
             };
             let cubic = sum(|e| matches!(e, AnyEffect::StiffnessHardening(_)));
             if cubic <= 0.0 {

@@ -146,8 +146,8 @@ impl ToolPath {
         self.point(self.here, DVec3::X, 0.0, None)
     }
 
-    fn point(&self, at: DVec3, along: DVec3, feed: f64, cut: Option<usize>) -> PathPoint {
-        let base_from_tool = Frame::new(self.rotation, at);
+    fn point(&self, origin: DVec3, along: DVec3, feed: f64, cut: Option<usize>) -> PathPoint {
+        let base_from_tool = Frame::new(self.rotation, origin);
         PathPoint { base_from_tool, direction_base: along, feed_m_s: feed, cut }
     }
 }
@@ -260,18 +260,20 @@ mod tests {
     fn a_blended_corner_keeps_speed_and_bounds_acceleration() {
         let path = corner();
         let (dt, feed) = (1e-3, 0.01);
-        let at = |t: f64| path.at(t).base_from_tool.origin;
+        let position_at = |t: f64| path.at(t).base_from_tool.origin;
         let bound = Limits::default().acceleration_m_s2 + feed * feed / 0.002;
         let mut t = dt;
         while t < path.duration_s() {
-            let speed = ((at(t + dt) - at(t - dt)) / (2.0 * dt)).length();
-            let acceleration = ((at(t + dt) - 2.0 * at(t) + at(t - dt)) / (dt * dt)).length();
+            let speed = ((position_at(t + dt) - position_at(t - dt)) / (2.0 * dt)).length();
+            let acceleration = ((position_at(t + dt) - 2.0 * position_at(t) + position_at(t - dt))
+                / (dt * dt))
+                .length();
             assert!(speed <= feed * (1.0 + 1e-9), "{speed} at {t}");
             assert!(acceleration <= bound * (1.0 + 1e-3), "{acceleration} at {t}");
             assert!((speed - path.at(t).feed_m_s).abs() < 1e-5);
             t += dt;
         }
-        assert!((at(path.duration_s()) - DVec3::new(0.02, 0.01, 0.0)).length() < 1e-15);
+        assert!((position_at(path.duration_s()) - DVec3::new(0.02, 0.01, 0.0)).length() < 1e-15);
     }
 
     #[test]

@@ -94,9 +94,9 @@ impl ForceCase {
                 if anew {
                     drift[axis] = noise.drift * rng.truncated_normal();
                 }
-                let off = memory[axis] + drift[axis] * relative_time(ride.scene, row);
+                let deviation = memory[axis] + drift[axis] * relative_time(ride.scene, row);
                 let digit = noise.quantum[axis];
-                let read = force[axis] + noise.sigma[axis] * off;
+                let read = force[axis] + noise.sigma[axis] * deviation;
                 force[axis] = if digit > 0.0 { (read / digit).round() * digit } else { read };
             }
         }
@@ -126,13 +126,13 @@ impl BlindCase for ForceCase {
     }
 
     fn covariates(&self, effect: &Effect) -> Vec<String> {
-        let word = match effect.kind {
+        let covariate = match effect.kind {
             // The spindle angle has no covariate of its own; its speed is used.
             Kind::BrokenTooth | Kind::PloughingSpeed => "spindle_rpm",
             Kind::BuiltUpEdge | Kind::SensorCreep => "t_s",
             Kind::TableFriction => "feed_mm_s",
             _ => return Vec::new(),
         };
-        vec![word.to_owned()]
+        vec![covariate.to_owned()]
     }
 }

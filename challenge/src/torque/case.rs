@@ -151,11 +151,11 @@ impl BlindCase for TorqueCase {
     }
 
     fn covariates(&self, effect: &Effect) -> Vec<String> {
-        let (own, other) = (effect.joint + 1, effect.other_joint + 1);
+        let (joint, other) = (effect.joint + 1, effect.other_joint + 1);
         match effect.kind {
-            Kind::SpeedCube => vec![format!("v{own}")],
-            Kind::PlaceFriction => vec![format!("q{own}"), format!("direction_{own}")],
-            Kind::PlaceDamping => vec![format!("q{own}"), format!("v{own}")],
+            Kind::SpeedCube => vec![format!("v{joint}")],
+            Kind::PlaceFriction => vec![format!("q{joint}"), format!("direction_{joint}")],
+            Kind::PlaceDamping => vec![format!("q{joint}"), format!("v{joint}")],
             Kind::CrossTorque => vec![format!("q{other}")],
             Kind::Wander => vec!["t_s".to_owned()],
             _ => Vec::new(),

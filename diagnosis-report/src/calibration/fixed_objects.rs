@@ -38,7 +38,7 @@ fn object_parameter(
     use extrinsics::ExtrinsicParameter as Place;
     let around = &fit.surroundings;
     let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or_default();
-    let (thing, at, what, value_m) = match number {
+    let (thing, index, what, value_m) = match number {
         Place::Frame(..) | Place::Target(..) => return None,
         Place::Anchor(i, 3) => ("distance", i, "offset", Some(around.anchors[i].offset_m.value)),
         Place::Anchor(i, k) => {
@@ -54,7 +54,7 @@ fn object_parameter(
     let sigma = fit.sigma(column).map(|sigma| sigma * MILLI);
     Some(ObjectParameter {
         thing,
-        number: at + 1,
+        number: index + 1,
         what,
         value_mm: value_m.map(|m| m * MILLI),
         sigma,

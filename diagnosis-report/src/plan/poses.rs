@@ -140,8 +140,8 @@ pub fn measuring_poses<'a>(
     count: usize,
 ) -> Result<PosesPlan<'a>, Error> {
     let start = settings.start_with_zone(robot)?;
-    let wish = settings.wish(count, criterion);
-    let found = plan(&start.task, start.known(), &wish).map_err(Error::input)?;
+    let plan_settings = settings.plan_settings(count, criterion);
+    let found = plan(&start.task, start.known(), &plan_settings).map_err(Error::input)?;
     Ok(PosesPlan { robot, settings, start, criterion, found })
 }
 

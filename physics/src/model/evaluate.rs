@@ -116,10 +116,10 @@ impl Model {
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
-        if let Some(told) = &mut slopes {
+        if let Some(sums) = &mut slopes {
             // Effects on the loads, and inertia, have other derivatives.
             let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
-            told.begin(at_rest && !self.changes_loads, &self.laws);
+            sums.begin(at_rest && !self.changes_loads, &self.laws);
         }
         self.laws.begin(lanes, &signals, deviation, slopes.as_deref_mut());
         for index in &self.others[..self.others_count] {
@@ -158,8 +158,8 @@ impl Model {
         if inputs.base_tilt != DVec3::ZERO {
             change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
         }
-        let stands = (&self.arm, chain);
-        loads.compute(lanes, stands, inputs.wrench_base, change);
+        let posture = (&self.arm, chain);
+        loads.compute(lanes, posture, inputs.wrench_base, change);
         if self.changes_loads {
             loads.clear_inertia();
             let signals = Signals { arm: &self.arm, inputs, chain, loads };
@@ -168,7 +168,7 @@ impl Model {
                     change.add(&effect.predict(&signals, memory));
                 }
             }
-            loads.compute(lanes, stands, inputs.wrench_base, change);
+            loads.compute(lanes, posture, inputs.wrench_base, change);
         }
         loads.compute_inertia(&self.arm, chain, inputs, change);
     }

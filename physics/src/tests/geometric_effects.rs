@@ -60,8 +60,8 @@ fn a_polynomial_stays_at_its_ends_value_outside_its_range() {
     let polynomial = effect(&scene.arm, "joint_polynomial", 1, &entries);
     for (q, wanted) in [(0.5, 6e-3), (2.9, 6e-3), (-0.5, 2e-3), (-2.9, 2e-3)] {
         scene.inputs.q[1] = q;
-        let seen = evaluated(scene.arm, &[polynomial], &scene.inputs).deviation.joints[1];
-        assert!((seen - wanted).abs() < 1e-17, "{seen} at {q}");
+        let deviation = evaluated(scene.arm, &[polynomial], &scene.inputs).deviation.joints[1];
+        assert!((deviation - wanted).abs() < 1e-17, "{deviation} at {q}");
     }
 }
 
@@ -104,14 +104,15 @@ fn a_wobbling_axis_is_one_that_is_tilted_by_its_angle() {
 fn opposite_tilts_about_two_pivots_shift_the_axis() {
     let scene = scene();
     let joint = scene.arm.joints()[1];
-    let far = (joint.point + joint.axis).to_array();
-    let near = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[1e-3, 2e-3])]);
-    let back = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[-1e-3, -2e-3]), ("pivot", &far)]);
+    let other_pivot = (joint.point + joint.axis).to_array();
+    let tilted = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[1e-3, 2e-3])]);
+    let back =
+        effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[-1e-3, -2e-3]), ("pivot", &other_pivot)]);
     let (n1, n2) = normals(joint.axis);
     let mut geometry = Geometry::of(&scene.arm);
     geometry.joints[1].2 += (n1 * 1e-3 + n2 * 2e-3).cross(joint.axis);
     let wanted = geometry.base_from_tool(&scene.inputs.q);
-    assert!(wanted.off(&tool_with(&scene, &[near, back])) < ROUNDING);
+    assert!(wanted.off(&tool_with(&scene, &[tilted, back])) < ROUNDING);
 }
 
 #[test]
@@ -211,7 +212,7 @@ fn a_tilting_base_turns_everything_about_its_origin() {
 fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
     for scene in scenes() {
         let (geometry, q) = (Geometry::of(&scene.arm), scene.inputs.q);
-        let seen = evaluated(scene.arm, &[], &scene.inputs);
+        let evaluation = evaluated(scene.arm, &[], &scene.inputs);
         for joint in [0_usize, 1, 3] {
             let (_, axis, point) = geometry.joints[joint];
             let carrier = joint.checked_sub(1).map_or(identity(), |k| geometry.body(&q, Some(k)));
@@ -220,8 +221,8 @@ fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
             let axis_now = carrier.point(axis) - carrier.point(DVec3::ZERO);
             let about =
                 |load: &crate::loads::PivotLoad| load.moment + (point_now - now).cross(load.force);
-            let moment = about(&seen.loads.gravity_at(joint))
-                + about(&seen.loads.wrench_at(joint, &seen.nominal));
+            let moment = about(&evaluation.loads.gravity_at(joint))
+                + about(&evaluation.loads.wrench_at(joint, &evaluation.nominal));
             let tilt = (moment - axis_now * axis_now.dot(moment)) * 4e-4;
             let wanted = turn(tilt.to_array(), now.to_array()).times(&geometry.base_from_tool(&q));
             let entries: [(&str, &[f64]); 2] =

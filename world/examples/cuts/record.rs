@@ -140,7 +140,7 @@ fn truth(process: &Process, motion: &Motion) -> Truth {
         return Truth::Stable;
     }
     let below = ratios.iter().rposition(|(_, ratio)| *ratio < 1.0);
-    let onset = ratios.get(below.map_or(0, |at| at + 1)).map(|(k, _)| *k as f64 / RATE_HZ);
+    let onset = ratios.get(below.map_or(0, |index| index + 1)).map(|(k, _)| *k as f64 / RATE_HZ);
     match onset {
         Some(onset_s) if last > DEVELOPED => {
             let from = end - (0.8 * RATE_HZ) as usize;
