@@ -52,7 +52,7 @@ pub struct EffectComparison<'a> {
 }
 
 impl EffectComparison<'_> {
-    /// Compares it with every candidate; `kin`: whether a candidate of identical signature counts as the same effect.
+    /// Compares it with every candidate; `is_related`: whether a candidate of identical signature counts as the same effect.
     #[must_use]
     pub fn compare<E>(
         &self,

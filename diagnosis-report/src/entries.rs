@@ -235,8 +235,8 @@ fn updated_entry(
         };
         let found =
             Parameter { key: key.clone(), value: shaped(&values), sigma: Some(shaped(&sigma)) };
-        match next.parameters.iter_mut().find(|there| there.key == key) {
-            Some(there) => *there = found,
+        match next.parameters.iter_mut().find(|existing| existing.key == key) {
+            Some(existing) => *existing = found,
             None => next.parameters.push(found),
         }
     }

@@ -122,7 +122,7 @@ pub enum ReadingNoise {
 }
 
 impl ReadingNoise {
-    /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `seen` is the measured point, m.
+    /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `measured_point` in m.
     ///
     /// `None` if the noise is not positive and finite.
     #[must_use]

@@ -166,12 +166,12 @@ impl<'a> Reader<'a> {
     ) {
         let about = &self.recording.metadata;
         let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        let mut unsaid = None;
+        let mut without_number = None;
         let column = self.recording.column(Channel::Station);
         for row in 0..self.recording.len() {
             let number = sample(column, row);
             let known = if number.is_nan() {
-                unsaid
+                without_number
             } else {
                 stations
                     .iter()
@@ -185,7 +185,7 @@ impl<'a> Reader<'a> {
                     .frames
                     .push(FitParameter { value: station, free: !about.measured_in_base });
                 if number.is_nan() {
-                    unsaid = Some(frame);
+                    without_number = Some(frame);
                 } else {
                     stations.push((number.to_bits(), frame));
                 }

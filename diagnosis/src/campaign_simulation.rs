@@ -41,12 +41,12 @@ pub fn simulate_readings(
 
 fn read(
     reading: &mut Reading,
-    seen: &Evaluation,
+    evaluation: &Evaluation,
     commanded: &physics::Joints,
     truth: &Extrinsics,
     noise: DVec3,
 ) {
-    let tool = &seen.real.base_from_tool;
+    let tool = &evaluation.real.base_from_tool;
     let point = |place: ToolPoint| match place {
         ToolPoint::Tcp => tool.origin,
         ToolPoint::Target(i) => tool.point(truth.targets[i].value),
@@ -74,7 +74,7 @@ fn read(
             *radius_m = away - sphere.radius_m.value + noise.x;
         }
         Reading::JointPosition { joint, position } => {
-            *position = commanded[*joint] + seen.deviation.joints[*joint] + noise.x;
+            *position = commanded[*joint] + evaluation.deviation.joints[*joint] + noise.x;
         }
     }
 }

@@ -260,21 +260,21 @@ fn diagnose_selected_rows(
     Diagnosis { not_tested, notes, ..found }
 }
 
-/// Sets the campaign's AR noise models to those of the residual of `seen` and refits the known model with them; `None` if the noise models are
+/// Sets the campaign's AR noise models to those of the residual of `current` and refits the known model with them; `None` if the noise models are
 /// unchanged.
 fn update_noise_models(
     campaign: &mut Campaign,
     known: &Hypothesis,
     settings: &FitSettings<'_>,
-    seen: &Fit,
+    current: &Fit,
     (covariates, taken): (&[Covariate], CovariateChoice),
 ) -> Option<Fit> {
-    let colours = noise_models::noise_models(campaign, seen, settings.used, (covariates, taken));
+    let colours = noise_models::noise_models(campaign, current, settings.used, (covariates, taken));
     if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.noise_model) {
         return None;
     }
     campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.noise_model = colour);
-    let around = seen.surroundings.clone();
+    let around = current.surroundings.clone();
     Some(fit(campaign, known, &FitSettings { from: Some(&around), ..*settings }))
 }
 

@@ -103,7 +103,7 @@ impl FrameDrift {
     /// Transforms rows of one set-up to one frame.
     fn align(&mut self, recording: &Recording, rows: &[usize]) {
         let reference_rows: Vec<ReferenceRow> =
-            rows.iter().filter_map(|row| self.seen(recording, *row)).collect();
+            rows.iter().filter_map(|row| self.reference_row(recording, *row)).collect();
         let Some((sound, ordinary)) = consistent_rows(&reference_rows) else { return };
         self.inconsistent_rows.extend(
             reference_rows.iter().zip(&sound).filter(|(_, sound)| !**sound).map(|(s, _)| s.row),
@@ -135,7 +135,7 @@ impl FrameDrift {
         }
     }
 
-    fn seen(&self, recording: &Recording, row: usize) -> Option<ReferenceRow> {
+    fn reference_row(&self, recording: &Recording, row: usize) -> Option<ReferenceRow> {
         let value = |target, axis| {
             recording.column(Channel::Target(target, axis)).map_or(f64::NAN, |column| column[row])
         };

@@ -83,7 +83,7 @@ impl Sweep {
     fn angles(&self, model: &Model, found: &JointAxis) -> Vec<StepAngle> {
         let weights: Vec<f64> =
             found.axis.circles.iter().map(|circle| circle.radius_m * circle.radius_m).collect();
-        let ahead = self.seen(model, found);
+        let ahead = self.target_angles(model, found);
         let starts = starting_angles(&ahead, &weights);
         let one = |step: &[TargetAngle]| -> Option<StepAngle> {
             let weight: f64 = step.iter().map(|reading| weights[reading.target]).sum();
@@ -101,7 +101,7 @@ impl Sweep {
         ahead.chunk_by(|a, b| a.step == b.step).filter_map(one).collect()
     }
 
-    fn seen(&self, model: &Model, found: &JointAxis) -> Vec<TargetAngle> {
+    fn target_angles(&self, model: &Model, found: &JointAxis) -> Vec<TargetAngle> {
         let e = found.axis.direction;
         let (n1, n2) = normals(e);
         let mut first: Vec<Option<(DVec3, f64)>> = vec![None; found.targets.len()];

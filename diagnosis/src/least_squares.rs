@@ -204,7 +204,7 @@ pub(crate) fn visit_readings(
     );
 }
 
-/// Advances the memory of effects along the campaign and passes each pose in use, with its evaluation, to `look`; all poses if `used` is `None`.
+/// Advances the memory of effects along the campaign and passes each pose in use, with its evaluation, to `visit`; all poses if `used` is `None`.
 pub(crate) fn visit_poses(
     model: &Model,
     campaign: &Campaign,

@@ -44,7 +44,7 @@ pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<L
     loaded.filter_map(one).collect()
 }
 
-/// Index of the pose with the same command and no wrench that was measured nearest to pose `at`.
+/// Index of the pose with the same command and no wrench that was measured nearest to pose `pose_index`.
 pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, pose_index: usize) -> Option<usize> {
     let pose = campaign.poses.get(pose_index)?;
     let same = |(_, other): &(usize, &Pose)| {

@@ -121,7 +121,7 @@ struct PhaseRotation {
     now: Vec<(f64, f64)>,
     by: Vec<(f64, f64)>,
     /// Projection of each contribution on the fit's columns, one column per contribution.
-    seen: DMatrix<f64>,
+    projections: DMatrix<f64>,
     /// One row per contribution: its sines at [`PERIODS_PER_BLOCK`] periods, then its cosines.
     waves: DMatrix<f64>,
 }
@@ -131,9 +131,10 @@ impl PhaseRotation {
         let width = parts.first().map_or(0, |part| part.projection.len());
         let phases_at =
             |cycles: f64| parts.iter().map(|p| libm::sincos(cycles * p.position)).collect();
-        let seen = DMatrix::from_fn(width, parts.len(), |row, part| parts[part].projection[row]);
+        let projections =
+            DMatrix::from_fn(width, parts.len(), |row, part| parts[part].projection[row]);
         let waves = DMatrix::zeros(parts.len(), 2 * PERIODS_PER_BLOCK);
-        Self { now: phases_at(first), by: phases_at(step), seen, waves }
+        Self { now: phases_at(first), by: phases_at(step), projections, waves }
     }
 
     /// Decrease of the sum of squares by sine and cosine together, for each of the next periods.
@@ -149,7 +150,7 @@ impl PhaseRotation {
                 *now = (sin * by.1 + cos * by.0, cos * by.1 - sin * by.0);
             }
         }
-        let projected = &self.seen * &self.waves;
+        let projected = &self.projections * &self.waves;
         let column =
             |k: usize| &projected.as_slice()[k * projected.nrows()..(k + 1) * projected.nrows()];
         std::array::from_fn(|k| sums[k].gain(column(k), column(PERIODS_PER_BLOCK + k)))

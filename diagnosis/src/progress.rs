@@ -178,7 +178,7 @@ impl<'a> StageProgress<'a> {
         (self.listener)(self.stage, Progress::Selected(count));
     }
 
-    /// Begins a loop of `of` steps.
+    /// Begins a loop of `count` steps.
     pub(crate) fn steps(self, count: usize) -> Steps<'a> {
         if count > 0 {
             (self.listener)(self.stage, Progress::Steps { done: 0, of: count });

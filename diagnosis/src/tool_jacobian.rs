@@ -47,7 +47,7 @@ impl<'a> ToolJacobian<'a> {
         Self { are_candidates: true, ..Self::of(hypothesis) }
     }
 
-    /// Motions at one pose, one per free parameter; `seen` is the evaluation of the model, or at least the result of [`Model::load_into`].
+    /// Motions at one pose, one per free parameter; `evaluation` is that of the model, or at least the result of [`Model::load_into`].
     pub(crate) fn at(
         &mut self,
         inputs: &Inputs,
@@ -138,7 +138,7 @@ impl LoadResponse {
         Self { model, memories, places, responses, loaded, below: Vec::new() }
     }
 
-    /// Moves to a pose; `seen` contains its chain and loads.
+    /// Moves to a pose; `evaluation` contains its chain and loads.
     fn set_pose(&mut self, all: &Memories, evaluation: &Evaluation) {
         for (from, to) in self.places.iter().enumerate() {
             if let Some(to) = to {
@@ -162,10 +162,10 @@ impl LoadResponse {
         joint: usize,
         step: f64,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) {
-        let loaded_torque = seen.loads.gravity_torque[joint];
-        let response = self.response(inputs, seen, step, |yielding, by| {
+        let loaded_torque = evaluation.loads.gravity_torque[joint];
+        let response = self.response(inputs, evaluation, step, |yielding, by| {
             yielding.loaded.loads.gravity_torque[joint] = loaded_torque + by;
         });
         self.loaded.loads.gravity_torque[joint] = loaded_torque;
@@ -178,20 +178,20 @@ impl LoadResponse {
         change: &Contribution,
         step: f64,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) -> ToolMotion {
-        self.response(inputs, seen, step, |yielding, by| {
+        self.response(inputs, evaluation, step, |yielding, by| {
             let Self { model, memories, loaded, .. } = yielding;
             model.load_beside(inputs, memories, &change.times(by), loaded);
         })
     }
 
     /// Motion of the tool per unit of a change of the loads, which `load` applies by a given amount: difference of the contributions of all effects
-    /// under slightly smaller and larger loads, on the arm as evaluated in `seen`.
+    /// under slightly smaller and larger loads, on the arm as evaluated in `evaluation`.
     fn response(
         &mut self,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         step: f64,
         load: impl Fn(&mut Self, f64),
     ) -> ToolMotion {
@@ -205,7 +205,7 @@ impl LoadResponse {
         let mut moved = ToolMotion::default();
         model.contributions_under(inputs, memories, loaded, |place, above| {
             let change = above.minus(&below[place]).times(0.5 / step);
-            let of_one = ToolMotion::of(&model.arm, seen, &change);
+            let of_one = ToolMotion::of(&model.arm, evaluation, &change);
             moved = moved.plus(&of_one.unwrap_or_default());
         });
         self.below = below;

@@ -29,7 +29,7 @@ impl ToolMotion {
         self.shift + self.turn.cross(lever)
     }
 
-    /// The motion for the derivative of a contribution, on the arm as evaluated in `seen`; `None` for contributions to loads, torques or forces.
+    /// The motion for the derivative of a contribution, on the arm of `evaluation`; `None` for contributions to loads, torques or forces.
     #[must_use]
     pub fn of(arm: &Arm, evaluation: &Evaluation, change: &Contribution) -> Option<Self> {
         let tcp = evaluation.real.base_from_tool.origin;

@@ -147,7 +147,7 @@ pub fn diagnose<'r>(
         &confirmed_by_validation(&case, &always, selection).terms,
     );
     begin(Stage::TorqueAlternatives);
-    let used = case.row_sets.seen();
+    let used = case.row_sets.fitted();
     let products = case.products(&used);
     let search = nonlinear_parameters::search(&case, &products, &always);
     let names = spring_as_asymmetry(&search, names);
@@ -172,7 +172,7 @@ fn refit_nonlinear(
     always: &[usize],
     weighed: &[AssessedEffect],
 ) {
-    let fitted_rows = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let names: Vec<usize> = weighed.iter().map(|one| one.candidate).collect();
     let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(case, &products, always).solve(&names);
@@ -242,7 +242,7 @@ fn with_likelier_alternatives(case: &Case, weighed: &[AssessedEffect]) -> Vec<us
 }
 
 fn assess_effects(case: &Case, always: &[usize], names: &[usize]) -> Vec<AssessedEffect> {
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
     let selection = search.solve(names);
     let one = |name: &usize| {
@@ -387,19 +387,19 @@ fn drop_unsupported(
             fit_quality::innovation_rms(case, &selection.solved, validation),
         ]
     };
-    let both = case.products(&case.row_sets.seen());
-    let foretold = |selection: &TermSelection| {
+    let both = case.products(&case.row_sets.fitted());
+    let predictive_gain = |selection: &TermSelection| {
         let columns = &selection.solved.columns;
         both.log_marginal_likelihood(columns) - search.products.log_marginal_likelihood(columns)
     };
     let mut fell = Vec::new();
     loop {
         let whole = left(selection);
-        let predicted_gain = foretold(selection);
+        let predicted_gain = predictive_gain(selection);
         let tested =
             selection.terms.iter().filter(|name| !case.is_exempt_from_test(**name, search.always));
         let tested = tested.filter(|name| {
-            foretold(&search.solve(&without_term(&selection.terms, **name)))
+            predictive_gain(&search.solve(&without_term(&selection.terms, **name)))
                 > predicted_gain - PREDICTIVE_GAIN_LEAST
         });
         let harm = |name: &usize| {

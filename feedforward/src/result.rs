@@ -33,7 +33,7 @@ pub struct JointCorrection {
 }
 
 impl JointCorrection {
-    /// Of the joint `at`, from 0.
+    /// Of the joint `index`, from 0.
     #[must_use]
     pub fn of(index: usize, kind: JointKind, stepped: &CorrectionStep) -> Self {
         let CorrectionStep { correction, residual, bandwidth_hz, limited_rows } = stepped;

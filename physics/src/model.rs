@@ -241,7 +241,7 @@ impl Model {
         self.contributions_under(inputs, memories, &evaluation, visit);
     }
 
-    /// [`Model::contributions`] for the geometry and loads in `seen`, computed by [`Model::load_into`] and possibly changed since.
+    /// [`Model::contributions`] for the geometry and loads in `evaluation`, computed by [`Model::load_into`] and possibly changed since.
     pub fn contributions_under(
         &self,
         inputs: &Inputs,

@@ -169,7 +169,7 @@ fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
     found
 }
 
-/// Slope and curvature at `at` of the parabola of least squares.
+/// Slope and curvature at `centre` of the parabola of least squares.
 fn parabola(centre: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return (0.0, 0.0) };
     // At rest, rounding errors would give the velocity a sign.

@@ -45,7 +45,7 @@ pub enum IkError {
     },
 }
 
-/// Joint positions with the tool at `wanted` (base frame), starting from `near`.
+/// Joint positions with the tool at `wanted` (base frame), starting from `start`.
 ///
 /// # Errors
 /// See [`IkError`].

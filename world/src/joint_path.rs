@@ -58,7 +58,7 @@ pub enum PlanError {
 }
 
 impl JointPath {
-    /// The commands of `path` every `dt_s` (above zero), starting near `near` or, if not given, at
+    /// The commands of `path` every `dt_s` (above zero), starting near `start_near` or, if not given, at
     /// [`ik::start_pose`].
     ///
     /// # Errors

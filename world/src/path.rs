@@ -56,7 +56,7 @@ pub enum PathError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolPath {
     rotation: DMat3,
-    here: DVec3,
+    position_base: DVec3,
     strokes: Vec<Stroke>,
 }
 
@@ -99,7 +99,7 @@ pub fn tool_along(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
 impl ToolPath {
     /// A path that starts at `start_base` (m) with the orientation `base_from_tool`.
     pub const fn new(start_base: DVec3, base_from_tool: DMat3) -> Self {
-        Self { rotation: base_from_tool, here: start_base, strokes: Vec::new() }
+        Self { rotation: base_from_tool, position_base: start_base, strokes: Vec::new() }
     }
 
     /// Adds a stroke from the end of the path, through `waypoints`, from rest to rest at
@@ -116,7 +116,7 @@ impl ToolPath {
         limits: Limits,
     ) -> Result<(), PathError> {
         let stroke = self.strokes.len();
-        let pieces = rounded(self.here, waypoints, blend_m, stroke)?;
+        let pieces = rounded(self.position_base, waypoints, blend_m, stroke)?;
         let length: f64 = pieces.iter().map(|piece| piece.length).sum();
         let numbers = [feed_m_s, blend_m, length, limits.acceleration_m_s2, limits.jerk_m_s3];
         let Some(last) = waypoints.last() else { return Err(PathError::Numbers { stroke }) };
@@ -124,7 +124,7 @@ impl ToolPath {
             return Err(PathError::Numbers { stroke });
         }
         self.strokes.push(Stroke { pieces, profile: Profile::new(length, feed_m_s, limits) });
-        self.here = last.to_base;
+        self.position_base = last.to_base;
         Ok(())
     }
 
@@ -143,7 +143,7 @@ impl ToolPath {
             }
             t -= stroke.profile.duration_s();
         }
-        self.point(self.here, DVec3::X, 0.0, None)
+        self.point(self.position_base, DVec3::X, 0.0, None)
     }
 
     fn point(&self, origin: DVec3, along: DVec3, feed: f64, cut: Option<usize>) -> PathPoint {

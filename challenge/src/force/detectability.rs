@@ -51,7 +51,7 @@ pub fn noise_scaled(case: &ForceCase, forces: &[Vector3]) -> Vec<f64> {
 }
 
 impl<'a> LinearisedCase<'a> {
-    /// The columns of recorded rows for which the force laws are defined; `asked`: index of the hidden effect under evaluation.
+    /// The columns of recorded rows for which the force laws are defined; `examined`: index of the hidden effect under evaluation.
     #[must_use]
     pub fn of(
         case: &'a ForceCase,

@@ -56,7 +56,7 @@ pub fn unit_mass_torques(rig: &Rig, ride: &SampledMotion) -> Vec<Vec<Joints>> {
 }
 
 impl<'a> LinearisedCase<'a> {
-    /// The columns of the recorded rows. `asked`: index of the hidden effect under evaluation, which is excluded from the base point; `None`: all
+    /// The columns of the recorded rows. `examined`: index of the hidden effect under evaluation, which is excluded from the base point; `None`: all
     /// hidden effects are included.
     #[must_use]
     pub fn of(

@@ -215,7 +215,7 @@ impl PreparedRecording {
     }
 }
 
-/// Ranges of rows without a pause, with at least `least` rows each.
+/// Ranges of rows without a pause, with at least `rows_min` rows each.
 fn runs(rows: &[RecordedRow], step_s: f64, rows_min: usize) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for row in 0..rows.len() {

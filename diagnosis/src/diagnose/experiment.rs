@@ -160,8 +160,8 @@ impl<'a> Design<'a> {
         // Among equals the first, which is the simplest.
         let best = parted.reduce(|a, b| if b.1 > a.1 { b } else { a });
         let (experiment, separation) = best?;
-        let says = instruction_text(effect, &alternatives, &experiment, separation);
-        Some(ProposedExperiment { experiment, measured, separation, says })
+        let instruction = instruction_text(effect, &alternatives, &experiment, separation);
+        Some(ProposedExperiment { experiment, measured, separation, says: instruction })
     }
 
     /// The fit of the recording with `rival` in place of `one`.

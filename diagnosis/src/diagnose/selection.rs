@@ -148,7 +148,7 @@ pub(super) fn select(search: &Search<'_>, start: EffectSelection) -> EffectSelec
     selection
 }
 
-/// Repeats the selection after the noise model was estimated again, from the empty selection (with the fit `bare`) and from `first`; returns the
+/// Repeats the selection after the noise model was estimated again, from the empty selection (with the fit `refitted`) and from `first`; returns the
 /// better one. Under autocorrelated noise single steps from the empty selection can miss the effects of an arm with many errors, whereas steps from
 /// `first` also remove effects that are no longer significant.
 pub(super) fn restart(
@@ -184,7 +184,7 @@ impl SelectedEffect {
     }
 }
 
-/// Updates the indices of effects after `gone` was removed from the model. A correction leaves the number of effects unchanged.
+/// Updates the indices of effects after `removed` was removed from the model. A correction leaves the number of effects unchanged.
 pub(super) fn shift_indices_after(named: &mut [SelectedEffect], removed: &SelectedEffect) {
     if removed.previous_priors.is_none() {
         named.iter_mut().filter(|one| one.effect > removed.effect).for_each(|one| one.effect -= 1);

@@ -367,13 +367,13 @@ impl<'a> StepwiseSelection<'a> {
                 variants.extend(entry.candidate.effect(arm, &would.estimates));
             }
             // Linearised at zero width, backlash differs from backlash of the width that a fit finds, so forms of the same law are always fitted.
-            let is_word =
+            let is_same_law =
                 are_forms_of_one_law(&self.entries[place_now].candidate, &entry.candidate);
             let may_come = behind
                 < 2.0 * INDISTINGUISHABLE_LOSS + LOSS_SHARE_MAX * gain.gain / self.design_effect;
-            if !keys_seen.contains(&name) && (may_come || is_word) {
+            if !keys_seen.contains(&name) && (may_come || is_same_law) {
                 keys_seen.push(name);
-                close.insert(if is_word { 0 } else { close.len() }, (place, would));
+                close.insert(if is_same_law { 0 } else { close.len() }, (place, would));
             }
         }
         let fitted = ALTERNATIVES_FITTED_MAX
@@ -399,7 +399,7 @@ impl<'a> StepwiseSelection<'a> {
 }
 
 impl StepwiseSelection<'_> {
-    /// The candidate `place` as an alternative of effect `k`, whose gain is `own`; fitted if the linearisation does not suffice.
+    /// The candidate `place` as an alternative of effect `k`, whose gain is `gain`; fitted if the linearisation does not suffice.
     fn alternative(
         &self,
         search: &Search<'_>,

@@ -185,7 +185,7 @@ fn replacement(
     })
 }
 
-/// The smooth function that exceeds the effects `gone`, and the effects `few` among them alone, beside the remaining ones.
+/// The smooth function that exceeds the effects `replaced`, and the effects `few` among them alone, beside the remaining ones.
 fn replacement_of(
     search: &Search<'_>,
     selection: &EffectSelection,

@@ -182,10 +182,10 @@ pub(super) struct FitEvaluator<'a> {
 }
 
 impl<'a> FitEvaluator<'a> {
-    /// `split`: training poses; `asked`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
+    /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
     pub(super) fn new(
         campaign: &'a Campaign,
-        (split, asked): (&'a HoldOutSplit, &[bool]),
+        (split, is_evaluated): (&'a HoldOutSplit, &[bool]),
         last: &Fit,
     ) -> Self {
         let residuals = last.residuals(campaign);
@@ -193,12 +193,12 @@ impl<'a> FitEvaluator<'a> {
         let lengths =
             residuals.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
         let distance_max = OUTLIER_RATIO * median(lengths);
-        let counts = residuals.iter().map(|o| asked[o.pose] && o.is_length == is_length);
+        let counts = residuals.iter().map(|o| is_evaluated[o.pose] && o.is_length == is_length);
         let is_counted = counts
             .zip(&residuals)
             .map(|(counts, o)| counts && o.residual.length() <= distance_max)
             .collect();
-        Self { campaign, split, is_evaluated: asked.to_vec(), is_counted, is_length }
+        Self { campaign, split, is_evaluated: is_evaluated.to_vec(), is_counted, is_length }
     }
 
     /// RMS error of scalar values, m or rad.

@@ -27,7 +27,7 @@ struct ChannelProducts {
     colour: ArModel,
     /// Standard deviation of the noise, N m or N.
     size: f64,
-    /// The right-hand side, then one column for each of `of`, filtered.
+    /// The right-hand side, then one column for each of `column_values`, filtered.
     white: Vec<f64>,
     /// Indices of columns, with the values that were multiplied.
     column_values: Vec<(usize, CachedValues)>,

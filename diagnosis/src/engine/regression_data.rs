@@ -120,7 +120,7 @@ pub(crate) fn whitened_columns(
     solved.columns.iter().enumerate().filter_map(whitened).collect()
 }
 
-/// Rows of block `k` of `of`.
+/// Rows of block `k` of `count`.
 fn rows_of(k: usize, rows: usize, count: usize) -> Range<usize> {
     (k * rows).div_ceil(count)..((k + 1) * rows).div_ceil(count)
 }

@@ -105,7 +105,7 @@ impl RowSets {
     }
 
     /// All rows but those of the test set.
-    pub(crate) fn seen(&self) -> Vec<bool> {
+    pub(crate) fn fitted(&self) -> Vec<bool> {
         self.train.iter().zip(&self.validation).map(|(a, b)| *a || *b).collect()
     }
 }

@@ -84,8 +84,8 @@ proptest! {
         prop_assert!(asymmetry(wrench(f, [0.0; 3])) < 1e-10);
         // The skew-symmetric part is (z_j × z_i)·M for joints j before i.
         let moment = chain.axis(0).cross(chain.axis(4)) * 14.0;
-        let seen = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
-        prop_assert!(seen >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{seen}");
+        let measured = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
+        prop_assert!(measured >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{measured}");
     }
 }
 

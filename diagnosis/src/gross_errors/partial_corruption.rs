@@ -27,7 +27,7 @@ pub fn detect_partial_corruption(campaign: &Campaign, model: &Model) -> Option<S
     let joints = model.arm.count();
     let frozen = (0..joints).filter_map(|joint| frozen(&few, model, joint, joints, spread_m));
     let worst = frozen.max_by(|a, b| a.before_m.total_cmp(&b.before_m));
-    worst.or_else(|| far(&few, model, spread_m))
+    worst.or_else(|| displaced_part(&few, model, spread_m))
 }
 
 fn errors(few: &Campaign, model: &Model, used: &[bool], wanted: &[bool]) -> PositionErrors {
@@ -84,7 +84,7 @@ fn frozen(
 }
 
 /// Too many measurements of something else.
-fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<SuspectedError> {
+fn displaced_part(few: &Campaign, model: &Model, spread_m: f64) -> Option<SuspectedError> {
     let all = vec![true; few.poses.len()];
     let errors = errors(few, model, &all, &all);
     let edge = UNEXPLAINED_LEAST_M.max(UNEXPLAINED_FRACTION * spread_m);

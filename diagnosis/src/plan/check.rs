@@ -21,7 +21,7 @@ use crate::fit::{FitEffort, FitSettings, fit};
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
 use crate::least_squares::FitState;
 use crate::robust_weights::Influence;
-use evidence::{DamageColumns, Evidence, least_seen};
+use evidence::{DamageColumns, Evidence, minimum_detectable};
 use nalgebra::DMatrix;
 use physics::{AnyEffect, JointKind, Joints, Model, ParameterValues};
 use rand_chacha::ChaCha8Rng;
@@ -215,7 +215,7 @@ impl DamageModel {
         each.map(|((damage, ..), columns)| {
             let weakest = evidence.weakest(columns);
             let observable = weakest.filter(|noises| *noises > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
-            let noises = least_seen(columns.count, terms.alarm / tests, terms.power);
+            let noises = minimum_detectable(columns.count, terms.alarm / tests, terms.power);
             DetectableDamage {
                 damage: *damage,
                 least: observable.map(|observable| (noises / observable).sqrt() * DAMAGE_SCALE),

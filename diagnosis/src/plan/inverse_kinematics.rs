@@ -15,7 +15,7 @@ const TOLERANCE: f64 = 1e-6;
 /// Largest step of a joint, rad or m.
 const STEP_MAX: f64 = 0.3;
 
-/// Joint positions near `q` for which the tool's point `tip` (tool frame, m) lies on a surface. `off` gives the signed distance of a point (base
+/// Joint positions near `q` for which the tool's point `tip` (tool frame, m) lies on a surface. `distance_and_normal` gives the signed distance of a point (base
 /// frame, m) from it and the gradient of that distance. `None` if not converged.
 #[must_use]
 pub fn solve_tip_on_surface(
@@ -34,7 +34,7 @@ pub fn solve_tip_on_surface(
     })
 }
 
-/// Joint positions near `q` with the TCP at `at` (base frame, m) and the tool's z axis along `along`; the rotation about that axis is free. `None` if
+/// Joint positions near `q` with the TCP at `position` (base frame, m) and the tool's z axis along `along`; the rotation about that axis is free. `None` if
 /// not converged.
 #[must_use]
 pub fn solve_tool_axis(arm: &Arm, q: &Joints, position: DVec3, along: DVec3) -> Option<Joints> {
@@ -52,7 +52,7 @@ pub fn solve_tool_axis(arm: &Arm, q: &Joints, position: DVec3, along: DVec3) -> 
     })
 }
 
-/// Joint positions near `q` with the TCP at `at` (base frame, m) and orientation `base_from_tool`. `None` if not converged.
+/// Joint positions near `q` with the TCP at `position` (base frame, m) and orientation `base_from_tool`. `None` if not converged.
 #[must_use]
 pub fn solve_tool_pose(
     arm: &Arm,

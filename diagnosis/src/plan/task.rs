@@ -119,18 +119,18 @@ impl Task {
         &self.hypothesis.model.arm
     }
 
-    /// Up to `wanted` poses that satisfy the constraints, at least `least`.
+    /// Up to `wanted` poses that satisfy the constraints, at least `minimum`.
     pub(crate) fn draw(
         &self,
         rng: &mut ChaCha8Rng,
         wanted: usize,
-        least: usize,
+        minimum: usize,
     ) -> Result<Vec<CandidatePose>, PlanError> {
         if !self.given_poses.is_empty() {
             let free = self.given_poses.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
             let found: Vec<CandidatePose> =
                 self.given_poses.iter().filter_map(|q| self.candidate(q)).collect();
-            return self.check_count(self.given_poses.len(), free, found, least);
+            return self.check_count(self.given_poses.len(), free, found, minimum);
         }
         let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
         while found.len() < wanted && drawn < DRAWS_PER_POSE_MAX * wanted.max(100) {
@@ -140,7 +140,7 @@ impl Task {
             free += usize::from(self.reach.allows(self.arm(), &q));
             found.extend(self.candidate(&q));
         }
-        self.check_count(drawn, free, found, least)
+        self.check_count(drawn, free, found, minimum)
     }
 
     /// The poses found, if these are as many as are wanted.
@@ -149,9 +149,9 @@ impl Task {
         drawn: usize,
         free: usize,
         found: Vec<CandidatePose>,
-        least: usize,
+        minimum: usize,
     ) -> Result<Vec<CandidatePose>, PlanError> {
-        let (found_count, wanted) = (found.len(), least.max(1));
+        let (found_count, wanted) = (found.len(), minimum.max(1));
         if found_count >= wanted {
             return Ok(found);
         }
@@ -308,7 +308,7 @@ impl Task {
     fn point_readings(
         &self,
         chain: &Chain,
-        least: usize,
+        minimum: usize,
         orientation_rad: Option<f64>,
     ) -> Option<Vec<(Reading, ReadingNoise, DVec3)>> {
         let station = self.surroundings.frames.first()?.value.measuring_from_base;
@@ -332,7 +332,7 @@ impl Task {
             let position = station.point(chain.base_from_tool.point(on_tool));
             readings.push((Reading::Point { place, frame, at: position }, self.noise, position));
         }
-        if readings.len() < least.max(1) {
+        if readings.len() < minimum.max(1) {
             return None;
         }
         if let Some(sigma) = orientation_rad {

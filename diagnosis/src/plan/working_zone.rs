@@ -44,7 +44,7 @@ impl WorkingZone {
     }
 }
 
-/// Joint positions with the TCP at `at` (base frame, m) and the tool's z axis along `along`, if the constraints are satisfied.
+/// Joint positions with the TCP at `position` (base frame, m) and the tool's z axis along `along`, if the constraints are satisfied.
 pub(super) fn joints_at(
     arm: &Arm,
     reach: &ArmConstraints,

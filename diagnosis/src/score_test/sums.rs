@@ -28,7 +28,7 @@ pub(super) struct ScoreSums {
     /// The group of each column.
     home: Vec<usize>,
     /// `Y`, column by column.
-    seen: Vec<Vec<f64>>,
+    projected: Vec<Vec<f64>>,
     right: Vec<f64>,
 }
 
@@ -50,7 +50,7 @@ impl ScoreSums {
             mixed: DMatrix::zeros(width + 1, count),
             group_products,
             home: home.collect(),
-            seen: Vec::new(),
+            projected: Vec::new(),
             right: Vec::new(),
         }
     }
@@ -106,7 +106,7 @@ impl ScoreSums {
     pub(super) fn project(&mut self, triangle: &QrFactor, right: &[f64]) {
         self.reduce();
         let column = |k: usize| self.mixed.column(k).iter().take(self.width).copied().collect();
-        self.seen = (0..self.count).map(|k| triangle.forward(column(k))).collect();
+        self.projected = (0..self.count).map(|k| triangle.forward(column(k))).collect();
         self.right = right.to_vec();
     }
 
@@ -122,7 +122,7 @@ impl ScoreSums {
         let remaining = |a: usize, b: usize| {
             let (group, group_products) = &self.group_products[self.home[a]];
             let (i, j) = (a.min(b) - group.start, a.max(b) - group.start);
-            group_products[(i, j)] - dot(&self.seen[a], &self.seen[b])
+            group_products[(i, j)] - dot(&self.projected[a], &self.projected[b])
         };
         let length = |a: usize| {
             let (group, group_products) = &self.group_products[self.home[a]];
@@ -131,7 +131,7 @@ impl ScoreSums {
         let solved = PartialCholesky::of(
             columns,
             |a, b| remaining(a, b) + if a == b { sigmas[a].powi(-2) } else { 0.0 },
-            |a| self.mixed[(self.width, a)] - dot(&self.seen[a], &self.right),
+            |a| self.mixed[(self.width, a)] - dot(&self.projected[a], &self.right),
             |a, left| remaining(a, a) > LEFT * length(a) && left > LEFT * length(a),
         )?;
         for (column, x) in solved.kept.iter().zip(solved.solution()) {

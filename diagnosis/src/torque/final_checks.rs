@@ -46,7 +46,7 @@ pub(super) fn contradicted_parameter(
     case: &Case,
     search: &TermSearch<'_>,
     names: &[usize],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<usize> {
     let families = &case.library.terms;
     let selection = search.solve(names);
@@ -58,7 +58,7 @@ pub(super) fn contradicted_parameter(
     let (name, _) = best.filter(|best| best.1 > MARGIN)?;
     let with: Vec<usize> = names.iter().copied().chain([name]).collect();
     let is_sure =
-        fit_quality::significance_of(case, search, &with, families[name].columns[0], seen)
+        fit_quality::significance_of(case, search, &with, families[name].columns[0], fitted_rows)
             > DEVIATION_LEAST;
     (is_sure && search.admissible(with.clone()) == with).then_some(name)
 }
@@ -85,10 +85,10 @@ fn with_fuller_forms(
         let mut with = names.clone();
         with[index] = more;
         let added = families[more].columns.iter().filter(|column| !effect.columns.contains(column));
-        let is_told = |column: &usize| {
+        let is_significant = |column: &usize| {
             fit_quality::significance_of(case, search, &with, *column, fitted_rows) > 1.0
         };
-        if added.into_iter().any(is_told) {
+        if added.into_iter().any(is_significant) {
             (names[index], all[index].candidate) = (more, more);
         }
     }

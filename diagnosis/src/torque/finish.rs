@@ -30,7 +30,7 @@ pub(super) fn finish(
     zones: Vec<Zone>,
 ) -> Diagnosis {
     let arm = &stated.model.arm;
-    let (fitted_rows, held) = (case.row_sets.seen(), &case.row_sets.test);
+    let (fitted_rows, held) = (case.row_sets.fitted(), &case.row_sets.test);
     let products = case.products(&fitted_rows);
     let search = nonlinear_parameters::search(case, &products, always);
     let given = search.solve(&[]);
@@ -153,7 +153,7 @@ pub(super) struct FitWithUncertainty {
 impl FitWithUncertainty {
     /// The fit without the rows of zones.
     fn of(case: &Case, stated: &StatedModel<'_>, search: &TermSearch<'_>, names: &[usize]) -> Self {
-        let fitted_rows = case.row_sets.seen();
+        let fitted_rows = case.row_sets.fitted();
         let selection = search.solve(names);
         let viscous = |joint| viscous(case, stated, &selection, joint);
         let (covariance, searched_sigmas) =
@@ -341,7 +341,7 @@ fn fit_with_zone_rows(
     always: &[usize],
     names: &[usize],
     zones: &[Zone],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<TermSelection> {
     if zones.is_empty() {
         return None;
@@ -349,7 +349,7 @@ fn fit_with_zone_rows(
     let mut table = case.table.clone();
     table.counts.clone_from(&table.moves);
     // Reuses the buffer of the case's sums to save memory; they are recomputed when next needed.
-    let sums = ProductCache::updated(case.sums.take(), &table, &case.library.columns, seen);
+    let sums = ProductCache::updated(case.sums.take(), &table, &case.library.columns, fitted_rows);
     let products = sums.products(case.library.prior.clone());
     case.sums.replace(Some(sums));
     Some(TermSearch { library: &case.library, products: &products, always }.solve(names))

@@ -80,10 +80,10 @@ pub(super) fn significance_of(
     search: &TermSearch<'_>,
     names: &[usize],
     column: usize,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> f64 {
     let solved = search.solve(names).solved;
-    let covariance = covariance(case, &solved, seen);
+    let covariance = covariance(case, &solved, fitted_rows);
     let index = solved.columns.iter().position(|k| *k == column);
     index.map_or(0.0, |index| solved.values[index].abs() / covariance[(index, index)].sqrt())
 }

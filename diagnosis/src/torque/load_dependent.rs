@@ -77,7 +77,7 @@ impl Case {
         }
     }
 
-    /// Torque of a joint by the model and the fitted columns that `of` accepts, N m or N.
+    /// Torque of a joint by the model and the fitted columns that `is_included` accepts, N m or N.
     fn modelled_torque(
         &self,
         solved: &LeastSquaresSolution,
@@ -92,7 +92,7 @@ impl Case {
         torque
     }
 
-    /// Rigid-body torque of a joint: that of the stated masses and of the fitted columns that `of` accepts, N m or N.
+    /// Rigid-body torque of a joint: that of the stated masses and of the fitted columns that `is_load` accepts, N m or N.
     fn rigid_body_load(
         &self,
         solved: &LeastSquaresSolution,

@@ -166,7 +166,7 @@ impl Run {
         self.start_s + sample as f64 * self.step_s
     }
 
-    /// Whether a joint moves at each row: all windows of [`REST_S`] within `after` samples span at least `least`, and no stop lies within half as
+    /// Whether a joint moves at each row: all windows of [`REST_S`] within `after` samples span at least `span_min`, and no stop lies within half as
     /// many samples.
     fn moves(&self, joint: usize, span_min: f64, after: usize) -> Vec<bool> {
         let Track { q, stops, .. } = &self.joints[joint];

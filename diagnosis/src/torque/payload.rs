@@ -95,8 +95,9 @@ fn without_rounding_errors(mut columns: Vec<Regressor>) -> Vec<Regressor> {
         |column: &Regressor| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
     let squares: Vec<f64> = columns.iter().map(square).collect();
     let negligible = ROUNDING * ROUNDING * squares[0];
-    let unfelt = columns.iter_mut().zip(&squares).filter(|(_, square)| **square < negligible);
-    unfelt.for_each(|(column, _)| column.parts.clear());
+    let negligible_columns =
+        columns.iter_mut().zip(&squares).filter(|(_, square)| **square < negligible);
+    negligible_columns.for_each(|(column, _)| column.parts.clear());
     columns
 }
 

@@ -68,7 +68,7 @@ pub(super) fn hysteresis_as_friction(
     mut names: Vec<usize>,
 ) -> Vec<usize> {
     let families = &case.library.terms;
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
     for index in 0..names.len() {
         let effect = &families[names[index]];

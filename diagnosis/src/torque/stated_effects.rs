@@ -67,7 +67,7 @@ impl StatedModel<'_> {
         }
     }
 
-    /// A refitted parameter that differs by `off` from the stated one, SI units, limited to its physical range; `None` for effects with list
+    /// A refitted parameter that differs by `change` from the stated one, SI units, limited to its physical range; `None` for effects with list
     /// parameters or values outside a range that cannot be limited.
     pub(super) fn refit(
         &self,

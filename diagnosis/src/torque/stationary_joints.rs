@@ -45,7 +45,7 @@ fn constant_torque(
     target: &[f64],
     always: &[usize],
 ) -> Option<ConstantTorque> {
-    let fitted_rows = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let mut table = case.table.clone();
     table.counts[joint] = vec![true; target.len()];
     let mean = target.iter().sum::<f64>() / target.len().max(1) as f64;

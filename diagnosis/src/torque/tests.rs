@@ -81,7 +81,7 @@ fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
     case
 }
 
-fn told(
+fn diagnosed(
     arm: &Arm,
     effects: &[AnyEffect],
     recording: Recording,
@@ -93,7 +93,7 @@ fn told(
 }
 
 pub(super) fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
-    told(arm, effects, recording).unwrap()
+    diagnosed(arm, effects, recording).unwrap()
 }
 
 fn number(diagnosis: &Diagnosis, kind: &str) -> Option<(f64, f64)> {
@@ -239,11 +239,11 @@ fn a_recording_without_motion_or_of_few_rows_is_a_doubt() {
     let force = |[_, _, a]: [f64; 3]| MASS * a;
     let mut still = recording(JointKind::Prismatic, 1.0, force);
     still.set(Channel::Motor(0), vec![0.5; still.len()]);
-    assert!(told(&slider(true), &[], still).is_err());
+    assert!(diagnosed(&slider(true), &[], still).is_err());
     let mut short = Recording::new((0..50).map(|k| 1e-3 * f64::from(k)).collect());
     short.set(Channel::Motor(0), vec![0.0; 50]);
     short.set(Channel::Torque(0), vec![f64::NAN; 50]);
-    assert!(told(&slider(true), &[], short).is_err());
+    assert!(diagnosed(&slider(true), &[], short).is_err());
 }
 
 #[test]

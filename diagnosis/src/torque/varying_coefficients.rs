@@ -249,7 +249,7 @@ pub(super) fn is_supported(
 
 /// The best law of one joint that the test set supports.
 fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<SmoothLaw> {
-    let (training, held, joint) = (&case.row_sets.seen(), &case.row_sets.test, question.joint);
+    let (training, held, joint) = (&case.row_sets.fitted(), &case.row_sets.test, question.joint);
     let mut table = case.table.clone();
     let mut evaluation = question.evaluate(&table, training);
     for _ in 1..ROUNDS {
@@ -289,7 +289,7 @@ fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<Smoo
 
 /// The law with the largest gain over all joints.
 pub(super) fn best_law(case: &Case, always: &[usize], names: &[usize]) -> Option<SmoothLaw> {
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
     let penalty = |name: usize| search.penalty(&case.library.terms[name]);
     // Reuses the buffer of the case's sums, which are recomputed when next needed.

@@ -35,7 +35,7 @@ impl Model {
         );
     }
 
-    /// The same with the effects' slopes, for joints a step `on` from those of `seen`.
+    /// The same with the effects' slopes, for joints a step `on` from those of `evaluation`.
     pub fn deviate_on(
         &self,
         inputs: &Inputs,
@@ -51,7 +51,7 @@ impl Model {
         );
     }
 
-    /// [`Model::evaluate_into`] for the geometry and loads in `seen`, computed by
+    /// [`Model::evaluate_into`] for the geometry and loads in `evaluation`, computed by
     /// [`Model::load_into`] and possibly changed since.
     pub fn evaluate_under(
         &self,
@@ -66,7 +66,7 @@ impl Model {
         evaluation.set_real(&self.arm, inputs);
     }
 
-    /// The loads for the controller's geometry in `seen`, with `beside` as an additional change.
+    /// The loads for the controller's geometry in `evaluation`, with `beside` as an additional change.
     pub fn load_beside(
         &self,
         inputs: &Inputs,

@@ -25,7 +25,7 @@ fn effects(arm: &Arm) -> Vec<AnyEffect> {
     all
 }
 
-/// Tool position with effects evaluated on the geometry of `seen`.
+/// Tool position with effects evaluated on the geometry of `chain`.
 fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, chain: &Chain) -> Chain {
     let loads = Loads::on(arm, chain, inputs.wrench_base);
     let signals = Signals { arm, inputs, chain, loads: &loads };

@@ -37,7 +37,7 @@ fn simulated_campaign(truth: &[AnyEffect], push_n: f64, seed: u64) -> Campaign {
     campaign_simulation::simulate_readings(&campaign, &model, &campaign.surroundings, 1.0, seed)
 }
 
-struct Said {
+struct SelectionSummary {
     names: Vec<(&'static str, Option<usize>)>,
     heldout_m: f64,
     before_m: f64,
@@ -45,13 +45,13 @@ struct Said {
 }
 
 /// Calibration on two thirds of the poses, with the error on the others.
-fn selected(campaign: &Campaign, base: &Model) -> Said {
+fn selected(campaign: &Campaign, base: &Model) -> SelectionSummary {
     let training: Vec<bool> = (0..campaign.poses.len()).map(|k| k % 3 != 0).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
     let found = calibrate(campaign, base, &[], &training, &ignore);
     let model = *found.advanced.fit.hypothesis.model;
     let chosen = found.advanced.chosen.iter().filter_map(|c| model.effects().nth(c.effect));
-    Said {
+    SelectionSummary {
         names: chosen.map(|e| (e.spec().kind, e.joint())).collect(),
         heldout_m: PositionErrors::of(&found.advanced.fit, campaign, &held).mean(),
         before_m: PositionErrors::of(&found.calibrated, campaign, &held).mean(),
@@ -59,7 +59,7 @@ fn selected(campaign: &Campaign, base: &Model) -> Said {
     }
 }
 
-fn value(selection: &Said, kind: &str) -> f64 {
+fn value(selection: &SelectionSummary, kind: &str) -> f64 {
     let found = selection.model.effects().find(|e| e.spec().kind == kind);
     found.map_or(f64::NAN, |effect| effect.values()[0])
 }

@@ -222,10 +222,10 @@ impl<'a> MotionBuilder<'a> {
         self.move_to(q);
     }
 
-    fn finish(self, name: String, says: String) -> Experiment {
+    fn finish(self, name: String, instruction: String) -> Experiment {
         let (joints, rows) = (self.arm.count(), self.rows);
         let kinds = self.arm.joints().iter().map(|joint| joint.kind).collect();
-        Experiment { name, says, rows, joints, kinds }
+        Experiment { name, says: instruction, rows, joints, kinds }
     }
 }
 
@@ -306,7 +306,7 @@ fn tour_poses(arm: &Arm, count: usize) -> Vec<Joints> {
 }
 
 /// The same poses under each of these forces, and once more at high speed if `fast`.
-fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Experiment {
+fn tour(arm: &Arm, name: &str, instruction: &str, forces: &[DVec3], fast: bool) -> Experiment {
     let poses = tour_poses(arm, TOUR_POSES);
     let mut going = MotionBuilder::start_at(arm, poses[0]);
     for (round, force) in forces.iter().enumerate() {
@@ -323,7 +323,7 @@ fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Expe
         going.fast = true;
         poses.iter().for_each(|q| going.move_to(*q));
     }
-    going.finish(name.to_owned(), says.to_owned())
+    going.finish(name.to_owned(), instruction.to_owned())
 }
 
 fn warm_up(arm: &Arm) -> Experiment {

@@ -77,7 +77,7 @@ pub(super) fn finish(
     rows: &Rows,
     names: &[usize],
 ) -> CutComparison {
-    let fitted_rows = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let (mut names, is_patched) = tested_effects(&mut case, names, &fitted_rows);
     // An effect is evaluated in its selected form, and reported with all of its parameters.
     let mut weighed = assess_and_replace(&mut case, &mut names, &fitted_rows);
@@ -261,14 +261,14 @@ fn fit(case: &mut Case, names: &[usize], fitted_rows: &[bool]) {
 fn assess_effects(
     case: &Case,
     names: &[usize],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> BTreeMap<&'static str, AssessedEffect> {
-    let products = case.products(seen);
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(names);
     let one = |name: &usize| {
         let kind = case.library.terms[*name].kind;
-        (kind, parameters::assess_effect(case, &search, &selection, *name, seen))
+        (kind, parameters::assess_effect(case, &search, &selection, *name, fitted_rows))
     };
     names.iter().map(one).collect()
 }
@@ -277,14 +277,16 @@ fn assess_effects(
 fn assess_and_replace(
     case: &mut Case,
     names: &mut Vec<usize>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> BTreeMap<&'static str, AssessedEffect> {
     for _ in 0..SWAPS {
-        let weighed = assess_effects(case, names, seen);
-        let Some(better) = improved_selection(case, names, &weighed, seen) else { return weighed };
-        *names = supported_effects(case, &better, seen);
+        let weighed = assess_effects(case, names, fitted_rows);
+        let Some(better) = improved_selection(case, names, &weighed, fitted_rows) else {
+            return weighed;
+        };
+        *names = supported_effects(case, &better, fitted_rows);
     }
-    assess_effects(case, names, seen)
+    assess_effects(case, names, fitted_rows)
 }
 
 /// The effects with one replaced by a more probable alternative, or without one whose gain is below its penalty; `None` if there is neither.
@@ -292,9 +294,9 @@ fn improved_selection(
     case: &Case,
     names: &[usize],
     weighed: &BTreeMap<&'static str, AssessedEffect>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<Vec<usize>> {
-    let products = case.products(seen);
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let families = &case.library.terms;
     let tested = || names.iter().filter(|name| !families[**name].corrects_stated);

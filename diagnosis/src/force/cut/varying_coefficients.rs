@@ -277,7 +277,7 @@ fn confirmed_law(
         return None;
     }
     let held = &case.row_sets.test;
-    let both = lefts(&case.row_sets.seen());
+    let both = lefts(&case.row_sets.fitted());
     if !explains(&both, held) {
         return None;
     }

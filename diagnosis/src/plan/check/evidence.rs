@@ -221,13 +221,13 @@ pub(super) fn p_below(freedom: usize, sum: f64) -> f64 {
 }
 
 /// Noncentrality at which a χ² test of size `alarm` has the given power.
-pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
+pub(super) fn minimum_detectable(freedom: usize, alarm: f64, power: f64) -> f64 {
     let Ok(chi) = ChiSquared::new(freedom as f64) else { return f64::INFINITY };
     let bound = chi.inverse_cdf(1.0 - alarm);
     let (mut low, mut high) = (0.0, 1e3);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if seen(freedom, middle, bound) < power {
+        if detection_power(freedom, middle, bound) < power {
             low = middle;
         } else {
             high = middle;
@@ -237,7 +237,7 @@ pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
 }
 
 /// Probability of a noncentral χ² variable above `bound`, as a Poisson mixture of central ones (Johnson, Kotz and Balakrishnan 1995, chapter 29).
-fn seen(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
+fn detection_power(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
     let half = 0.5 * noncentrality;
     let (mut log_weight, mut sum) = (-half, 0.0);
     for k in 0..2000_usize {
@@ -260,7 +260,7 @@ mod tests {
     fn what_is_seen_as_surely_as_asked_is_what_tables_say() {
         // Cohen 1988 (table of noncentralities): alarm 0.05, power 0.80.
         for (freedom, expected) in [(1, 7.849), (2, 9.635), (3, 10.903), (6, 13.624)] {
-            let found = least_seen(freedom, 0.05, 0.80);
+            let found = minimum_detectable(freedom, 0.05, 0.80);
             assert!((found - expected).abs() < 0.01, "{freedom}: {found}");
         }
         assert!((p_above(6, 12.592) - 0.05).abs() < 1e-4);

@@ -10,7 +10,7 @@ use crate::torque::regressors::{TorqueTerm, maxwell_slip, shortest_reversal};
 use crate::torque::reinterpretation;
 
 /// The pendulum, with its mass unstated.
-fn bare() -> Arm {
+fn unstated_pendulum() -> Arm {
     let whole = pendulum();
     let mut joint = whole.joints()[0];
     joint.link = None;
@@ -23,8 +23,8 @@ fn friction_that_is_stated_rubs_under_masses_that_nobody_stated() {
         let arm = pendulum();
         let rub = effect(&arm, "load_friction", &[("coefficient", &[coefficient])]);
         let made = driven(&arm, &[rub], JointKind::Revolute, 0.05);
-        let stated = effect(&bare(), "load_friction", &[("coefficient", &[0.1])]);
-        of(&bare(), &[stated], made)
+        let stated = effect(&unstated_pendulum(), "load_friction", &[("coefficient", &[0.1])]);
+        of(&unstated_pendulum(), &[stated], made)
     };
     let same = rubs(0.1);
     assert!(same.findings.is_empty(), "{:?}", same.findings);

@@ -21,7 +21,7 @@ fn a_stated_number_far_off_its_doubt_is_told_where_what_stood_for_it_fell() {
         let mut case = Case::new(&stated, &[made], None, 1);
         case.estimate_noise();
         case.ignore_autocorrelation();
-        let fitted_rows = case.row_sets.seen();
+        let fitted_rows = case.row_sets.fitted();
         let products = case.products(&fitted_rows);
         let search = nonlinear_parameters::search(&case, &products, &case.always_fitted);
         let name = final_checks::contradicted_parameter(&case, &search, &[], &fitted_rows);
@@ -78,7 +78,7 @@ fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
     case.ignore_autocorrelation();
     let mut families = case.library.terms.iter();
     let name = families.position(|f| f.kind == "friction_temperature").unwrap();
-    let fitted_rows = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     nonlinear_parameters::fit_temperature_coefficients(
         &mut case,
         &[name],
@@ -132,7 +132,7 @@ fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
         case.library.add_ripple(&case.motion, 0, cycles);
         case.ignore_autocorrelation();
         let wave = vec![case.library.terms.len() - 1];
-        let fitted_rows = case.row_sets.seen();
+        let fitted_rows = case.row_sets.fitted();
         let products = case.products(&fitted_rows);
         let search = nonlinear_parameters::search(&case, &products, &case.always_fitted);
         let significant_terms = significant(
@@ -153,7 +153,7 @@ fn rows_more_are_as_likely_as_numbers_of_these_few_foretell_them() {
     case.ignore_autocorrelation();
     let families = &case.library.terms;
     let dry = families.iter().find(|family| family.kind == "coulomb_friction").unwrap().columns[0];
-    let (few, all) = (case.products(&case.row_sets.train), case.products(&case.row_sets.seen()));
+    let (few, all) = (case.products(&case.row_sets.train), case.products(&case.row_sets.fitted()));
     let log_likelihood = all.log_marginal_likelihood(&[dry]) - few.log_marginal_likelihood(&[dry]);
     // Computed by hand for one parameter: predictive log-likelihood of additional rows under the noise and the parameter's uncertainty.
     let [one, both] = [&few, &all].map(|products| (products.gram[(dry, dry)], products.right[dry]));

@@ -114,7 +114,7 @@ fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less
     let force =
         |[_, v, a]: [f64; 3]| MASS * a + 10.0 * v.signum() * libm::exp(-(v / speed) * (v / speed));
     let mut case = case(slider(true), 1.0, force);
-    let fitted_rows = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(&case, &products, &[]).select(&[]);
     nonlinear_parameters::search_parameters(&mut case, &selection, &[], &fitted_rows);
@@ -143,13 +143,13 @@ fn a_law_that_makes_the_plain_error_on_unseen_rows_larger_is_none() {
     let noise: Vec<f64> = noise.take(case.table.rows()).collect();
     let held = case.row_sets.test.clone();
     case.table.noise[0] =
-        noise::estimate_from_residual(&case.table, 0, &noise, &case.row_sets.seen(), 0.0);
+        noise::estimate_from_residual(&case.table, 0, &noise, &case.row_sets.fitted(), 0.0);
     // The law removes the fast part, but leaves a constant offset, which counts little against autocorrelated noise.
     let before: Vec<f64> =
         noise.iter().enumerate().map(|(k, x)| x + if k % 8 < 4 { 0.1 } else { -0.1 }).collect();
     let after = |level: f64| noise.iter().map(|x| x + level).collect::<Vec<f64>>();
-    let is_told =
+    let is_law_supported =
         |level| varying_coefficients::is_supported(&case.table, 0, [&before, &after(level)], &held);
     assert!(fit_quality::is_supported(&case.table, 0, [&before, &after(1.0)], &held));
-    assert!(is_told(0.0) && !is_told(1.0));
+    assert!(is_law_supported(0.0) && !is_law_supported(1.0));
 }
