@@ -97,7 +97,7 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
     let mut backward = forward.clone();
     let mut law: Vec<f64> = Vec::new();
     let mut left = 1.0;
-    let price = (count as f64).ln() / count as f64;
+    let penalty = (count as f64).ln() / count as f64;
     let mut best = (0.0, Vec::new(), 1.0);
     for order in 1..=ORDER_MAX {
         let (mut product, mut energy) = (0.0, 0.0);
@@ -120,7 +120,7 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
         law.iter_mut().zip(before.iter().rev()).for_each(|(a, back)| *a -= reflection * back);
         law.push(reflection);
         left *= 1.0 - reflection * reflection;
-        let worth = -left.ln() - order as f64 * price;
+        let worth = -left.ln() - order as f64 * penalty;
         if worth > best.0 {
             best = (worth, law.clone(), left.sqrt());
         }

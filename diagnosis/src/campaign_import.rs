@@ -54,7 +54,7 @@ struct WantedRows<'a> {
 impl WantedRows<'_> {
     const ALL: Self = Self { kept: None, read: None };
 
-    fn keeps(&self, row: usize) -> bool {
+    fn is_kept(&self, row: usize) -> bool {
         self.kept.is_none_or(|kept| kept.get(row) == Some(&true))
     }
 
@@ -246,7 +246,7 @@ impl<'a> Reader<'a> {
             if wanted.reads(row) {
                 pose.seen = self.observations(pose.row, surroundings, instruments)?;
             }
-            if wanted.keeps(row) {
+            if wanted.is_kept(row) {
                 poses.push(pose);
             }
             Ok(())
@@ -262,9 +262,9 @@ impl<'a> Reader<'a> {
         let mut last: Option<Inputs> = None;
         let mut start_s = 0.0;
         for (row, now_s) in t_s.iter().enumerate() {
-            let goes_on = self.goes_on(row);
-            let before = last.as_ref().filter(|_| goes_on);
-            start_s = if goes_on { start_s } else { *now_s };
+            let is_contiguous = self.is_contiguous(row);
+            let before = last.as_ref().filter(|_| is_contiguous);
+            start_s = if is_contiguous { start_s } else { *now_s };
             let inputs = self.inputs(row, now_s - start_s, before)?;
             let follows = metadata.kind == RecordingKind::Path
                 || metadata.approach == DirectionSource::Sequence;
@@ -277,7 +277,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Whether a row belongs to the same segment as the preceding one.
-    fn goes_on(&self, row: usize) -> bool {
+    fn is_contiguous(&self, row: usize) -> bool {
         let segment = &self.recording.segment;
         row > 0 && segment.get(row) == segment.get(row - 1)
     }

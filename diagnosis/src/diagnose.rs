@@ -328,7 +328,7 @@ fn finish(
     let progress = StageProgress::begin(listener, Stage::Experiment);
     let next_experiment = design.propose(&selected, progress);
     let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
-        .map(|suspicion| suspicion.message);
+        .map(|suspected| suspected.message);
     let notes = outlier_note(&last, &campaign).into_iter().collect();
     Diagnosis {
         verdict,

@@ -321,12 +321,12 @@ impl<'a> Fitter<'a> {
         let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (place, one) in lengths.iter().enumerate() {
             let run = runs.entry((one.instrument, one.stream)).or_default();
-            let goes_on = run.last().is_some_and(|last: &usize| {
+            let is_contiguous = run.last().is_some_and(|last: &usize| {
                 is_next_row(self.campaign, lengths[*last].pose, one.pose)
                     && self.campaign.recordings[self.campaign.poses[one.pose].recording].is_path
             });
             let is_far = weight(Influence::Redescending, one.count, size(one)) < 1.0;
-            if !(goes_on && is_far) {
+            if !(is_contiguous && is_far) {
                 run.clear();
             }
             if is_far {

@@ -178,15 +178,16 @@ fn consistent_rows(rows: &[ReferenceRow]) -> Option<(Vec<bool>, usize)> {
     if deviations.iter().any(|deviation| NORMAL * deviation > SCATTER_MAX_M) {
         return None;
     }
-    let strangeness = |distances: &Vec<f64>| {
+    let inconsistency = |distances: &Vec<f64>| {
         let one = |k: usize| {
             (distances[k] - middles[k]).abs() / (NORMAL * deviations[k]).max(REPEATABILITY_M)
         };
         (0..pairs).map(one).fold(0.0, f64::max)
     };
-    let strangeness: Vec<f64> = all.iter().map(strangeness).collect();
-    let ordinary = (0..rows.len()).min_by(|a, b| strangeness[*a].total_cmp(&strangeness[*b]))?;
-    let sound: Vec<bool> = strangeness.iter().map(|s| *s <= INCONSISTENT_FACTOR).collect();
+    let inconsistency: Vec<f64> = all.iter().map(inconsistency).collect();
+    let ordinary =
+        (0..rows.len()).min_by(|a, b| inconsistency[*a].total_cmp(&inconsistency[*b]))?;
+    let sound: Vec<bool> = inconsistency.iter().map(|s| *s <= INCONSISTENT_FACTOR).collect();
     (sound[ordinary] && !on_a_line(&rows[ordinary].nests)).then_some((sound, ordinary))
 }
 

@@ -81,11 +81,11 @@ pub fn detect_global_errors(campaign: &Campaign, model: &Model) -> Vec<Suspected
         .filter(|(s, reach)| {
             s.after_m < REMEDY * before_m && s.after_m < UNEXPLAINED_FRACTION * reach
         })
-        .map(|(suspicion, _)| suspicion)
+        .map(|(suspected, _)| suspected)
         .collect();
     // Two remedies may be equivalent; of these the earlier one is taken, independent of rounding.
     let step =
-        |suspicion: &SuspectedError| (suspicion.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
+        |suspected: &SuspectedError| (suspected.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
     found.sort_by(|a, b| step(a).total_cmp(&step(b)));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);

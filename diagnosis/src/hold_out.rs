@@ -59,10 +59,10 @@ impl HoldOutSplit {
         for pose in order {
             if sides[pose].is_none() {
                 let trains = drawn < trained;
-                for twin in index.repeats(campaign, pose) {
-                    if sides[twin].is_none() {
-                        sides[twin] = Some(trains);
-                        training[twin] = trains;
+                for repeat in index.repeats(campaign, pose) {
+                    if sides[repeat].is_none() {
+                        sides[repeat] = Some(trains);
+                        training[repeat] = trains;
                         drawn += usize::from(trains);
                     }
                 }
@@ -174,10 +174,10 @@ pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
         let before = k.checked_sub(1).map(|b| &campaign.poses[b]);
-        let goes_on = before.is_some_and(|before| {
+        let is_contiguous = before.is_some_and(|before| {
             before.recording == pose.recording && before.inputs.time_s < pose.inputs.time_s
         });
-        match runs.last_mut().filter(|_| goes_on) {
+        match runs.last_mut().filter(|_| is_contiguous) {
             Some(run) => run.end = k + 1,
             None => runs.push(k..k + 1),
         }

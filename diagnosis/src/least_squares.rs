@@ -72,8 +72,8 @@ impl FitState {
         let own_widths = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
         own_widths.for_each(|(width, _)| *width *= NONLINEAR_SIZE_FACTOR);
         let (mut fitted, mut others) = split_identifiable(data, &widths);
-        let is = |column: usize, belief: PriorSource| {
-            column.checked_sub(first).is_some_and(|k| free[k].prior_source == belief)
+        let is = |column: usize, source: PriorSource| {
+            column.checked_sub(first).is_some_and(|k| free[k].prior_source == source)
         };
         if free.iter().any(|free| free.prior_source == PriorSource::Tolerance) {
             let mut believed = data.clone();
@@ -261,7 +261,7 @@ fn neighbouring_inputs<'a>(
     index: usize,
 ) -> [Option<&'a Inputs>; 4] {
     let poses = &campaign.poses;
-    let goes_on = |from: &usize| {
+    let is_contiguous = |from: &usize| {
         let next = poses.get(from + 1);
         let is_one = |next: &Pose| poses[*from].recording == next.recording;
         next.is_some_and(|next| is_one(next) && next.arrival == Arrival::FromPrevious)
@@ -271,9 +271,9 @@ fn neighbouring_inputs<'a>(
     if source.is_none_or(|source| !source.is_path || source.reads_back) {
         return [None, None, Some(inputs(index)), None];
     }
-    let before = index.checked_sub(1).filter(goes_on);
-    let first = before.and_then(|k| k.checked_sub(1)).filter(goes_on);
-    let after = goes_on(&index).then_some(index + 1);
+    let before = index.checked_sub(1).filter(is_contiguous);
+    let first = before.and_then(|k| k.checked_sub(1)).filter(is_contiguous);
+    let after = is_contiguous(&index).then_some(index + 1);
     [first, before, Some(index), after].map(|pose| pose.map(inputs))
 }
 

@@ -248,9 +248,10 @@ fn run(
     let dynamics = dynamics(model)?;
     // The measured motor motion already contains delay and lag.
     let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
-    let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
+    let is_same_segment =
+        |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
     let (mut states, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
-    for segment in rows.chunk_by(goes_on) {
+    for segment in rows.chunk_by(is_same_segment) {
         let mut inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
         match drive_motion {
             DriveMotion::NotSimulated => {}

@@ -87,8 +87,8 @@ mod tests {
     #[test]
     fn a_third_of_wild_readings_hardly_moves_the_scale() {
         let clean = (0..200).map(|i| (3, norm_at_deviate(3, -2.0 + 0.02 * f64::from(i))));
-        let wild = (0..100).map(|_| (3, 1e6));
-        let found = robust_noise_factor(clean.chain(wild)).expect("readings");
+        let outliers = (0..100).map(|_| (3, 1e6));
+        let found = robust_noise_factor(clean.chain(outliers)).expect("readings");
         assert!((0.9..1.6).contains(&found), "{found}");
     }
 }

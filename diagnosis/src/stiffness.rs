@@ -180,10 +180,10 @@ pub fn estimate_joint_by_joint(
             .map(|case| joint_rotation(arm, case, &found.value, noise_m))
             .collect();
         let load: f64 = rotations.iter().map(|s| s.torque * s.torque / s.variance).sum();
-        let mut shows = QrFactor::new(1);
-        shows.push_one(0, load.sqrt(), 0.0);
-        shows.reduce();
-        if split_identifiable(&shows, &[WIDEST]).0.is_empty() {
+        let mut loads = QrFactor::new(1);
+        loads.push_one(0, load.sqrt(), 0.0);
+        loads.reduce();
+        if split_identifiable(&loads, &[WIDEST]).0.is_empty() {
             found.undetermined.push(joint);
             continue;
         }

@@ -15,8 +15,8 @@ const STEP: f64 = 1e-4;
 
 /// Whether an effect changes the loads or depends on them.
 pub(crate) fn changes_or_uses_loads(spec: &Spec) -> bool {
-    let gives_way = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
-    spec.acts_on == ActsOn::Loads || gives_way
+    let needs_loads = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+    spec.acts_on == ActsOn::Loads || needs_loads
 }
 
 /// The free parameters of a hypothesis, prepared for evaluation at many poses.

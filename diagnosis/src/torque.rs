@@ -270,9 +270,9 @@ fn select_effects(
     let mut doubted = case.always_fitted.clone();
     doubted.extend(&case.stated_mass_columns);
     let mut best: Option<(f64, Vec<usize>, TermSelection)> = None;
-    let beliefs =
+    let column_sets =
         if case.stated_mass_columns.is_empty() { vec![exact] } else { vec![exact, doubted] };
-    for always in beliefs {
+    for always in column_sets {
         let mut names = start.to_vec();
         let mut selection = None;
         for round in 0..=RIPPLE_ROUNDS {
@@ -281,11 +281,11 @@ fn select_effects(
             let chosen = search.select(&names);
             progress.selected(chosen.terms.len());
             let moved = case.recentre_payloads(&chosen) | case.update_delay(&chosen);
-            let goes_on = round < RIPPLE_ROUNDS
+            let has_changed = round < RIPPLE_ROUNDS
                 && (nonlinear_parameters::find_ripple(case, &chosen, used) || moved);
             names.clone_from(&chosen.terms);
             selection = Some(chosen);
-            if !goes_on {
+            if !has_changed {
                 break;
             }
         }

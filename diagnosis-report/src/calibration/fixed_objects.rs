@@ -64,12 +64,12 @@ fn object_parameter(
 /// One line per object: `sphere 1: x 800.123 ± 0.004, …`.
 pub(super) fn lines(numbers: &[ObjectParameter]) -> Vec<String> {
     let whole = numbers.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
-    let number = |thing: &ObjectParameter| {
-        let value = format!("{:.3}", thing.value_mm?);
-        let sigma = thing.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
+    let number = |parameter: &ObjectParameter| {
+        let value = format!("{:.3}", parameter.value_mm?);
+        let sigma = parameter.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
         Some(format!(
             "{} {value}{}",
-            thing.what,
+            parameter.what,
             sigma.unwrap_or_else(|| " (not determined)".to_owned())
         ))
     };

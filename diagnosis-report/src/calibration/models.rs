@@ -141,11 +141,11 @@ impl FittedModels {
         // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend
         // on the seed. Poses that a recording reserves for validation are used in no fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
-        let anew = |used: &[bool]| {
+        let recalibrated = |used: &[bool]| {
             hold_out::calibrate(campaign, &base.physics, &base.sigma, used, &ignore).advanced
         };
         let (calibration, written) = std::thread::scope(|scope| {
-            let written = seed.is_some().then(|| scope.spawn(|| anew(&used)));
+            let written = seed.is_some().then(|| scope.spawn(|| recalibrated(&used)));
             let proven =
                 hold_out::calibrate(campaign, &base.physics, &base.sigma, training, listener);
             listener(Stage::CalibrationAllPoses, Progress::Begun);
@@ -154,7 +154,7 @@ impl FittedModels {
         let written = match written {
             None => calibration.advanced.clone(),
             Some(Ok(written)) => written,
-            Some(Err(_)) => anew(&used),
+            Some(Err(_)) => recalibrated(&used),
         };
         Self { calibration, written, used }
     }

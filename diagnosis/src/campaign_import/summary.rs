@@ -119,8 +119,9 @@ impl<'a> SummaryBuilder<'a> {
         let (mut run, mut any) = (self.time_s.len(), false);
         reader.follow(|pose| {
             let k = self.time_s.len();
-            let goes_on = self.time_s.last().is_some_and(|before| *before < pose.inputs.time_s);
-            if k > run && !goes_on {
+            let is_contiguous =
+                self.time_s.last().is_some_and(|before| *before < pose.inputs.time_s);
+            if k > run && !is_contiguous {
                 self.end(run..k, is_path);
                 run = k;
             }

@@ -129,10 +129,10 @@ pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidat
         return Vec::new();
     }
     let one = |joint: usize| {
-        let carries = largest_load(arm, campaign, |loads| loads.torque(joint)) > 0.0;
+        let carries_load = largest_load(arm, campaign, |loads| loads.torque(joint)) > 0.0;
         let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
         let built = AnyEffect::build("joint_compliance", arm, Some(joint), ParameterValues(given));
-        built.ok().filter(|_| carries).map(|effect| Candidate::of_values(&effect))
+        built.ok().filter(|_| carries_load).map(|effect| Candidate::of_values(&effect))
     };
     (0..arm.count()).filter_map(one).collect()
 }

@@ -94,10 +94,10 @@ fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
 
 /// Errors of a force sensor. They are visible only through the compliances that the model states.
 fn force_sensor_errors(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
-    let gives_way = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
+    let is_compliant = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
     let pushed = |pose: &crate::Pose| pose.inputs.wrench_base != physics::Wrench::ZERO;
     let mut list = CandidateList::new(&model.arm, campaign);
-    if model.effects().any(gives_way) && campaign.poses.iter().any(pushed) {
+    if model.effects().any(is_compliant) && campaign.poses.iter().any(pushed) {
         list.add_effect("wrench_bias", None, &[("bias", &[0.0; 3]), ("bias_Nm", &[0.0; 3])]);
         list.add_effect("wrench_scale", None, &[("scale", &[0.0; 6])]);
         list.add_effect("wrench_misalignment", None, &[("turn", &[0.0; 3])]);

@@ -133,8 +133,8 @@ fn detrended(run: &ScalarResiduals, covariates: &[Covariate], taken: CovariateCh
 fn contiguous_sections(campaign: &Campaign, run: &ScalarResiduals, left: &[f64]) -> Vec<Vec<f64>> {
     let mut pieces: Vec<Vec<f64>> = Vec::new();
     for (k, value) in left.iter().enumerate() {
-        let goes_on = k > 0 && is_next_row(campaign, run.poses[k - 1], run.poses[k]);
-        match pieces.last_mut().filter(|_| goes_on) {
+        let is_contiguous = k > 0 && is_next_row(campaign, run.poses[k - 1], run.poses[k]);
+        match pieces.last_mut().filter(|_| is_contiguous) {
             Some(piece) => piece.push(*value),
             None => pieces.push(vec![*value]),
         }

@@ -176,11 +176,13 @@ impl Diagnosis {
     /// The final model without this finding.
     fn model_without(&self, finding: &Finding) -> Hypothesis {
         let whole = &self.fit.hypothesis;
-        let Some(had) = &finding.stated else { return whole.without(finding.effect_index) };
+        let Some(stated_values) = &finding.stated else {
+            return whole.without(finding.effect_index);
+        };
         let mut without = whole.clone();
-        without
-            .model
-            .change(finding.effect_index, |effect| effect.values_mut().copy_from_slice(had));
+        without.model.change(finding.effect_index, |effect| {
+            effect.values_mut().copy_from_slice(stated_values)
+        });
         without
     }
 

@@ -129,8 +129,8 @@ pub(super) fn subsample(
             pose.seen.clear();
         },
     );
-    let mut keeps = kept.iter();
-    campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
+    let mut is_kept = kept.iter();
+    campaign.poses.retain(|_| *is_kept.next().unwrap_or(&true));
     relink_poses(campaign);
     notes.push(note);
     kept

@@ -112,12 +112,12 @@ pub(super) struct Search<'a> {
     pub(super) progress: StageProgress<'a>,
 }
 
-/// A preselection from the empty selection: a few rounds of selection and fit, which end early at `many` effects or if the effects no longer change.
+/// A preselection from the empty selection: a few rounds of selection and fit, which end early at `count_max` effects or if the effects no longer change.
 /// Also returns the candidates that were searched for outside the dictionary.
 pub(super) fn preselect(
     search: &Search<'_>,
     base: &Fit,
-    many: usize,
+    count_max: usize,
 ) -> (EffectSelection, Vec<LinearisedCandidate>) {
     let mut selection = EffectSelection::none(base);
     let also = search.searched_candidates(&selection);
@@ -126,7 +126,7 @@ pub(super) fn preselect(
         let is_unchanged = keys(&next.selected) == keys(&selection.selected);
         selection = next;
         search.progress.selected(selection.selected.len());
-        if is_unchanged || selection.selected.len() >= many {
+        if is_unchanged || selection.selected.len() >= count_max {
             break;
         }
     }

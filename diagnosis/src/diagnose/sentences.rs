@@ -14,8 +14,8 @@ impl EffectFormatter<'_> {
     /// Parameter `k` (its change, if the model states one) in the unit of files.
     fn value(&self, k: usize) -> f64 {
         let kind = if self.is_prismatic { JointKind::Prismatic } else { JointKind::Revolute };
-        let had = self.stated.and_then(|had| had.get(k)).copied().unwrap_or(0.0);
-        let value = self.effect.values().get(k).copied().unwrap_or(0.0) - had;
+        let stated = self.stated.and_then(|stated| stated.get(k)).copied().unwrap_or(0.0);
+        let value = self.effect.values().get(k).copied().unwrap_or(0.0) - stated;
         parameter_key(self.effect, k)
             .map_or(value, |n| value / n.parameter.unit.suffix_and_si(kind).1)
     }

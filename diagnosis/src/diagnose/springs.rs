@@ -28,7 +28,7 @@ impl Search<'_> {
     ) -> Vec<Candidate> {
         let model = &selection.fit.hypothesis.model;
         let is_at = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
-        let gives_way = |joint: &usize| {
+        let is_compliant = |joint: &usize| {
             model
                 .effects()
                 .any(|effect| changes_or_uses_loads(effect.spec()) && is_at(effect, *joint))
@@ -51,7 +51,7 @@ impl Search<'_> {
             );
             self.best_spring(&ScoreTest::new(self.campaign, &without, &self.settings), joint, &free)
         };
-        (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
+        (0..model.arm.count()).filter(is_compliant).filter_map(best).collect()
     }
 
     /// The best spring of a joint beside the effects of `fitted`, with its shape fitted together with the parameters `free`.

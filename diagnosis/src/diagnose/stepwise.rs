@@ -78,17 +78,19 @@ impl<'a> StepwiseSelection<'a> {
         let mut of_selection = Vec::with_capacity(selected.len());
         for one in selected {
             let effect = fit.hypothesis.model.effects().nth(one.effect);
-            let had = &search
+            let stated_values = &search
                 .known
                 .model
                 .effects()
                 .nth(one.effect)
                 .filter(|_| one.previous_priors.is_some());
-            let had = had.map_or(&[][..], |had| had.values());
+            let stated_values =
+                stated_values.map_or(&[][..], |stated_values| stated_values.values());
             // Every selected effect gets an entry, so that the indices follow the order of the selection.
             let unfitted = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
-            let (candidate, linearised_at) =
-                effect.map_or_else(unfitted, |effect| one.candidate.relinearised(arm, effect, had));
+            let (candidate, linearised_at) = effect.map_or_else(unfitted, |effect| {
+                one.candidate.relinearised(arm, effect, stated_values)
+            });
             // A correction replaces the dictionary's candidate of the same effect; any other effect may be selected a second time with other values.
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
@@ -170,7 +172,7 @@ impl<'a> StepwiseSelection<'a> {
     /// Whether a candidate is compatible with others: it must not describe the same error as one of them, and stiffening needs a compliance of the
     /// joint.
     fn is_compatible(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
-        let gives_way = |effect: &AnyEffect| {
+        let is_compliant = |effect: &AnyEffect| {
             effect.joint() == candidate.joint
                 && ["joint_compliance", "gravity_compliance", "load_compliance"]
                     .contains(&effect.spec().kind)
@@ -180,8 +182,11 @@ impl<'a> StepwiseSelection<'a> {
             .first()
             .is_some_and(|probe| matches!(probe.effect, AnyEffect::StiffnessHardening(_)));
         let grounded = !needs_ground
-            || beside.iter().flat_map(|other| other.probes.first()).any(|p| gives_way(&p.effect))
-            || self.given.effects().any(gives_way);
+            || beside
+                .iter()
+                .flat_map(|other| other.probes.first())
+                .any(|p| is_compliant(&p.effect))
+            || self.given.effects().any(is_compliant);
         grounded && !beside.iter().any(|other| candidate.excludes(other))
     }
 
@@ -307,7 +312,7 @@ impl<'a> StepwiseSelection<'a> {
             }
             let mut merged = self.clone();
             pair.iter().for_each(|place| merged.gram.remove(*place));
-            let brings =
+            let improvement_lost =
                 (merged.gram.residual_sum() - self.gram.residual_sum()) / self.design_effect;
             // Each of the two alone was already considered before the other was selected.
             let names = pair.map(|place| key(&self.entries[place].candidate));
@@ -318,7 +323,9 @@ impl<'a> StepwiseSelection<'a> {
             merged.selected.retain(|place| !pair.contains(place));
             merged.selected.push(place);
             let cost = merged.cost();
-            if cost < cost_min.min(cost_now + MERGE_INCREASE_MAX.max(MERGE_INCREASE_SHARE * brings))
+            if cost
+                < cost_min
+                    .min(cost_now + MERGE_INCREASE_MAX.max(MERGE_INCREASE_SHARE * improvement_lost))
             {
                 (cost_min, best) = (cost, Some(merged));
             }
@@ -357,14 +364,14 @@ impl<'a> StepwiseSelection<'a> {
         let mut keys_seen = vec![key(&self.entries[place_now].candidate)];
         let (mut close, mut variants) = (Vec::new(), Vec::new());
         let arm = &selection.fit.hypothesis.model.arm;
-        for (place, would, _) in self.ranked_candidates(&gram, &[place_now]) {
+        for (place, estimate, _) in self.ranked_candidates(&gram, &[place_now]) {
             let entry = &self.entries[place];
             let name = key(&entry.candidate);
-            let behind = (gain.gain - would.gain) / self.design_effect;
+            let behind = (gain.gain - estimate.gain) / self.design_effect;
             let is_variant =
                 name == keys_seen[0] && !entry.fixed.is_empty() && entry.nonlinear_count() == 0;
             if is_variant && behind < VARIANT_LOSS_MAX {
-                variants.extend(entry.candidate.effect(arm, &would.estimates));
+                variants.extend(entry.candidate.effect(arm, &estimate.estimates));
             }
             // Linearised at zero width, backlash differs from backlash of the width that a fit finds, so forms of the same law are always fitted.
             let is_same_law =
@@ -373,15 +380,15 @@ impl<'a> StepwiseSelection<'a> {
                 < 2.0 * INDISTINGUISHABLE_LOSS + LOSS_SHARE_MAX * gain.gain / self.design_effect;
             if !keys_seen.contains(&name) && (may_come || is_same_law) {
                 keys_seen.push(name);
-                close.insert(if is_same_law { 0 } else { close.len() }, (place, would));
+                close.insert(if is_same_law { 0 } else { close.len() }, (place, estimate));
             }
         }
         let fitted = ALTERNATIVES_FITTED_MAX
             .min(ALTERNATIVES_FITTED_IN_ALL / selection.selected.len().max(1))
             .max(1);
         let mut alternatives = Vec::new();
-        for (place, would) in close.into_iter().take(fitted) {
-            let rival = self.alternative(search, selection, k, place, &would, gain.gain);
+        for (place, estimate) in close.into_iter().take(fitted) {
+            let rival = self.alternative(search, selection, k, place, &estimate, gain.gain);
             alternatives
                 .extend(rival.filter(|rival| rival.likelihood_loss < 2.0 * INDISTINGUISHABLE_LOSS));
         }
@@ -406,13 +413,13 @@ impl StepwiseSelection<'_> {
         selection: &EffectSelection,
         k: usize,
         place: usize,
-        would: &CandidateEstimate,
+        estimate: &CandidateEstimate,
         gain: f64,
     ) -> Option<AlternativeEffect> {
         let entry = &self.entries[place];
         let fit = &selection.fit;
         let arm = &fit.hypothesis.model.arm;
-        let numbers = would.parameter_count + entry.nonlinear_count();
+        let numbers = estimate.parameter_count + entry.nonlinear_count();
         let changes = entry.candidate.changes();
         let alternative_of =
             |likelihood_loss: f64, effect, candidate, estimates| AlternativeEffect {
@@ -428,17 +435,17 @@ impl StepwiseSelection<'_> {
             };
         let named = &selection.selected[k];
         if !self.needs_fit(named, entry) {
-            let behind = 0.5 * (gain - would.gain) / self.design_effect;
-            let effect = entry.candidate.effect(arm, &would.estimates)?;
+            let behind = 0.5 * (gain - estimate.gain) / self.design_effect;
+            let effect = entry.candidate.effect(arm, &estimate.estimates)?;
             return Some(alternative_of(
                 behind,
                 effect,
                 entry.candidate.clone(),
-                would.estimates.clone(),
+                estimate.estimates.clone(),
             ));
         }
         let mut hypothesis = hypothesis_without(fit, &search.known.model, &[named]);
-        let (index, _) = Search::add_candidate(&mut hypothesis, entry, &would.estimates)?;
+        let (index, _) = Search::add_candidate(&mut hypothesis, entry, &estimate.estimates)?;
         let whole = *self.full_sum.get_or_init(|| {
             refit_with_fixed_weights(search.campaign, &fit.hypothesis, fit, search.settings.used)
                 .sum_of_squares
@@ -448,7 +455,7 @@ impl StepwiseSelection<'_> {
         let effect = *fitted.hypothesis.model.effects().nth(index)?;
         let behind = 0.5 * (fitted.sum_of_squares - whole) / self.design_effect;
         let (candidate, found) = match changes {
-            Some(_) => (entry.candidate.clone(), would.estimates.clone()),
+            Some(_) => (entry.candidate.clone(), estimate.estimates.clone()),
             None => entry.candidate.relinearised(arm, &effect, &[]),
         };
         Some(alternative_of(behind, effect, candidate, found))

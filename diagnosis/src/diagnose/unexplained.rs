@@ -157,9 +157,9 @@ pub(super) fn early_replacement(
     covariates: &[Covariate],
     kept: &[bool],
 ) -> Option<(EffectSelection, SmoothFunction)> {
-    let many = selection.selected.len() >= IMITATING_EFFECTS_MIN;
-    let (few, law) =
-        many.then(|| replacement(search, selection, covariates, kept, EARLY_REPLACEMENT_MARGIN))??;
+    let are_many = selection.selected.len() >= IMITATING_EFFECTS_MIN;
+    let (few, law) = are_many
+        .then(|| replacement(search, selection, covariates, kept, EARLY_REPLACEMENT_MARGIN))??;
     (law.improvement > EARLY_IMPROVEMENT_MIN).then_some((few, law))
 }
 
@@ -173,9 +173,9 @@ fn replacement(
     share: f64,
 ) -> Option<(EffectSelection, SmoothFunction)> {
     let all: f64 = selection.selected.iter().map(|one| one.gain).sum();
-    let carries = |one: &&SelectedEffect| one.gain >= MAJOR_GAIN_SHARE * all;
+    let is_major = |one: &&SelectedEffect| one.gain >= MAJOR_GAIN_SHARE * all;
     let (few, minor): (Vec<&SelectedEffect>, Vec<&SelectedEffect>) =
-        selection.selected.iter().partition(carries);
+        selection.selected.iter().partition(is_major);
     let every: Vec<&SelectedEffect> = selection.selected.iter().collect();
     replacement_of(search, selection, [&every, &few], share, (covariates, kept)).or_else(|| {
         let are_patches = minor.len() >= IMITATING_EFFECTS_MIN && minor.len() < every.len();

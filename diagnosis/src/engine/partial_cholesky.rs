@@ -14,13 +14,13 @@ pub(crate) struct PartialCholesky {
 }
 
 impl PartialCholesky {
-    /// Factorises the normal matrix `cell` with the right-hand side `right` over `columns`. `shows` decides whether a column is kept, from its index
+    /// Factorises the normal matrix `cell` with the right-hand side `right` over `columns`. `is_significant` decides whether a column is kept, from its index
     /// and the square of its remaining length. `None` if no column is kept.
     pub(crate) fn of(
         columns: impl IntoIterator<Item = usize>,
         cell: impl Fn(usize, usize) -> f64,
         right: impl Fn(usize) -> f64,
-        shows: impl Fn(usize, f64) -> bool,
+        is_significant: impl Fn(usize, f64) -> bool,
     ) -> Option<Self> {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut partial = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
@@ -30,7 +30,7 @@ impl PartialCholesky {
                 row.push((cell(*other, k) - product(known, &row)) / known[row.len()]);
             }
             let left = cell(k, k) - product(&row, &row);
-            if !shows(k, left) {
+            if !is_significant(k, left) {
                 continue;
             }
             let pivot = left.sqrt();

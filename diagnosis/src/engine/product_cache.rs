@@ -55,14 +55,14 @@ impl ProductCache {
             let counts = |row: &usize| used[*row] && table.counts[joint][*row];
             let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
             let (colour, size) = &table.noise[joint];
-            let had = before.iter().position(|block| block.joint == joint);
-            let mut block = match had.map(|index| before.swap_remove(index)) {
+            let previous = before.iter().position(|block| block.joint == joint);
+            let mut block = match previous.map(|index| before.swap_remove(index)) {
                 Some(block) if block.rows == rows && block.colour == *colour => block,
-                had => ChannelProducts::none(
+                previous => ChannelProducts::none(
                     table,
                     joint,
                     rows,
-                    had.map_or(Vec::new(), |had| had.white),
+                    previous.map_or(Vec::new(), |previous| previous.white),
                 ),
             };
             block.size = *size;
@@ -139,11 +139,11 @@ impl ChannelProducts {
                 self.column_values.push((k, None));
             }
         }
-        let changed = |(index, (k, had)): (usize, &(usize, CachedValues))| {
+        let changed = |(index, (k, previous)): (usize, &(usize, CachedValues))| {
             let now = part(*k);
-            let same = match (had, now) {
-                (Some(had), Some(now)) => Arc::ptr_eq(had, now),
-                (had, now) => had.is_none() && now.is_none(),
+            let same = match (previous, now) {
+                (Some(previous), Some(now)) => Arc::ptr_eq(previous, now),
+                (previous, now) => previous.is_none() && now.is_none(),
             };
             (!same).then(|| (index, now.cloned()))
         };

@@ -336,8 +336,8 @@ fn with_play() -> Campaign {
 #[test]
 fn what_half_of_an_encoders_readings_say_is_no_reading_gone_wrong() {
     let mut campaign = with_play();
-    let wild = &mut campaign.poses[60].seen[0].reading;
-    if let Reading::JointPosition { position, .. } = wild {
+    let outlier = &mut campaign.poses[60].seen[0].reading;
+    if let Reading::JointPosition { position, .. } = outlier {
         *position += 4e-4;
     }
     let used = vec![true; 120];

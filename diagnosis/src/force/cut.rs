@@ -150,8 +150,8 @@ fn supports_other_spindle_motion(stated: &(Case, Vec<usize>), other: &(Case, Vec
             TermSearch { library: &case.library, products: &products, always: &case.always };
         let (_, misfit) =
             case.fit_nonlinear(&case.estimates, &search.columns(names), &case.row_sets.train);
-        let prices = names.iter().map(|name| search.penalty(&case.library.terms[*name]));
-        misfit + prices.sum::<f64>()
+        let penalties = names.iter().map(|name| search.penalty(&case.library.terms[*name]));
+        misfit + penalties.sum::<f64>()
     };
     let free = other.0.nuisance.spindle.len() as f64;
     let rows = as_stated.model.rows.len() as f64;
@@ -181,10 +181,10 @@ fn select_effects(
         names = select_linearised(&case, &names, &train);
         refit(&mut case, &names, &train);
         case.select_counted_rows(&rows.is_transition);
-        let is_heard = add_line_candidate(&mut case, &names, &mut listened);
+        let has_line = add_line_candidate(&mut case, &names, &mut listened);
         case.linearise();
         case.estimate_noise();
-        if before == names && !is_heard {
+        if before == names && !has_line {
             break;
         }
     }
@@ -196,8 +196,8 @@ fn select_effects(
             names.clone_from(better);
             refit(&mut case, &names, &train);
         }
-        let is_heard = add_line_candidate(&mut case, &names, &mut listened);
-        if better.is_none() && !is_heard {
+        let has_line = add_line_candidate(&mut case, &names, &mut listened);
+        if better.is_none() && !has_line {
             break;
         }
         case.linearise();
@@ -252,8 +252,8 @@ fn refit(case: &mut Case, names: &[usize], used: &[bool]) {
     let selection = search.solve(names);
     let columns = search.columns(names);
     let start = case.estimates_from(&case.estimates, &selection.solved);
-    let (belief, _) = case.fit_nonlinear(&start, &columns, used);
-    case.estimates = belief;
+    let (estimates, _) = case.fit_nonlinear(&start, &columns, used);
+    case.estimates = estimates;
 }
 
 /// Drops the effects that the validation set does not support.
@@ -303,11 +303,11 @@ fn set_up(
     };
     let rows = Rows::from_recording(recording, &cutter, signal)?;
     let count = rows.indices.len();
-    if rows.states.iter().filter(|stood| stood.is_cutting).count() < ROWS_LEAST {
+    if rows.states.iter().filter(|state| state.is_cutting).count() < ROWS_LEAST {
         return Err(NoComparison::NoRows);
     }
     let mut stated_forces: Vec<CutForce> =
-        rows.states.iter().map(|stood| force(stood.time_s)).collect();
+        rows.states.iter().map(|state| force(state.time_s)).collect();
     if stated_forces.iter().all(|force| *force == stated_forces[0]) {
         stated_forces.truncate(1);
     }

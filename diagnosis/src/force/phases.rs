@@ -197,8 +197,8 @@ fn blocks_of_one_state(states: &[State], levels: &BlockLevels) -> Vec<std::ops::
     let mut all: Vec<std::ops::Range<usize>> = Vec::new();
     for k in 0..states.len() {
         let run = |k: usize| levels.blocks[k].run;
-        let goes_on = k > 0 && states[k] == states[k - 1] && run(k) == run(k - 1);
-        match all.last_mut().filter(|_| goes_on) {
+        let is_contiguous = k > 0 && states[k] == states[k - 1] && run(k) == run(k - 1);
+        match all.last_mut().filter(|_| is_contiguous) {
             Some(piece) => piece.end = k + 1,
             None => all.push(k..k + 1),
         }

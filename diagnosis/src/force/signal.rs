@@ -74,10 +74,10 @@ impl Signal {
             if !is_whole(row) {
                 continue;
             }
-            let goes_on = row > 0
+            let is_contiguous = row > 0
                 && recording.segment[row] == recording.segment[row - 1]
                 && t_s[row] - t_s[row - 1] < GAP_STEPS * step_s;
-            match runs.last_mut().filter(|run| run.end == row && goes_on) {
+            match runs.last_mut().filter(|run| run.end == row && is_contiguous) {
                 Some(run) => run.end = row + 1,
                 None => runs.push(row..row + 1),
             }

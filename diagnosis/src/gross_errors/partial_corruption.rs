@@ -55,12 +55,12 @@ fn frozen(
         (0..count).map(|k| k > last && few.poses[k].recording == recording).collect();
     let count_of = |side: &[bool]| side.iter().filter(|is_member| **is_member).count();
     let rows_min = (STRETCH * count as f64).max(LEAST);
-    let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
+    let others_move = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
     // A joint that moved only occasionally may well be at rest.
     let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > count_of(&early);
     if (count_of(&early) as f64) < rows_min
         || (count_of(&late) as f64) < rows_min
-        || !goes_on
+        || !others_move
         || !busy
     {
         return None;

@@ -214,11 +214,12 @@ impl DamageModel {
         let each = self.damages.iter().zip(self.damage_columns());
         each.map(|((damage, ..), columns)| {
             let weakest = evidence.weakest(columns);
-            let observable = weakest.filter(|noises| *noises > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
-            let noises = minimum_detectable(columns.count, terms.alarm / tests, terms.power);
+            let observable =
+                weakest.filter(|information| *information > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
+            let required = minimum_detectable(columns.count, terms.alarm / tests, terms.power);
             DetectableDamage {
                 damage: *damage,
-                least: observable.map(|observable| (noises / observable).sqrt() * DAMAGE_SCALE),
+                least: observable.map(|observable| (required / observable).sqrt() * DAMAGE_SCALE),
             }
         })
         .collect()
@@ -293,8 +294,8 @@ pub fn check_model(
     let tests = watch.bonferroni_divisor();
     let (sum, freedom) = (evidence.sum(), evidence.freedom(state.surroundings.parameters().len()));
     let p = evidence::p_above(freedom, sum);
-    let (noise, noises) = evidence.noise();
-    let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
+    let (noise, freedom_of_noise) = evidence.noise();
+    let is_quiet = evidence::p_below(freedom_of_noise, noise) < 0.5 * terms.alarm;
     // Relative noise at which the whole sum of squares has its expected value; it includes the error of the model.
     let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
     let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);

@@ -351,16 +351,16 @@ impl Task {
         let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
         patches.iter().find_map(|patch| match *patch {
             TouchSurface::Plane { plane, centre, radius_m } => {
-                let thing = self.surroundings.planes.get(plane)?.value;
-                let on = (thing.normal.dot(tip) - thing.offset_m).abs() < 1e-6;
+                let touched_plane = self.surroundings.planes.get(plane)?.value;
+                let on = (touched_plane.normal.dot(tip) - touched_plane.offset_m).abs() < 1e-6;
                 let reading = Reading::Plane { place, plane, radius_m: 0.0 };
-                (on && tip.distance(centre) <= radius_m && points_in(thing.normal))
+                (on && tip.distance(centre) <= radius_m && points_in(touched_plane.normal))
                     .then_some(reading)
             }
             TouchSurface::Sphere(sphere) => {
-                let thing = self.surroundings.spheres.get(sphere)?;
-                let out = tip - thing.centre.value;
-                let on = (out.length() - thing.radius_m.value).abs() < 1e-6;
+                let touched_sphere = self.surroundings.spheres.get(sphere)?;
+                let out = tip - touched_sphere.centre.value;
+                let on = (out.length() - touched_sphere.radius_m.value).abs() < 1e-6;
                 let reading = Reading::Sphere { place, sphere, radius_m: 0.0 };
                 (on && points_in(out.normalize_or_zero())).then_some(reading)
             }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 /// Sweeps of all joints, up and down, each with the others at `home`.
 fn swept(home: [f64; 6]) -> Campaign {
     let mut campaign = unmeasured_campaign(3, 1);
-    let like = campaign.poses[0].clone();
+    let template = campaign.poses[0].clone();
     campaign.poses.clear();
     for joint in 0..6 {
         for k in (0..=12).chain((0..12).rev()) {
@@ -17,7 +17,7 @@ fn swept(home: [f64; 6]) -> Campaign {
             q[..6].copy_from_slice(&home);
             q[joint] += f64::from(k - 6) * 0.1;
             let row = campaign.poses.len();
-            let mut pose = Pose { inputs: Inputs::at_rest(q), row, ..like.clone() };
+            let mut pose = Pose { inputs: Inputs::at_rest(q), row, ..template.clone() };
             pose.inputs.time_s = row as f64;
             campaign.poses.push(pose);
         }

@@ -311,12 +311,12 @@ fn complete_sections(
 ) -> Vec<Vec<usize>> {
     let mut pieces: Vec<Vec<usize>> = Vec::new();
     for row in (0..recording.len()).filter(|row| whole(*row)) {
-        let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
+        let is_contiguous = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
             recording.segment[*before] == recording.segment[row]
                 && recording.t_s[row] - recording.t_s[*before] < GAP_STEPS * step_s
                 && recording.t_s[row] > recording.t_s[*before]
         });
-        if goes_on {
+        if is_contiguous {
             pieces.last_mut().into_iter().for_each(|piece| piece.push(row));
         } else {
             pieces.push(vec![row]);

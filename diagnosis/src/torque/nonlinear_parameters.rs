@@ -219,8 +219,8 @@ pub(super) fn iterate_dependent_columns(
     };
     let of_load: Vec<usize> = names.iter().copied().filter(is_of_load).collect();
     let mut before: Vec<f64> = Vec::new();
-    let goes_on = !(of_load.is_empty() && case.stated_load_friction.is_empty());
-    for _ in 0..if goes_on { ROUNDS } else { 0 } {
+    let depends_on_load = !(of_load.is_empty() && case.stated_load_friction.is_empty());
+    for _ in 0..if depends_on_load { ROUNDS } else { 0 } {
         let products = case.products(used);
         let selection = search(case, &products, always).solve(names);
         let first = |name: &usize| selection.solved.value(case.library.terms[*name].columns[0]);

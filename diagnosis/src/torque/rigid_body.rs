@@ -91,14 +91,14 @@ impl Rigid {
             columns.iter_mut().zip(of_columns).for_each(|(all, of_run)| extend(all, of_run));
             extend(&mut stated_torque, of_stated);
         }
-        let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
+        let sigmas = arm.joints().iter().flat_map(|joint| match joint.link {
             None => prior_sigmas(UNSTATED_SIGMA[0], UNSTATED_SIGMA[1], UNSTATED_SIGMA[2]),
             Some(Body { mass, .. }) => {
                 let (share, distance, gyration) = STATED_MASS_SIGMA;
                 prior_sigmas(share * mass, distance * mass, gyration * gyration * mass)
             }
         });
-        let prior_sigma = beliefs.collect();
+        let prior_sigma = sigmas.collect();
         let column = |parts: Vec<Vec<f64>>| Regressor {
             parts: parts.into_iter().map(Into::into).enumerate().collect(),
         };

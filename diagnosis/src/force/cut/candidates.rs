@@ -132,9 +132,9 @@ fn nuisance_columns(
     directions: &mut Vec<Vec<(usize, f64)>>,
     prior: &mut Vec<f64>,
 ) -> NuisanceColumns {
-    let mut put = |parameter: usize, belief: f64| {
+    let mut put = |parameter: usize, weight: f64| {
         directions.push(vec![(parameter, 1.0)]);
-        prior.push(belief);
+        prior.push(weight);
         directions.len() - 1
     };
     let [phases, speed, drifts, bends] = case.nuisance_offsets();

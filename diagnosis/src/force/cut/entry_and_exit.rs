@@ -83,13 +83,13 @@ fn passes(states: &[CutterState], segment: &[i64]) -> Vec<Range<usize>> {
     let mut all: Vec<Range<usize>> = Vec::new();
     for (row, state) in states.iter().enumerate().filter(|(_, state)| state.is_cutting()) {
         let feed = state.feed_per_tooth_m;
-        let goes_on = |pass: &&mut Range<usize>| {
+        let is_contiguous = |pass: &&mut Range<usize>| {
             let first = states[pass.start].feed_per_tooth_m;
             pass.end == row
                 && segment[pass.start] == segment[row]
                 && (feed - first).abs() < FEED_CHANGE_MOST * first
         };
-        match all.last_mut().filter(goes_on) {
+        match all.last_mut().filter(is_contiguous) {
             Some(pass) => pass.end = row + 1,
             None => all.push(row..row + 1),
         }

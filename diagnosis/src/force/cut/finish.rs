@@ -136,7 +136,7 @@ pub(super) fn finish(
         not_tested: not_tested(&case),
         notes: notes(&case, recording),
         has_one_feed: has_one_feed(&case),
-        has_air: case.model.rows.iter().any(|stood| !stood.is_cutting),
+        has_air: case.model.rows.iter().any(|state| !state.is_cutting),
         traces: traces(&case),
     }
 }
@@ -194,15 +194,15 @@ fn is_only_approximation(case: &Case, names: &[usize]) -> bool {
     let products = case.products(&case.row_sets.train);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let (given, selection) = (search.solve(&[]), search.solve(names));
-    let prices = names
+    let penalties = names
         .iter()
         .map(|name| beam_search::penalty_with_forms(&search, &case.library.terms[*name]));
-    let worth = selection.solved.gain - given.solved.gain - prices.sum::<f64>();
+    let worth = selection.solved.gain - given.solved.gain - penalties.sum::<f64>();
     let as_stated =
         Case { estimates: Estimates::as_stated(case.estimates.spindle.clone()), ..case.clone() };
     let law =
         varying_coefficients::best_confirmed_law(&as_stated, &case.always, &as_stated.estimates);
-    let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
+    let evidence = |worth: f64, carried: f64| worth + 0.5 * carried;
     let carried = energy_explained(case, &given, &selection);
     let evidence_min = (1.0 + LAW_ADVANTAGE_LEAST) * evidence(worth, carried) + LAW_GAIN_LEAST;
     // The law must be ahead on test rows too: wear, which grows with feed travel, is hardly distinguishable from a law of time.
@@ -252,8 +252,8 @@ fn fit(case: &mut Case, names: &[usize], fitted_rows: &[bool]) {
     let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let columns = search.columns(names);
-    let (belief, _) = case.fit_nonlinear(&case.estimates, &columns, fitted_rows);
-    case.estimates = belief;
+    let (estimates, _) = case.fit_nonlinear(&case.estimates, &columns, fitted_rows);
+    case.estimates = estimates;
     case.linearise();
 }
 

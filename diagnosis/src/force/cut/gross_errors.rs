@@ -83,14 +83,14 @@ pub(super) fn check(case: &Case) -> Result<(), NoComparison> {
 }
 
 fn product_sums(case: &Case, rows: &[usize], phase: f64) -> ProductSums {
-    let mut belief = Estimates::as_stated(case.estimates.spindle.clone());
-    belief.spindle.phases.fill(phase);
-    let reader = case.model.reading_model(&belief.parameters);
+    let mut estimates = Estimates::as_stated(case.estimates.spindle.clone());
+    estimates.spindle.phases.fill(phase);
+    let reader = case.model.reading_model(&estimates.parameters);
     let predicted: Vec<[f64; 3]> = rows
         .iter()
         .map(|row| {
-            let stood = &case.model.rows[*row];
-            let bite = case.model.tooth_forces(&belief.spindle, stood, 0.0);
+            let state = &case.model.rows[*row];
+            let bite = case.model.tooth_forces(&estimates.spindle, state, 0.0);
             reader.reading(*row, &bite).to_array()
         })
         .collect();

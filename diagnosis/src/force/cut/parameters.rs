@@ -148,24 +148,24 @@ pub(super) fn parameters_of(
                 .hypot(RELATIVE_SIGMA_LEAST * values[k])
         })
         .collect();
-    let many =
+    let single_parameter =
         |stem, values: Vec<f64>, sigma: Vec<f64>| vec![FittedParameter { stem, values, sigma }];
     match family.kind {
         "runout" => runout_polar(case, model, &values, &sigma),
         "wrench_scale" => {
             let six = |list: &[f64]| list.iter().copied().chain([0.0; 3]).collect();
-            many("scale", six(&values), six(&sigma))
+            single_parameter("scale", six(&values), six(&sigma))
         }
-        "tool_wear" => many("growth", values, sigma),
-        "wrench_bias" => many("bias", values, sigma),
-        "wrench_misalignment" => many("turn", values, sigma),
-        "cross_talk" => many("matrix", values, sigma),
+        "tool_wear" => single_parameter("growth", values, sigma),
+        "wrench_bias" => single_parameter("bias", values, sigma),
+        "wrench_misalignment" => single_parameter("turn", values, sigma),
+        "cross_talk" => single_parameter("matrix", values, sigma),
         "chatter" => {
             let amplitude = libm::sqrt(values.iter().map(|x| x * x).sum());
             let pull: f64 = values.iter().zip(&sigma).map(|(x, s)| x * x * s * s).sum();
             let sigma = libm::sqrt(pull) / amplitude.max(f64::MIN_POSITIVE);
             let frequency = case.model.tone_hz;
-            let lasts_s = case.model.rows.iter().map(|stood| stood.time_s).fold(0.0, f64::max);
+            let lasts_s = case.model.rows.iter().map(|state| state.time_s).fold(0.0, f64::max);
             // Standard uncertainty of a frequency from that of the phase (Rife and Boorstyn 1974).
             let sharp = libm::sqrt(6.0) * sigma
                 / (amplitude.max(f64::MIN_POSITIVE) * std::f64::consts::PI * lasts_s.max(1e-9));
@@ -179,7 +179,7 @@ pub(super) fn parameters_of(
                 FittedParameter { stem: "amplitude", values: vec![amplitude], sigma: vec![sigma] },
             ]
         }
-        _ => many("coefficient", values, sigma),
+        _ => single_parameter("coefficient", values, sigma),
     }
 }
 
@@ -238,13 +238,17 @@ fn runout_polar(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Ve
     } else {
         libm::atan2(whole.y, whole.x)
     };
-    let (had, stated_phase) = if stated.length() > 0.0 {
+    let (stated_radial, stated_phase) = if stated.length() > 0.0 {
         (stated.length(), libm::atan2(stated.y, stated.x))
     } else {
         (0.0, 0.0)
     };
     vec![
-        FittedParameter { stem: "radial", values: vec![radial - had], sigma: vec![along] },
+        FittedParameter {
+            stem: "radial",
+            values: vec![radial - stated_radial],
+            sigma: vec![along],
+        },
         FittedParameter { stem: "phase", values: vec![phase - stated_phase], sigma: vec![across] },
     ]
 }

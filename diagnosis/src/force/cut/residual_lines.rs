@@ -42,7 +42,7 @@ pub(super) fn strongest_line(case: &Case, used: &[bool]) -> Option<f64> {
     }
     let engaged: Vec<bool> = rows
         .iter()
-        .map(|stood| case.model.tooth_forces(spindle, stood, 0.0).engaged > 0.0)
+        .map(|state| case.model.tooth_forces(spindle, state, 0.0).engaged > 0.0)
         .collect();
     let mut best: Option<(f64, f64)> = None;
     for axis in case.table.joints() {
@@ -139,12 +139,13 @@ fn refine_frequency(kept: &[(f64, f64)], hz: f64, reach_hz: f64) -> f64 {
 /// Frequency of a selected line, refined on the residual of all other selected effects, Hz.
 pub(super) fn refined_frequency(case: &Case, used: &[bool]) -> f64 {
     let mut still = case.estimates.clone();
-    let loud = |axis: usize| {
+    let amplitude_squared = |axis: usize| {
         let amplitudes =
             |slot: Slot| slot.of(&case.estimates.parameters)[2 * axis..2 * axis + 2].iter();
         amplitudes(CHATTER).chain(amplitudes(PERMANENT_TONE)).map(|x| x * x).sum::<f64>()
     };
-    let axis = case.table.joints().max_by(|a, b| loud(*a).total_cmp(&loud(*b)));
+    let axis =
+        case.table.joints().max_by(|a, b| amplitude_squared(*a).total_cmp(&amplitude_squared(*b)));
     let Some(axis) = axis else { return case.model.tone_hz };
     let is_hum = squared_norm(&case.estimates.parameters, PERMANENT_TONE) > 0.0;
     for slot in [CHATTER, PERMANENT_TONE] {

@@ -121,13 +121,13 @@ impl Rows {
     /// Sets the relative position of each row in its segment.
     fn set_relative_times(&mut self) {
         let mut lasts_s = vec![f64::MIN_POSITIVE; self.segments];
-        for stood in &self.states {
-            let last = &mut lasts_s[stood.segment];
-            *last = last.max(stood.time_s);
+        for state in &self.states {
+            let last = &mut lasts_s[state.segment];
+            *last = last.max(state.time_s);
         }
         self.states
             .iter_mut()
-            .for_each(|stood| stood.relative_time = stood.time_s / lasts_s[stood.segment]);
+            .for_each(|state| state.relative_time = state.time_s / lasts_s[state.segment]);
     }
 
     /// Splits the rows into training, validation and test set.

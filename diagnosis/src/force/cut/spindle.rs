@@ -63,8 +63,8 @@ fn excess_speed(case: &Case, used: &[bool]) -> f64 {
         let of_segment =
             rows.iter().map(|row| &case.model.rows[*row]).filter(|s| s.segment == segment);
         let [low, high] = of_segment
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], stood: &RowState| {
-                [l.min(stood.angle_rad), h.max(stood.angle_rad)]
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], state: &RowState| {
+                [l.min(state.angle_rad), h.max(state.angle_rad)]
             });
         ((high - low) / TAU).max(0.0)
     };
@@ -102,9 +102,9 @@ fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
         }
     }
     for row in rows {
-        let stood = &case.model.rows[*row];
-        let (sin, cos) = libm::sincos(teeth * stood.angle_rad * (1.0 + faster));
-        let (mean, count) = &means[stood.segment];
+        let state = &case.model.rows[*row];
+        let (sin, cos) = libm::sincos(teeth * state.angle_rad * (1.0 + faster));
+        let (mean, count) = &means[state.segment];
         let values: [f64; 3] = std::array::from_fn(|axis| {
             let measured = case.measured[axis].as_ref();
             measured.map_or(0.0, |values| values[*row] - mean[axis] / count)
@@ -112,8 +112,8 @@ fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
         let (mut s, mut c) = (sin, cos);
         for harmonic in 0..HARMONICS as usize {
             for (axis, value) in values.iter().enumerate() {
-                sums[stood.segment][axis][2 * harmonic] += value * c;
-                sums[stood.segment][axis][2 * harmonic + 1] += value * s;
+                sums[state.segment][axis][2 * harmonic] += value * c;
+                sums[state.segment][axis][2 * harmonic + 1] += value * s;
             }
             (s, c) = (s * cos + c * sin, c * cos - s * sin);
         }
@@ -172,8 +172,8 @@ impl AngleNormalEquations {
         let law: &CutModel = &case.model;
         let (mut gram, mut right, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
         for row in rows {
-            let stood = &law.rows[*row];
-            let bite = law.tooth_forces(spindle, stood, 0.0);
+            let state = &law.rows[*row];
+            let bite = law.tooth_forces(spindle, state, 0.0);
             for (axis, measured) in case.measured.iter().enumerate() {
                 let Some(values) = measured else { continue };
                 let mut column = Vector::zeros();
@@ -191,9 +191,9 @@ impl AngleNormalEquations {
         Self { gram, right, square }
     }
 
-    /// Residual sum of squares with a ridge penalty: `belief` per parameter, relative to the diagonal of the normal matrix.
-    fn residual_with_ridge(&self, belief: &[f64; COEFFICIENTS]) -> f64 {
-        let prior = std::array::from_fn(|k| belief[k] * self.gram[(k, k)]);
+    /// Residual sum of squares with a ridge penalty: `ridge` per parameter, relative to the diagonal of the normal matrix.
+    fn residual_with_ridge(&self, ridge: &[f64; COEFFICIENTS]) -> f64 {
+        let prior = std::array::from_fn(|k| ridge[k] * self.gram[(k, k)]);
         self.residual_with_prior(&prior, &Vector::zeros())
     }
 

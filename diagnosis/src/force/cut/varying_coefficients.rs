@@ -60,17 +60,17 @@ struct ScoredLaw {
 pub(super) fn best_confirmed_law(
     case: &Case,
     beside: &[usize],
-    belief: &Estimates,
+    estimates: &Estimates,
 ) -> Option<ConfirmedLaw> {
-    let laws = laws(case, belief);
+    let laws = laws(case, estimates);
     let mut found = laws_above_penalty(case, beside, &laws);
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found.iter().find_map(|one| confirmed_law(case, beside, &laws[one.law], one))
 }
 
 /// All candidate laws: a force on each axis, then the cutting force, its chip part and its edge part, each as a function of each covariate.
-fn laws(case: &Case, belief: &Estimates) -> Vec<CandidateLaw> {
-    let read = case.readings(belief);
+fn laws(case: &Case, estimates: &Estimates) -> Vec<CandidateLaw> {
+    let read = case.readings(estimates);
     let mut all = Vec::new();
     let mut add =
         |carrier: &[(usize, Vec<f64>)], covariate: &Covariate, beside: Option<&'static str>| {
@@ -80,7 +80,7 @@ fn laws(case: &Case, belief: &Estimates) -> Vec<CandidateLaw> {
                 all.push(CandidateLaw { covariates, columns: carrier_columns(carrier, covariate) });
             }
         };
-    let all_covariates = covariates(case, belief);
+    let all_covariates = covariates(case, estimates);
     for axis in case.table.joints() {
         let push = [(axis, vec![1.0; case.model.rows.len()])];
         let of_axis = Covariate { name: "wrench", values: read[axis].clone(), knots: KNOTS };
@@ -89,17 +89,17 @@ fn laws(case: &Case, belief: &Estimates) -> Vec<CandidateLaw> {
             .chain([&feed_covariate(case), &of_axis])
             .for_each(|covariate| add(&push, covariate, None));
     }
-    for carrier in force_carriers(case, belief, &read) {
+    for carrier in force_carriers(case, estimates, &read) {
         all_covariates.iter().for_each(|covariate| add(&carrier, covariate, Some("wrench")));
     }
     all
 }
 
 /// Covariates of every row.
-fn covariates(case: &Case, belief: &Estimates) -> Vec<Covariate> {
+fn covariates(case: &Case, estimates: &Estimates) -> Vec<Covariate> {
     let rows = &case.model.rows;
     let teeth = case.model.cutter.teeth.max(1);
-    let turn = |row: usize, by: f64| belief.spindle.angle(&rows[row]).rem_euclid(by);
+    let turn = |row: usize, by: f64| estimates.spindle.angle(&rows[row]).rem_euclid(by);
     let speeds = speeds(case);
     let covariate = |name, knots, value: &dyn Fn(usize) -> f64| Covariate {
         name,
@@ -123,15 +123,15 @@ fn covariates(case: &Case, belief: &Estimates) -> Vec<Covariate> {
 /// Whether the tool is fed.
 fn feed_covariate(case: &Case) -> Covariate {
     let is_fed =
-        case.model.rows.iter().map(|stood| f64::from(u8::from(stood.feed_per_tooth_m > 0.0)));
+        case.model.rows.iter().map(|state| f64::from(u8::from(state.feed_per_tooth_m > 0.0)));
     Covariate { name: "feed_mm_s", values: is_fed.collect(), knots: 2 }
 }
 
 /// Spindle speed in each segment, rad/s.
 fn speeds(case: &Case) -> Vec<f64> {
     let mut speeds = vec![0.0; case.estimates.spindle.phases.len()];
-    for stood in case.model.rows.iter().filter(|stood| stood.time_s > 0.0) {
-        speeds[stood.segment] = stood.angle_rad / stood.time_s;
+    for state in case.model.rows.iter().filter(|state| state.time_s > 0.0) {
+        speeds[state.segment] = state.angle_rad / state.time_s;
     }
     speeds
 }
@@ -139,19 +139,19 @@ fn speeds(case: &Case) -> Vec<f64> {
 /// The predicted force, its chip part and its edge part: axes and their values, N.
 fn force_carriers(
     case: &Case,
-    belief: &Estimates,
+    estimates: &Estimates,
     read: &[Vec<f64>; 3],
 ) -> [Vec<(usize, Vec<f64>)>; 3] {
-    let air = case.model.reading_model(&belief.parameters).reading_in_air();
+    let air = case.model.reading_model(&estimates.parameters).reading_in_air();
     let axes = || case.table.joints();
     let whole = axes().map(|axis| (axis, read[axis].iter().map(|x| x - air[axis]).collect()));
-    let bites = case.model.all_tooth_forces(&belief.spindle);
+    let bites = case.model.all_tooth_forces(&estimates.spindle);
     let coefficients = case.coefficients();
     let part = |which: usize| {
         let (from, stated) = coefficients[which];
         let wanted: Vec<usize> = (from..from + 3).collect();
-        let slopes = case.model.derivatives(&bites, &belief.parameters, &wanted);
-        let sizes: Vec<f64> = (0..3).map(|k| stated[k] + belief.parameters[from + k]).collect();
+        let slopes = case.model.derivatives(&bites, &estimates.parameters, &wanted);
+        let sizes: Vec<f64> = (0..3).map(|k| stated[k] + estimates.parameters[from + k]).collect();
         let value = |axis: usize, row: usize| -> f64 {
             sizes.iter().zip(&slopes).map(|(size, slope)| size * slope[axis][row]).sum()
         };

@@ -189,7 +189,8 @@ impl Evidence {
         let open = |count: usize| DMatrix::identity(count, count) * OPEN;
         let before: Vec<DMatrix<f64>> =
             damages.iter().map(|columns| self.left(*columns).0 + open(columns.count)).collect();
-        let traces: Vec<f64> = before.iter().map(|shows| inverse(shows).trace()).collect();
+        let traces: Vec<f64> =
+            before.iter().map(|information| inverse(information).trace()).collect();
         let worth = |rows: &DMatrix<f64>| {
             let (n, d) = self.split(rows);
             let left = d - &n * &taken;
