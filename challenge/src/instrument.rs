@@ -101,7 +101,7 @@ impl Noise {
             (self.autocorrelation, (1.0 - self.autocorrelation * self.autocorrelation).sqrt());
         let mut missing = 0;
         for (row, values) in scene.rows.iter().zip(measured.values.chunks_mut(width)) {
-            let anew = row.t_s == 0.0;
+            let is_segment_start = row.t_s == 0.0;
             let outlier = rng.bernoulli(self.outliers);
             let away = self.sigma * rng.uniform_between(15.0, 60.0);
             if missing == 0 && rng.bernoulli(self.gaps / 3.0) {
@@ -110,7 +110,7 @@ impl Noise {
             }
             for (value, memory) in values.iter_mut().zip(&mut memory) {
                 let draw = rng.normal();
-                *memory = if anew { draw } else { keep * *memory + fresh * draw };
+                *memory = if is_segment_start { draw } else { keep * *memory + fresh * draw };
                 let wrong = if outlier { away * rng.random_sign() } else { 0.0 };
                 let read = *value + self.sigma * *memory + wrong;
                 *value = if self.quantum > 0.0 {
@@ -157,8 +157,8 @@ impl Whitener {
         right: &[bool],
         follows: impl Fn(usize, usize) -> bool,
     ) -> Self {
-        let goes_on = |row: usize| row > 0 && right[row - 1] && follows(row - 1, row);
-        let rows = (0..right.len()).filter(|row| right[*row]).map(|row| (row, goes_on(row)));
+        let is_contiguous = |row: usize| row > 0 && right[row - 1] && follows(row - 1, row);
+        let rows = (0..right.len()).filter(|row| right[*row]).map(|row| (row, is_contiguous(row)));
         Self { width, sigma: 1.0, colour, rows: rows.collect() }
     }
 

@@ -272,8 +272,8 @@ fn one_broken_reading_does_not_poison_the_filter() {
     watched(&mut cell, 8);
     let good = cell.run.world.wrench.expect("a sample");
     let before = cell.run.cycle(&Q);
-    for wild in [f64::NAN, f64::INFINITY, 1e308, -1e200] {
-        let wrench = Wrench { force: DVec3::splat(wild), ..good.wrench };
+    for invalid in [f64::NAN, f64::INFINITY, 1e308, -1e200] {
+        let wrench = Wrench { force: DVec3::splat(invalid), ..good.wrench };
         cell.run.world.wrench = Some(WrenchSample { wrench, ..good });
         cell.run.cycle(&Q);
     }

@@ -448,8 +448,9 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
     for (k, value) in effect.values().iter().enumerate() {
         let Some(entry) = parameter_key(effect, k) else { continue };
         let si = entry.parameter.unit.suffix_and_si(kind).1;
-        let had = finding.stated.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
-        let change = (value - had) / si;
+        let stated =
+            finding.stated.as_ref().and_then(|stated| stated.get(k)).copied().unwrap_or(0.0);
+        let change = (value - stated) / si;
         let bounded = finding.stated.is_none() && entry.parameter.range == Range::NotNegative;
         let ci = finding.sigma.get(k).copied().flatten().map(|sigma| {
             let spread = NINETY_FIVE * sigma / si;

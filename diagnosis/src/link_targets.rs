@@ -112,8 +112,8 @@ pub fn loaded_links(arm: &Arm, campaign: &Campaign, points: &[LinkPoint]) -> Vec
         if pose.inputs.wrench_base == Wrench::ZERO {
             return None;
         }
-        let twin = unloaded_twin(arm, campaign, point.pose)?;
-        let same = |other: &&LinkPoint| other.pose == twin && other.target == point.target;
+        let unloaded = unloaded_twin(arm, campaign, point.pose)?;
+        let same = |other: &&LinkPoint| other.pose == unloaded && other.target == point.target;
         let before = points.iter().find(same)?.at_base;
         let (q, wrench_base) = (pose.inputs.q, pose.inputs.wrench_base);
         Some(LoadedLink { joint, q, wrench_base, before, after: point.at_base })

@@ -281,7 +281,7 @@ impl<'a> ScoreTest<'a> {
         self.rows_along(
             count,
             |reading, into| {
-                into.extend(series.iter().map(|one| one.along(reading.rows, reading.pose)))
+                into.extend(series.iter().map(|one| one.along(reading.rows, reading.pose)));
             },
             |fitted, columns, right| {
                 let mut slot = block.column_mut(filled);

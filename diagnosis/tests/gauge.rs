@@ -138,14 +138,20 @@ fn measured(model: &Model, robot: &Robot, noise_m: f64, chance: &mut ChaCha8Rng)
         }
         let points = robot.target_positions(&links, model, &q);
         let mut normal = || noise_m * chance.sample::<f64, _>(StandardNormal);
-        let seen = points.iter().enumerate().map(|(target, point)| {
+        let observations = points.iter().enumerate().map(|(target, point)| {
             let position = *point + DVec3::new(normal(), normal(), normal());
             let reading =
                 Reading::Point { place: ToolPoint::Target(target), frame: 0, at: position };
             Observation { reading, whitening, instrument: 0 }
         });
-        let seen = seen.collect();
-        Pose { inputs: Inputs::at_rest(q), arrival: Arrival::Settled, recording: 0, row, seen }
+        let observations = observations.collect();
+        Pose {
+            inputs: Inputs::at_rest(q),
+            arrival: Arrival::Settled,
+            recording: 0,
+            row,
+            seen: observations,
+        }
     };
     let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
     Campaign {
@@ -186,7 +192,7 @@ fn calibrated(model: &Model, campaign: &Campaign, seed: u64) -> Calibration {
 }
 
 /// RMS error at poses that were not measured, with frame and targets fitted, m.
-fn off(found: &Fit, unseen: &Campaign) -> f64 {
+fn rms_error_m(found: &Fit, unseen: &Campaign) -> f64 {
     let used = vec![true; unseen.poses.len()];
     let settings = FitSettings {
         used: &used,
@@ -211,8 +217,12 @@ fn every_split_ends_at_the_noise_and_no_number_runs_away() {
                 "{number} {seed}: {:?}",
                 found.factors
             );
-            let off = off(&found, &unseen);
-            assert!(off < 0.6 * NOISE_M, "campaign {number}, seed {seed}: {} mm", off * 1e3);
+            let rms_error_m = rms_error_m(&found, &unseen);
+            assert!(
+                rms_error_m < 0.6 * NOISE_M,
+                "campaign {number}, seed {seed}: {} mm",
+                rms_error_m * 1e3
+            );
             let beyond = found.beyond_tolerance(1.0);
             assert!(beyond.is_empty(), "campaign {number}, seed {seed}: {beyond:?}");
         }
@@ -229,8 +239,8 @@ fn where_targets_are_known_the_tools_place_on_the_flange_is_fitted_too() {
         }
         let found = calibrated(&model, &campaign, 1).advanced.fit;
         assert!(found.factors == [1.0], "{number}: {:?}", found.factors);
-        let off = off(&found, &unseen);
-        assert!(off < 0.8 * NOISE_M, "campaign {number}: {} mm", off * 1e3);
+        let rms_error_m = rms_error_m(&found, &unseen);
+        assert!(rms_error_m < 0.8 * NOISE_M, "campaign {number}: {} mm", rms_error_m * 1e3);
     }
 }
 

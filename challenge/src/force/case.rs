@@ -85,13 +85,16 @@ impl ForceCase {
             Measurements { forces: ride.measured_forces(&self.true_effects()), recorded };
         let (mut memory, mut drift, mut pass) = ([0.0; 3], [0.0; 3], usize::MAX);
         for (row, force) in ride.rows.iter().zip(&mut measured.forces) {
-            let anew = row.pass != pass;
+            let is_pass_start = row.pass != pass;
             pass = row.pass;
             for axis in 0..3 {
                 let draw = rng.normal();
-                memory[axis] =
-                    if anew { draw } else { noise.autocorrelation * memory[axis] + fresh * draw };
-                if anew {
+                memory[axis] = if is_pass_start {
+                    draw
+                } else {
+                    noise.autocorrelation * memory[axis] + fresh * draw
+                };
+                if is_pass_start {
                     drift[axis] = noise.drift * rng.truncated_normal();
                 }
                 let deviation = memory[axis] + drift[axis] * relative_time(ride.scene, row);

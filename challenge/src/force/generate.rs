@@ -236,7 +236,7 @@ fn random_chatter_frequency_hz(case: &ForceCase, rng: &mut Rng) -> f64 {
 }
 
 /// Largest physically possible leading parameter of a cut.
-fn max_linear_parameter(case: &ForceCase, hidden: &Effect, loud: f64) -> f64 {
+fn max_linear_parameter(case: &ForceCase, hidden: &Effect, force_rms: f64) -> f64 {
     let (cut, kind) = (&case.cut, hidden.kind);
     let passes = case.passes.passes.iter();
     let way = passes.map(|pass| pass.feed_position_m(pass.times_s.last().copied().unwrap_or(0.0)));
@@ -256,7 +256,7 @@ fn max_linear_parameter(case: &ForceCase, hidden: &Effect, loud: f64) -> f64 {
         Kind::BrokenTooth => 0.8,
         Kind::PloughingSpeed => 4.0,
         Kind::BuiltUpEdge => 0.8,
-        _ => loud,
+        _ => force_rms,
     }
 }
 
@@ -267,10 +267,10 @@ fn scale_to_target_z(
     recorded: &[bool],
     rng: &mut Rng,
 ) -> Option<()> {
-    let loud = nominal_force_rms(case);
+    let force_rms = nominal_force_rms(case);
     for which in 0..case.hidden.len() {
         let wanted = random_target_z(case.tier, rng);
-        let most = max_linear_parameter(case, &case.hidden[which], loud);
+        let most = max_linear_parameter(case, &case.hidden[which], force_rms);
         let lead = case.hidden[which].linear_magnitude().max(1e-300);
         case.hidden[which] = case.hidden[which].scaled(1e-2 * most / lead);
         let linearised = LinearisedCase::of(case, ride, recorded, Some(which));

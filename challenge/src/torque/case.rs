@@ -102,10 +102,10 @@ impl TorqueCase {
         let recorded = random_recorded_rows(ride.times.len(), self.noise.gaps, &mut rng);
         let mut measured = Measurements { torques: exact, encoder_positions: Vec::new(), recorded };
         for (row, torques) in measured.torques.iter_mut().enumerate() {
-            let anew = row == 0 || ride.times[row - 1].0 != ride.times[row].0;
+            let is_segment_start = row == 0 || ride.times[row - 1].0 != ride.times[row].0;
             for i in 0..count {
                 let draw = rng.normal();
-                memory[i] = if anew { draw } else { keep * memory[i] + fresh * draw };
+                memory[i] = if is_segment_start { draw } else { keep * memory[i] + fresh * draw };
                 let read = torques[i] + self.noise.sigma[i] * memory[i];
                 torques[i] = quantised(read, self.noise.quantum[i]);
             }

@@ -156,11 +156,11 @@ impl PreparedRecording {
         for _ in 0..2 {
             let column = self.column(&effect);
             let rest = self.nuisances.residual(&column);
-            let shows = dot(&rest, &rest).sqrt();
-            if shows < MIN_REMAINING_FRACTION * dot(&column, &column).sqrt() || shows == 0.0 {
+            let length = dot(&rest, &rest).sqrt();
+            if length < MIN_REMAINING_FRACTION * dot(&column, &column).sqrt() || length == 0.0 {
                 return None;
             }
-            effect = effect.scaled(z / shows);
+            effect = effect.scaled(z / length);
             if effect.linear_magnitude() > most {
                 return None;
             }
@@ -219,12 +219,12 @@ impl PreparedRecording {
 fn runs(rows: &[RecordedRow], step_s: f64, rows_min: usize) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for row in 0..rows.len() {
-        let goes_on = row > 0
+        let is_contiguous = row > 0
             && rows[row].0 == rows[row - 1].0
             && rows[row].1 - rows[row - 1].1 < PAUSE_STEPS * step_s
             && rows[row].1 > rows[row - 1].1;
         match runs.last_mut() {
-            Some(run) if goes_on => run.end = row + 1,
+            Some(run) if is_contiguous => run.end = row + 1,
             _ => runs.push(row..row + 1),
         }
     }

@@ -24,11 +24,11 @@ fn merged<T: Copy + PartialEq + Default>(
 ) -> Result<BTreeMap<usize, T>, CampaignError> {
     let mut all: BTreeMap<usize, T> = BTreeMap::new();
     for recording in recordings {
-        for (index, thing) in stated_by_index(recording) {
-            let known = all.entry(index).or_insert(thing);
+        for (index, object) in stated_by_index(recording) {
+            let known = all.entry(index).or_insert(object);
             if *known == T::default() {
-                *known = thing;
-            } else if thing != *known && thing != T::default() {
+                *known = object;
+            } else if object != *known && object != T::default() {
                 let file = recording.file.display().to_string();
                 return Err(CampaignError::Contradiction {
                     file,
@@ -83,11 +83,11 @@ const NO_SPHERE: Sphere =
 /// One object for each number up to the highest, with `none` for missing ones.
 fn all<T, U: Copy>(
     stated_by_index: &BTreeMap<usize, T>,
-    thing: impl Fn(&T) -> U,
+    quantity: impl Fn(&T) -> U,
     none: U,
 ) -> Vec<U> {
     let count = stated_by_index.keys().next_back().map_or(0, |highest| highest + 1);
-    (0..count).map(|index| stated_by_index.get(&index).map_or(none, &thing)).collect()
+    (0..count).map(|index| stated_by_index.get(&index).map_or(none, &quantity)).collect()
 }
 
 fn distance(recording: &Recording, index: usize) -> Distance {
@@ -171,8 +171,9 @@ pub(super) fn read(
             let column = recording.column(channel).unwrap_or_default().iter().enumerate();
             let touched = column.filter_map(|(row, number)| Some((row, place(*number)?)));
             let noise = noise(probe.sigma_m);
-            readings
-                .extend(touched.map(|(row, thing)| (row, reading(thing), instrument_index, noise)));
+            readings.extend(touched.map(|(row, touched_object)| {
+                (row, reading(touched_object), instrument_index, noise)
+            }));
         };
         touch(Channel::TouchPlane, &|plane| Reading::Plane { place: on, plane, radius_m });
         touch(Channel::TouchSphere, &|sphere| Reading::Sphere { place: on, sphere, radius_m });

@@ -181,7 +181,7 @@ impl Diagnosis {
         };
         let mut without = whole.clone();
         without.model.change(finding.effect_index, |effect| {
-            effect.values_mut().copy_from_slice(stated_values)
+            effect.values_mut().copy_from_slice(stated_values);
         });
         without
     }

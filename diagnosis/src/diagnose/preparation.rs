@@ -83,7 +83,7 @@ fn first_state_independent(
         }
         let mut tool = Vec::with_capacity(campaign.poses.len());
         visit_poses(model, campaign, None, |_, evaluation, _| {
-            tool.push(evaluation.real.base_from_tool.origin)
+            tool.push(evaluation.real.base_from_tool.origin);
         });
         tool
     };

@@ -280,8 +280,7 @@ impl Task {
         let pose = |side: &f64| {
             let mut inputs = Inputs::at_rest(*q);
             inputs.direction.iter_mut().take(self.arm().count()).for_each(|d| *d = *side);
-            let seen = readings.clone();
-            Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen }
+            Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen: readings.clone() }
         };
         Some(CandidatePose { q: *q, poses: sides.iter().map(pose).collect() })
     }

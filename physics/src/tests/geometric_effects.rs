@@ -48,7 +48,7 @@ fn effects_on_joints_add_to_their_positions() {
         let angle = ((q[3] + 1.0) / 1.5 - 1.0).acos();
         q[3] +=
             (0..4).map(|n| 1e-3 * (f64::from(n) + 1.0) * (f64::from(n) * angle).cos()).sum::<f64>();
-        assert!(geometry.base_from_tool(&q).off(&tool_with(&scene, &effects)) < ROUNDING);
+        assert!(geometry.base_from_tool(&q).difference(&tool_with(&scene, &effects)) < ROUNDING);
     }
 }
 
@@ -81,7 +81,7 @@ fn a_tilted_axis_turns_alone_about_its_pivot() {
                 [("tilt", &[0.2, -0.1]), ("pivot", &pivot.to_array())];
             let tilted = effect(&scene.arm, "axis_tilt", 1, &entries);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[tilted])) < ROUNDING, "{along}");
+            assert!(wanted.difference(&tool_with(&scene, &[tilted])) < ROUNDING, "{along}");
         }
     }
 }
@@ -112,7 +112,7 @@ fn opposite_tilts_about_two_pivots_shift_the_axis() {
     let mut geometry = Geometry::of(&scene.arm);
     geometry.joints[1].2 += (n1 * 1e-3 + n2 * 2e-3).cross(joint.axis);
     let wanted = geometry.base_from_tool(&scene.inputs.q);
-    assert!(wanted.off(&tool_with(&scene, &[tilted, back])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[tilted, back])) < ROUNDING);
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn a_shifted_axis_takes_along_all_that_it_carries() {
             geometry.move_from(joint, by);
             let shifted = effect(&scene.arm, "axis_shift", joint, &[("shift", &by.to_array())]);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[shifted])) < ROUNDING);
+            assert!(wanted.difference(&tool_with(&scene, &[shifted])) < ROUNDING);
         }
     }
 }
@@ -162,18 +162,18 @@ fn effects_on_the_tool_are_applied_after_the_chain() {
         &[("shift", &[1e-2, 2e-2, -3e-2]), ("turn", &LARGE)],
     );
     let wanted = nominal.times(&shift([1e-2, 2e-2, -3e-2])).times(&turn(LARGE, [0.0; 3]));
-    assert!(wanted.off(&tool_with(&scene, &[offset])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[offset])) < ROUNDING);
 
     let softness = [2e-6, 1e-6, 5e-7];
     let yielding = effect(&scene.arm, "tool_compliance", None, &[("compliance", &softness)]);
     let column = |k: usize| DVec3::new(nominal.0[0][k], nominal.0[1][k], nominal.0[2][k]);
     let along = [0, 1, 2].map(|k| softness[k] * column(k).dot(force));
-    assert!(nominal.times(&shift(along)).off(&tool_with(&scene, &[yielding])) < ROUNDING);
+    assert!(nominal.times(&shift(along)).difference(&tool_with(&scene, &[yielding])) < ROUNDING);
 
     let by_warmth = effect(&scene.arm, "spindle_growth", None, &[("growth", &[3e-6])]);
     let by_speed = effect(&scene.arm, "spindle_growth", None, &[("growth_um", &[1e-9])]);
     let grown = nominal.times(&shift([0.0, 0.0, 3e-6 * 7.0 + 1e-9 * 28_000.0]));
-    assert!(grown.off(&tool_with(&scene, &[by_warmth, by_speed])) < ROUNDING);
+    assert!(grown.difference(&tool_with(&scene, &[by_warmth, by_speed])) < ROUNDING);
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn a_growing_link_moves_the_next_joint_away() {
             }
             let growing = effect(&scene.arm, "thermal_growth", joint, &[("growth", &[1e-3])]);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[growing])) < ROUNDING);
+            assert!(wanted.difference(&tool_with(&scene, &[growing])) < ROUNDING);
         }
     }
 }
@@ -205,7 +205,7 @@ fn a_tilting_base_turns_everything_about_its_origin() {
     let moment = evaluated(scene.arm, &[], &scene.inputs).loads.base_moment;
     let tilting = effect(&scene.arm, "base_compliance", None, &[("compliance", &[4e-4])]);
     let wanted = turn([4e-4 * moment.x, 4e-4 * moment.y, 0.0], [0.0; 3]).times(&nominal);
-    assert!(wanted.off(&tool_with(&scene, &[tilting])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[tilting])) < ROUNDING);
 }
 
 #[test]
@@ -228,7 +228,7 @@ fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
             let entries: [(&str, &[f64]); 2] =
                 [("compliance", &[4e-4]), ("pivot", &pivot.to_array())];
             let tilting = effect(&scene.arm, "bearing_compliance", joint, &entries);
-            assert!(wanted.off(&tool_with(&scene, &[tilting])) < ROUNDING, "joint {joint}");
+            assert!(wanted.difference(&tool_with(&scene, &[tilting])) < ROUNDING, "joint {joint}");
         }
     }
 }

@@ -175,7 +175,7 @@ impl Case {
                 match numbers.iter().position(|n| n == parameter) {
                     Some(place) => add_weighted(&mut parts, &slopes[place], *weight),
                     None if *parameter >= drifts => {
-                        self.add_drift_column(parameter - drifts, &mut parts)
+                        self.add_drift_column(parameter - drifts, &mut parts);
                     }
                     None => add_weighted(
                         &mut parts,
@@ -305,7 +305,7 @@ impl Case {
                 match *parameter {
                     parameter if parameter >= bends => {}
                     parameter if parameter >= drifts => {
-                        estimates.drift[parameter - drifts] += value
+                        estimates.drift[parameter - drifts] += value;
                     }
                     parameter if parameter == speed => estimates.spindle.excess_speed += value,
                     parameter if parameter >= phases => {
