@@ -223,14 +223,14 @@ impl<'a> Item<'a> {
 
     /// A message with each path as in the manifest.
     #[must_use]
-    pub fn as_named(&self, words: &str) -> String {
+    pub fn as_named(&self, text: &str) -> String {
         let files = self.files.iter().zip(self.entry.files.iter().map(String::as_str));
         let model = self.robot.model.to_str().map(|name| (&self.model, name));
         let mapping = self.mapping.as_ref().zip(self.robot.mapping.as_ref());
         let mapping = mapping.and_then(|(path, name)| Some((path, name.to_str()?)));
         let named = files.chain(model).chain(mapping);
-        named.fold(words.to_owned(), |words, (path, name)| {
-            words.replace(&path.display().to_string(), name)
+        named.fold(text.to_owned(), |text, (path, name)| {
+            text.replace(&path.display().to_string(), name)
         })
     }
 
@@ -305,8 +305,8 @@ mod tests {
             let manifest = manifest(model);
             let (robot, entry) = (&manifest.robots[0], &manifest.recordings[0]);
             let item = Item::of(&folder, robot, entry);
-            let words = format!("{} and {}", item.model.display(), item.files[0].display());
-            assert_eq!(item.as_named(&words), format!("{model} and a.csv"));
+            let text = format!("{} and {}", item.model.display(), item.files[0].display());
+            assert_eq!(item.as_named(&text), format!("{model} and a.csv"));
             item.key(&manifest).expect("a key")
         };
         assert_eq!(key("one.toml"), key("one.toml"));

@@ -144,8 +144,8 @@ impl Row {
 struct RowContext<'a>(&'a ResultHeader, &'a Row);
 
 impl<'a> RowContext<'a> {
-    fn fact<T>(&self, of: impl FnOnce(&'a FindingParameter) -> Option<T>) -> Option<T> {
-        self.1.finding.as_ref().and_then(of)
+    fn fact<T>(&self, read: impl FnOnce(&'a FindingParameter) -> Option<T>) -> Option<T> {
+        self.1.finding.as_ref().and_then(read)
     }
 }
 
@@ -225,11 +225,11 @@ pub fn to_parquet(recorded: &ResultHeader, rows: &[Row]) -> Result<Vec<u8>, Parq
         })
         .collect();
     let schema = Arc::new(parse_message_type(&format!("message trued {{{columns}}}"))?);
-    let said = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
+    let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
     let about = vec![
-        said("schema", SCHEMA.to_owned()),
-        said("key", recorded.key.to_string()),
-        said("version", recorded.version.clone()),
+        entry("schema", SCHEMA.to_owned()),
+        entry("key", recorded.key.to_string()),
+        entry("version", recorded.version.clone()),
     ];
     let how = WriterProperties::builder()
         .set_compression(Compression::UNCOMPRESSED)
@@ -244,12 +244,12 @@ pub fn to_parquet(recorded: &ResultHeader, rows: &[Row]) -> Result<Vec<u8>, Parq
     let lines: Vec<RowContext<'_>> = rows.iter().map(|row| RowContext(recorded, row)).collect();
     for (_, values) in COLUMNS {
         match values {
-            Text(of) => column::<ByteArrayType>(&mut group, &lines, |line| {
-                of(line).map(|text| ByteArray::from(text.into_bytes()))
+            Text(value) => column::<ByteArrayType>(&mut group, &lines, |line| {
+                value(line).map(|text| ByteArray::from(text.into_bytes()))
             }),
-            Number(of) => column::<DoubleType>(&mut group, &lines, of),
-            Whole(of) | Time(of) => column::<Int64Type>(&mut group, &lines, of),
-            Flag(of) => column::<BoolType>(&mut group, &lines, of),
+            Number(value) => column::<DoubleType>(&mut group, &lines, value),
+            Whole(value) | Time(value) => column::<Int64Type>(&mut group, &lines, value),
+            Flag(value) => column::<BoolType>(&mut group, &lines, value),
         }?;
     }
     group.close()?;
@@ -259,9 +259,9 @@ pub fn to_parquet(recorded: &ResultHeader, rows: &[Row]) -> Result<Vec<u8>, Parq
 fn column<T: DataType>(
     group: &mut SerializedRowGroupWriter<'_, Vec<u8>>,
     lines: &[RowContext<'_>],
-    of: impl Fn(&RowContext<'_>) -> Option<T::T>,
+    value: impl Fn(&RowContext<'_>) -> Option<T::T>,
 ) -> Result<(), ParquetError> {
-    let cells: Vec<Option<T::T>> = lines.iter().map(of).collect();
+    let cells: Vec<Option<T::T>> = lines.iter().map(value).collect();
     let levels: Vec<i16> = cells.iter().map(|cell| i16::from(cell.is_some())).collect();
     let values: Vec<T::T> = cells.into_iter().flatten().collect();
     let Some(mut column) = group.next_column()? else {
@@ -276,9 +276,9 @@ fn column<T: DataType>(
 pub fn key_of(path: &Path) -> Option<String> {
     read(path, |reader| {
         let about = reader.metadata().file_metadata().key_value_metadata()?;
-        let said = |key: &str| about.iter().find(|one| one.key == key)?.value.clone();
-        said("schema").filter(|schema| schema == SCHEMA)?;
-        said("key")
+        let value_of = |key: &str| about.iter().find(|one| one.key == key)?.value.clone();
+        value_of("schema").filter(|schema| schema == SCHEMA)?;
+        value_of("key")
     })
 }
 
@@ -297,10 +297,13 @@ pub fn refusal(path: &Path) -> Option<String> {
 }
 
 /// Reads a value from a Parquet file; `None` if that fails.
-fn read<T>(path: &Path, of: impl FnOnce(&SerializedFileReader<File>) -> Option<T>) -> Option<T> {
+fn read<T>(
+    path: &Path,
+    extract: impl FnOnce(&SerializedFileReader<File>) -> Option<T>,
+) -> Option<T> {
     let file = File::open(path).ok()?;
     // The library panics on some invalid input.
-    let read = catch_unwind(AssertUnwindSafe(|| of(&SerializedFileReader::new(file).ok()?)));
+    let read = catch_unwind(AssertUnwindSafe(|| extract(&SerializedFileReader::new(file).ok()?)));
     read.ok().flatten()
 }
 

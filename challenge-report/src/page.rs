@@ -133,7 +133,7 @@ fn confused(figures: &ChallengeStatistics) -> Table {
     figures.by_effect.iter().filter(|entry| entry.right < entry.cases).fold(
         table,
         |table, entry| {
-            let instead = entry.instead.iter().map(|(word, count)| format!("{word} {count}"));
+            let instead = entry.instead.iter().map(|(name, count)| format!("{name} {count}"));
             table.row([
                 Cell::from(entry.effect),
                 Cell::Number(entry.cases as f64),

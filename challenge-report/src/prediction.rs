@@ -128,17 +128,17 @@ fn predicted(
     let recording =
         series::read_text("motion.csv", &text, None, Some(about.clone()), RequiredData::Path)
             .ok()?;
-    let seen = recording_simulation::positions(model, recording).ok()?;
+    let states = recording_simulation::positions(model, recording).ok()?;
     Some(if case.instrument.points.is_empty() {
         let count = case.scene.arm.joint_count();
-        Predicted::Links(seen.iter().map(|seen| seen.link[..count].to_vec()).collect())
+        Predicted::Links(states.iter().map(|state| state.link[..count].to_vec()).collect())
     } else {
-        Predicted::Tools(seen.iter().map(tool).collect())
+        Predicted::Tools(states.iter().map(tool).collect())
     })
 }
 
-fn tool(seen: &ArmState) -> Transform {
-    let frame = &seen.base_from_tool;
+fn tool(state: &ArmState) -> Transform {
+    let frame = &state.base_from_tool;
     let mut tool = IDENTITY;
     for (k, column) in
         [frame.rotation.x_axis, frame.rotation.y_axis, frame.rotation.z_axis].iter().enumerate()

@@ -35,7 +35,7 @@ pub(crate) fn rows(f: &ChallengeStatistics) -> Vec<(String, String, usize)> {
         ));
     }
     let nulls = format!("{} of {}", f.false_findings, f.nulls);
-    let claims = f.calibration.iter().map(|bin| bin.claims).sum();
+    let claim_count = f.calibration.iter().map(|bin| bin.claims).sum();
     for (what, figure, cases) in [
         ("truth among the first three", share(f.first_three_right), f.counting),
         ("joint right, given the effect", share(f.joint_right), f.counting),
@@ -49,7 +49,7 @@ pub(crate) fn rows(f: &ChallengeStatistics) -> Vec<(String, String, usize)> {
         ("  where the effect was found", share(f.coverage95_found), f.intervals),
         ("share of the oracle's gain, median", number(f.gain_vs_oracle_median), f.counting),
         ("  worst tenth", number(f.gain_vs_oracle_p10), f.counting),
-        ("confidence off by", share(f.calibration_error), claims),
+        ("confidence off by", share(f.calibration_error), claim_count),
         ("solver's time, median (s)", number(f.seconds_median), f.cases),
     ] {
         rows.push((what.to_owned(), figure, cases));

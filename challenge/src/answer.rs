@@ -104,30 +104,31 @@ impl Answer {
         if whole["schema"].as_str() != Some("trued.diagnosis/1") {
             return Err(AnswerError::Schema);
         }
-        let asked = match whole["domains"].as_array() {
+        let domain_entry = match whole["domains"].as_array() {
             Some(domains) => domains.iter().find(|d| d["domain"].as_str() == Some(domain)),
             None => Some(&whole).filter(|d| d["domain"].as_str().is_none_or(|name| name == domain)),
         };
-        let body = asked.ok_or(AnswerError::NoDomain(domain))?;
-        let word = body["verdict"].as_str().unwrap_or_default();
-        let verdict = match word {
+        let body = domain_entry.ok_or(AnswerError::NoDomain(domain))?;
+        let verdict_text = body["verdict"].as_str().unwrap_or_default();
+        let verdict = match verdict_text {
             "consistent" => Verdict::Consistent,
             "missing_physics" => Verdict::MissingPhysics,
             "unknown_structure" => Verdict::UnknownStructure,
             "undetermined" => Verdict::Undetermined,
-            _ => return Err(AnswerError::Verdict(word.to_owned())),
+            _ => return Err(AnswerError::Verdict(verdict_text.to_owned())),
         };
-        let words = body["unexplained"]["depends_on"].as_array();
-        let words = words.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
-        let claims = ["findings", "minor"].iter().filter_map(|key| body[*key].as_array());
-        let findings = claims.flatten().filter_map(parse_finding);
-        Ok(Self { verdict, findings: findings.collect(), depends_on: words.collect() })
+        let covariates = body["unexplained"]["depends_on"].as_array();
+        let covariates =
+            covariates.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
+        let lists = ["findings", "minor"].iter().filter_map(|key| body[*key].as_array());
+        let findings = lists.flatten().filter_map(parse_finding);
+        Ok(Self { verdict, findings: findings.collect(), depends_on: covariates.collect() })
     }
 
     /// All reported effects in order: findings first, then their alternatives.
     pub fn reported_effects(&self) -> impl Iterator<Item = &ReportedEffect> {
-        let own = self.findings.iter().map(|finding| &finding.effect);
-        own.chain(self.findings.iter().flat_map(|finding| &finding.alternatives))
+        let selected = self.findings.iter().map(|finding| &finding.effect);
+        selected.chain(self.findings.iter().flat_map(|finding| &finding.alternatives))
     }
 }
 

@@ -50,7 +50,7 @@ impl Tier {
     /// multiple, two outside, one ambiguous, one near the limit.
     #[must_use]
     pub fn mixed(index: usize) -> (Self, usize) {
-        let at = |place: usize| match place {
+        let tier_at = |place: usize| match place {
             0 | 4 | 8 | 12 | 16 => Self::Null,
             2 | 10 | 18 => Self::Multiple,
             6 | 14 => Self::Outside,
@@ -59,8 +59,8 @@ impl Tier {
             _ => Self::Single,
         };
         let (round, place) = (index / 20, index % 20);
-        let tier = at(place);
-        let before = |places: usize| (0..places).filter(|k| at(*k) == tier).count();
+        let tier = tier_at(place);
+        let before = |places: usize| (0..places).filter(|k| tier_at(*k) == tier).count();
         (tier, round * before(20) + before(place))
     }
 }
@@ -150,13 +150,13 @@ impl BlindCase for PositionCase {
     }
 
     fn covariates(&self, effect: &Effect) -> Vec<String> {
-        let (own, other) = (effect.joint + 1, effect.other_joint + 1);
+        let (joint, other) = (effect.joint + 1, effect.other_joint + 1);
         match effect.kind {
-            Kind::CableDrag => vec![format!("q{own}"), format!("v{own}")],
-            Kind::VaryingDelay => vec![format!("q{other}"), format!("v{own}")],
-            Kind::SpeedCube => vec![format!("v{own}")],
+            Kind::CableDrag => vec![format!("q{joint}"), format!("v{joint}")],
+            Kind::VaryingDelay => vec![format!("q{other}"), format!("v{joint}")],
+            Kind::SpeedCube => vec![format!("v{joint}")],
             Kind::CrossJoint => vec![format!("q{other}")],
-            Kind::VaryingPlay => vec![format!("direction_{own}"), format!("q{own}")],
+            Kind::VaryingPlay => vec![format!("direction_{joint}"), format!("q{joint}")],
             _ => Vec::new(),
         }
     }
@@ -169,8 +169,10 @@ mod tests {
     #[test]
     fn every_tier_counts_its_cases_without_a_gap() {
         for tier in Tier::ALL {
-            let turns =
-                (0..200).map(Tier::mixed).filter(|(of, _)| *of == tier).map(|(_, turn)| turn);
+            let turns = (0..200)
+                .map(Tier::mixed)
+                .filter(|(tier_of_case, _)| *tier_of_case == tier)
+                .map(|(_, turn)| turn);
             assert!(turns.enumerate().all(|(k, turn)| k == turn), "{tier:?}");
         }
     }

@@ -31,8 +31,8 @@ pub fn model(case: &PositionCase) -> String {
     let arm = &case.scene.arm;
     let link = |i: usize, frame: &Transform| {
         let mass = arm.masses.iter().find(|m| m.joint == i && !m.tool)?;
-        let at = mm(transform_point(frame, mass.position));
-        Some(format!("mass_kg = {:?}, com_mm = {at}", mass.kg))
+        let position = mm(transform_point(frame, mass.position));
+        Some(format!("mass_kg = {:?}, com_mm = {position}", mass.kg))
     };
     let tool = arm.masses.iter().find(|m| m.tool);
     let mut text = geometry(arm, false, link);
@@ -47,8 +47,8 @@ pub fn model(case: &PositionCase) -> String {
 }
 
 /// Entry of the tool's mass, kg, and its centre of mass in base axes at the zero configuration, m.
-pub(crate) fn tool_mass(kg: f64, at: Vector3) -> String {
-    format!("mass_kg = {kg:?}\ncom_mm = {}\n", mm(at))
+pub(crate) fn tool_mass(kg: f64, position: Vector3) -> String {
+    format!("mass_kg = {kg:?}\ncom_mm = {}\n", mm(position))
 }
 
 /// Entries of an arm's chain with revolute or prismatic joints, additional text per link, and the tool.

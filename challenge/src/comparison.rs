@@ -52,13 +52,13 @@ pub struct EffectComparison<'a> {
 }
 
 impl EffectComparison<'_> {
-    /// Compares it with every candidate; `kin`: whether a candidate of identical signature counts as the same effect.
+    /// Compares it with every candidate; `is_related`: whether a candidate of identical signature counts as the same effect.
     #[must_use]
     pub fn compare<E>(
         &self,
         candidates: &[Candidate<E>],
         column: impl Fn(&E) -> Vec<f64>,
-        kin: impl Fn(&str) -> bool,
+        is_related: impl Fn(&str) -> bool,
     ) -> Detectability {
         let energy = dot(self.effect, self.effect);
         let mut detectability = Detectability {
@@ -78,7 +78,7 @@ impl EffectComparison<'_> {
             if candidate.parameter_count > self.parameter_count {
                 continue;
             }
-            if left < EQUIVALENT_FRACTION * energy && kin(candidate.name) {
+            if left < EQUIVALENT_FRACTION * energy && is_related(candidate.name) {
                 detectability.same.push(name);
                 continue;
             }
@@ -99,22 +99,22 @@ impl EffectComparison<'_> {
         energy: f64,
         column: impl Fn(&E) -> Vec<f64>,
     ) -> f64 {
-        let mut least = energy;
+        let mut minimum = energy;
         for form in &candidate.forms {
-            let mut own = OrthonormalBasis::default();
+            let mut basis = OrthonormalBasis::default();
             for effect in form {
-                own.add_column(self.nuisances.residual(&column(effect)));
+                basis.add_column(self.nuisances.residual(&column(effect)));
             }
             let mut left = self.effect.to_vec();
-            let shares = own.project_out(&mut left);
+            let shares = basis.project_out(&mut left);
             let wrong_sign = candidate.non_negative
                 && form.len() == 1
                 && shares.first().is_some_and(|x| *x < 0.0);
             if !wrong_sign {
-                least = least.min(dot(&left, &left));
+                minimum = minimum.min(dot(&left, &left));
             }
         }
-        least
+        minimum
     }
 }
 
@@ -141,8 +141,8 @@ pub fn add_model_nuisances<C: BlindCase>(
             unit.parameters[..modelled.sigma.len()].fill(0.0);
             unit.parameters[number] = 1.0;
             let mut column = column(&unit);
-            let at = column.len() - readings + place;
-            column[at] = 1.0 / sigma;
+            let row = column.len() - readings + place;
+            column[row] = 1.0 / sigma;
             basis.add_column(column);
         }
     }
@@ -161,12 +161,12 @@ pub fn identifiable_parameters<K: EffectKind>(
     basis: &OrthonormalBasis,
     column: impl Fn(&Effect<K>) -> Vec<f64>,
 ) -> Vec<bool> {
-    let here = column(effect);
+    let unshifted = column(effect);
     let slope = |n: usize| {
         let mut moved = effect.clone();
         moved.parameters[n] += 1e-4 * K::step(effect, n);
         let moved = column(&moved);
-        let slope: Vec<f64> = moved.iter().zip(&here).map(|(a, b)| a - b).collect();
+        let slope: Vec<f64> = moved.iter().zip(&unshifted).map(|(a, b)| a - b).collect();
         let length = dot(&slope, &slope).sqrt();
         (basis.residual(&slope), length)
     };
@@ -175,7 +175,7 @@ pub fn identifiable_parameters<K: EffectKind>(
 
 /// Whether each column, given with its norm before projection on the nuisance parameters, is linearly independent of the others.
 fn independent_columns(slopes: &[(Vec<f64>, f64)]) -> Vec<bool> {
-    let own = |n: usize| {
+    let is_independent = |n: usize| {
         let mut others = OrthonormalBasis::default();
         for (k, (column, length)) in slopes.iter().enumerate() {
             if k != n && dot(column, column).sqrt() > INDEPENDENT_FRACTION * length {
@@ -185,5 +185,5 @@ fn independent_columns(slopes: &[(Vec<f64>, f64)]) -> Vec<bool> {
         let rest = others.residual(&slopes[n].0);
         dot(&rest, &rest).sqrt() > INDEPENDENT_FRACTION * slopes[n].1
     };
-    (0..slopes.len()).map(own).collect()
+    (0..slopes.len()).map(is_independent).collect()
 }

@@ -212,7 +212,9 @@ fn are_interchangeable(truth: Kind, name: &str) -> bool {
         "backlash" | "hysteresis" => 3,
         _ => 0,
     };
-    truth.name().is_some_and(|own| family(own) != 0 && family(own) == family(name))
+    truth
+        .name()
+        .is_some_and(|true_name| family(true_name) != 0 && family(true_name) == family(name))
 }
 
 /// Values per unit of each registration parameter: measuring frame, then unknown points on the tool.
@@ -233,10 +235,10 @@ pub fn registration_columns(
         .collect();
     let mut add = |law: &dyn Fn(&Transform, usize, Vector3) -> Vector3| {
         let each = |tool: &Transform| {
-            let at = |(k, place): (usize, &Vector3)| {
+            let point_rows = |(k, place): (usize, &Vector3)| {
                 law(tool, k, crate::transform::transform_point(tool, *place))
             };
-            view.points.iter().enumerate().flat_map(at).collect::<Vec<f64>>()
+            view.points.iter().enumerate().flat_map(point_rows).collect::<Vec<f64>>()
         };
         columns.push(tools.iter().flat_map(each).collect());
     };

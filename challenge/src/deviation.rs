@@ -57,18 +57,18 @@ pub fn tool_pose(arm: &Arm, q: &Joints, deviation: &Deviation) -> Transform {
     let parameters = &deviation.0;
     let mut carried = rotation(three(parameters, BASE));
     for i in 0..arm.joint_count() {
-        let own = &parameters[i * PER_JOINT..(i + 1) * PER_JOINT];
+        let joint_parameters = &parameters[i * PER_JOINT..(i + 1) * PER_JOINT];
         let grown = if i == 0 { 0.0 } else { parameters[(i - 1) * PER_JOINT + 8] };
         carried = mul(&carried, &extended_link(&arm.links[i], grown));
-        if own[5] != 0.0 || own[6] != 0.0 || own[7] != 0.0 {
-            carried = mul(&carried, &translation(three(own, 5)));
+        if joint_parameters[5] != 0.0 || joint_parameters[6] != 0.0 || joint_parameters[7] != 0.0 {
+            carried = mul(&carried, &translation(three(joint_parameters, 5)));
         }
-        if own[3] != 0.0 || own[4] != 0.0 {
-            carried = mul(&carried, &rotation([own[3], own[4], 0.0]));
+        if joint_parameters[3] != 0.0 || joint_parameters[4] != 0.0 {
+            carried = mul(&carried, &rotation([joint_parameters[3], joint_parameters[4], 0.0]));
         }
-        let spin = rotation_z(q[i] + own[0]);
-        if own[1] != 0.0 || own[2] != 0.0 {
-            let tilted = rotation([own[1], own[2], 0.0]);
+        let spin = rotation_z(q[i] + joint_parameters[0]);
+        if joint_parameters[1] != 0.0 || joint_parameters[2] != 0.0 {
+            let tilted = rotation([joint_parameters[1], joint_parameters[2], 0.0]);
             carried = mul(&mul(&mul(&carried, &tilted), &spin), &inverse(&tilted));
         } else {
             carried = mul(&carried, &spin);
@@ -125,22 +125,22 @@ pub fn tool_jacobian(arm: &Arm, q: &Joints) -> Vec<ToolMotion> {
     for i in 0..arm.joint_count() {
         let (frame, o) = (&frames[i], origin(&frames[i]));
         let after = mul(frame, &rotation_z(q[i]));
-        let at = i * PER_JOINT;
-        all[at] = about(column(frame, 2), o);
+        let first = i * PER_JOINT;
+        all[first] = about(column(frame, 2), o);
         for k in 0..2 {
             let w = column(frame, k);
             // Rotation of the axis alone: applied before the joint's motion, reversed after it.
             let net = sub(w, column(&after, k));
-            all[at + 1 + k] = about(net, o);
-            all[at + 3 + k] = about(w, o);
+            all[first + 1 + k] = about(net, o);
+            all[first + 3 + k] = about(w, o);
         }
         for k in 0..3 {
-            all[at + 5 + k] = ToolMotion::along(column(frame, k));
+            all[first + 5 + k] = ToolMotion::along(column(frame, k));
         }
         let to_next = arm.to_next(i);
         if norm(to_next) > 1e-9 {
             let along = scaled(to_next, 1.0 / norm(to_next));
-            all[at + 8] = ToolMotion::along(rotate(&after, along));
+            all[first + 8] = ToolMotion::along(rotate(&after, along));
         }
     }
     for k in 0..3 {
@@ -177,13 +177,13 @@ mod tests {
                 {
                     continue;
                 }
-                let at = |by: f64| {
+                let position_at = |by: f64| {
                     let mut deviation = Deviation::default();
                     deviation.0[k] = by;
                     transform_point(&tool_pose(&arm, &q, &deviation), place)
                 };
                 let h = 1e-6;
-                let slope = scaled(sub(at(h), at(-h)), 0.5 / h);
+                let slope = scaled(sub(position_at(h), position_at(-h)), 0.5 / h);
                 let found = motion.of_point(lever);
                 assert!(norm(sub(slope, found)) < 1e-8, "parameter {k}: {slope:?} {found:?}");
             }

@@ -81,10 +81,13 @@ impl<'a> Evaluation<'a> {
         let rows = scene.rows.len();
         match predicted {
             Predicted::Tools(tools) if tools.len() == rows && !view.points.is_empty() => {
-                let seen = |tool: &Transform| mul(&view.measuring_from_base, tool);
+                let measured = |tool: &Transform| mul(&view.measuring_from_base, tool);
                 let points = |tool: &Transform| -> Vec<f64> {
-                    let seen = seen(tool);
-                    view.points.iter().flat_map(|place| transform_point(&seen, *place)).collect()
+                    let measured = measured(tool);
+                    view.points
+                        .iter()
+                        .flat_map(|place| transform_point(&measured, *place))
+                        .collect()
                 };
                 Some(tools.iter().flat_map(points).collect())
             }

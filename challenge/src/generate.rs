@@ -61,16 +61,16 @@ pub(crate) fn first_success<T>(
 
 /// Whether the detectability of the hidden effects meets the conditions of the tier.
 pub(crate) fn meets_tier(tier: Tier, detectability: &[Detectability]) -> bool {
-    let shows = |least: f64| detectability.iter().all(|j| j.z >= least);
+    let all_reach = |z_min: f64| detectability.iter().all(|j| j.z >= z_min);
     match tier {
         Tier::Null => true,
         Tier::Single => {
-            shows(8.0) && detectability.iter().all(|j| j.least_gain >= DISTINGUISHABLE_GAIN)
+            all_reach(8.0) && detectability.iter().all(|j| j.least_gain >= DISTINGUISHABLE_GAIN)
         }
-        Tier::Multiple => shows(8.0),
-        Tier::Limit => shows(2.0),
+        Tier::Multiple => all_reach(8.0),
+        Tier::Limit => all_reach(2.0),
         Tier::Outside => detectability.iter().all(|j| j.unexplained_z >= 10.0),
-        Tier::Ambiguous => shows(12.0) && detectability.iter().all(|j| !j.rivals.is_empty()),
+        Tier::Ambiguous => all_reach(12.0) && detectability.iter().all(|j| !j.rivals.is_empty()),
     }
 }
 
@@ -386,8 +386,8 @@ fn scale_to_target_z(case: &mut PositionCase, tier: Tier, rng: &mut Rng) -> Opti
         case.hidden[which] = case.hidden[which]
             .scaled(1e-2 * most / case.hidden[which].linear_magnitude().max(1e-300));
         for _ in 0..2 {
-            let shows = projected_norm(case, which, &everything.usable);
-            let factor = wanted / shows;
+            let norm = projected_norm(case, which, &everything.usable);
+            let factor = wanted / norm;
             if !factor.is_finite() {
                 return None;
             }

@@ -72,8 +72,8 @@ impl Instrument {
                 values.extend((0..scene.arm.joint_count()).map(|i| q[i] + bend.0[9 * i]));
                 continue;
             }
-            let seen = mul(&self.measuring_from_base, &tool_pose(&scene.arm, q, bend));
-            values.extend(self.points.iter().flat_map(|place| transform_point(&seen, *place)));
+            let measured = mul(&self.measuring_from_base, &tool_pose(&scene.arm, q, bend));
+            values.extend(self.points.iter().flat_map(|place| transform_point(&measured, *place)));
         }
         values
     }
@@ -101,7 +101,7 @@ impl Noise {
             (self.autocorrelation, (1.0 - self.autocorrelation * self.autocorrelation).sqrt());
         let mut missing = 0;
         for (row, values) in scene.rows.iter().zip(measured.values.chunks_mut(width)) {
-            let anew = row.t_s == 0.0;
+            let is_segment_start = row.t_s == 0.0;
             let outlier = rng.bernoulli(self.outliers);
             let away = self.sigma * rng.uniform_between(15.0, 60.0);
             if missing == 0 && rng.bernoulli(self.gaps / 3.0) {
@@ -110,7 +110,7 @@ impl Noise {
             }
             for (value, memory) in values.iter_mut().zip(&mut memory) {
                 let draw = rng.normal();
-                *memory = if anew { draw } else { keep * *memory + fresh * draw };
+                *memory = if is_segment_start { draw } else { keep * *memory + fresh * draw };
                 let wrong = if outlier { away * rng.random_sign() } else { 0.0 };
                 let read = *value + self.sigma * *memory + wrong;
                 *value = if self.quantum > 0.0 {
@@ -157,8 +157,8 @@ impl Whitener {
         right: &[bool],
         follows: impl Fn(usize, usize) -> bool,
     ) -> Self {
-        let goes_on = |row: usize| row > 0 && right[row - 1] && follows(row - 1, row);
-        let rows = (0..right.len()).filter(|row| right[*row]).map(|row| (row, goes_on(row)));
+        let is_contiguous = |row: usize| row > 0 && right[row - 1] && follows(row - 1, row);
+        let rows = (0..right.len()).filter(|row| right[*row]).map(|row| (row, is_contiguous(row)));
         Self { width, sigma: 1.0, colour, rows: rows.collect() }
     }
 
@@ -221,14 +221,14 @@ mod tests {
             stated: true,
         };
         let exact = vec![0.0; 3 * scene.rows.len()];
-        let seen = noise.measure(&scene, &exact, 3, &mut rng);
-        let whitener = Whitener::of(&scene, &noise, &seen.usable, 3);
-        let white = whitener.apply(&seen.values);
+        let measurement = noise.measure(&scene, &exact, 3, &mut rng);
+        let whitener = Whitener::of(&scene, &noise, &measurement.usable, 3);
+        let white = whitener.apply(&measurement.values);
         let n = white.len() as f64;
         let variance = white.iter().map(|x| x * x).sum::<f64>() / n;
         let next: f64 = white.windows(4).map(|w| w[0] * w[3]).sum::<f64>() / n;
         assert!((variance - 1.0).abs() < 0.05 && next.abs() < 0.05, "{variance} {next}");
-        let missing = seen.recorded.iter().filter(|recorded| !**recorded).count() as f64;
+        let missing = measurement.recorded.iter().filter(|recorded| !**recorded).count() as f64;
         assert!((missing / scene.rows.len() as f64 - 0.02).abs() < 0.012, "{missing}");
     }
 }

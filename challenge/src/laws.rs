@@ -203,11 +203,11 @@ impl<'a> Run<'a> {
     fn thermal_response(&self, effect: &Effect) -> Vec<f64> {
         let x = &effect.parameters;
         let (scene, i) = (self.scene, effect.joint);
-        let own = scene.recorded.joint_temperatures
+        let has_joint_temperature = scene.recorded.joint_temperatures
             && !matches!(effect.kind, Kind::SpindleGrowth | Kind::SpindleGrowthSpeed);
         let cause = |row: &crate::scene::Row| match effect.kind {
             Kind::SpindleGrowthSpeed => row.rpm,
-            _ if own => row.joint_c[i] - 20.0,
+            _ if has_joint_temperature => row.joint_c[i] - 20.0,
             _ => row.ambient_c - 20.0,
         };
         let lag_s = match effect.kind {

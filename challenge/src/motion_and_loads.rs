@@ -77,28 +77,28 @@ fn sum_of_kind(effects: &[Effect], kind: Kind, joint: Option<usize>) -> f64 {
 }
 
 fn fine_grid(rows_s: &[f64]) -> (Vec<f64>, Vec<usize>) {
-    let (mut t_s, mut at) = (vec![rows_s[0]], vec![0]);
+    let (mut t_s, mut row_indices) = (vec![rows_s[0]], vec![0]);
     for pair in rows_s.windows(2) {
         let parts = ((pair[1] - pair[0]) / MAX_STEP_S).ceil().max(1.0);
         for part in 1..=parts as usize {
             t_s.push(pair[0] + (pair[1] - pair[0]) * part as f64 / parts);
         }
-        at.push(t_s.len() - 1);
+        row_indices.push(t_s.len() - 1);
     }
-    (t_s, at)
+    (t_s, row_indices)
 }
 
 /// First-order lag, exact for an input that is linear between grid points.
 fn first_order_lag(t_s: &[f64], delayed: &[f64], lag_s: f64) -> Vec<f64> {
     let mut y = delayed[0];
-    let mut seen = vec![y];
+    let mut lagged = vec![y];
     for (t, u) in t_s.windows(2).zip(delayed.windows(2)) {
         let h = t[1] - t[0];
         let slope = (u[1] - u[0]) / h;
         y = u[1] - slope * lag_s + (y - u[0] + slope * lag_s) * (-h / lag_s).exp();
-        seen.push(y);
+        lagged.push(y);
     }
-    seen
+    lagged
 }
 
 /// Loads at one row.
@@ -142,10 +142,10 @@ pub fn loads(scene: &Scene, fine: &[FineMotion], effects: &[Effect]) -> Vec<Load
     for fine in fine {
         for (row, k) in fine.row_index.iter().enumerate() {
             let q = fine.motors(*k);
-            let at = fine.first_row + row;
-            let (force, moment) = actual_wrench(scene.rows[at].wrench, effects);
-            all[at] = static_loads(&scene.arm, &masses, gravity, &q, (force, moment));
-            all[at].inertia = inertial_torques(&scene.arm, &masses, fine, *k);
+            let index = fine.first_row + row;
+            let (force, moment) = actual_wrench(scene.rows[index].wrench, effects);
+            all[index] = static_loads(&scene.arm, &masses, gravity, &q, (force, moment));
+            all[index].inertia = inertial_torques(&scene.arm, &masses, fine, *k);
         }
     }
     for spring in effects.iter().filter(|e| e.kind == Kind::Counterbalance) {
@@ -209,16 +209,17 @@ fn static_loads(
     let mut load = Loads { force_tool: force, ..Loads::default() };
     let mut weights = Vec::with_capacity(masses.len());
     for mass in masses {
-        let at =
+        let position =
             transform_point(&mul(&frames[mass.joint], &rotation_z(q[mass.joint])), mass.position);
-        weights.push((mass.joint, at, scaled(gravity, mass.kg)));
-        load.base_moment = add(load.base_moment, cross(at, scaled(gravity, mass.kg)));
+        weights.push((mass.joint, position, scaled(gravity, mass.kg)));
+        load.base_moment = add(load.base_moment, cross(position, scaled(gravity, mass.kg)));
     }
     load.base_moment = add(load.base_moment, add(moment_base, cross(origin(tool), force_base)));
     for (i, frame) in frames.iter().enumerate().take(n) {
         let (axis, o) = (column(frame, 2), origin(frame));
         let carried = weights.iter().filter(|(joint, ..)| *joint >= i);
-        let weight = carried.fold([0.0; 3], |sum, (_, at, w)| add(sum, cross(sub(*at, o), *w)));
+        let weight =
+            carried.fold([0.0; 3], |sum, (_, position, w)| add(sum, cross(sub(*position, o), *w)));
         let pushed = add(moment_base, cross(sub(origin(tool), o), force_base));
         load.gravity[i] = dot(axis, weight);
         load.wrench[i] = dot(axis, pushed);
@@ -237,10 +238,10 @@ fn inertial_torques(arm: &Arm, masses: &[Mass], fine: &FineMotion, k: usize) -> 
     let places = |k: usize| {
         let q = fine.motors(k);
         let frames = arm.frames(&q);
-        let at = |mass: &Mass| {
+        let position = |mass: &Mass| {
             transform_point(&mul(&frames[mass.joint], &rotation_z(q[mass.joint])), mass.position)
         };
-        (masses.iter().map(at).collect::<Vec<Vector3>>(), frames)
+        (masses.iter().map(position).collect::<Vec<Vector3>>(), frames)
     };
     let ((before, _), (now, frames), (after, _)) = (places(k - 1), places(k), places(k + 1));
     let (a, b) = (fine.t_s[k] - fine.t_s[k - 1], fine.t_s[k + 1] - fine.t_s[k]);
@@ -291,7 +292,7 @@ mod tests {
     fn a_lagging_motor_trails_an_even_motion_by_speed_times_lag() {
         let t: Vec<f64> = (0..2000).map(|k| f64::from(k) * 1e-3).collect();
         let delayed: Vec<f64> = t.iter().map(|t| 0.7 * t).collect();
-        let seen = first_order_lag(&t, &delayed, 0.05);
-        assert!((0.7 * t[1999] - seen[1999] - 0.035).abs() < 1e-9);
+        let lagged = first_order_lag(&t, &delayed, 0.05);
+        assert!((0.7 * t[1999] - lagged[1999] - 0.035).abs() < 1e-9);
     }
 }

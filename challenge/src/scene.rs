@@ -202,13 +202,17 @@ impl Scene {
                 let mut q = [0.0; JOINTS];
                 (0..scene.arm.joint_count())
                     .for_each(|i| q[i] = segment.commanded_position(i, *t_s));
-                let at = |k: usize| push[k] + swing[k] * (rate * t_s + k as f64).sin();
+                let component = |k: usize| push[k] + swing[k] * (rate * t_s + k as f64).sin();
                 scene.rows.push(Row {
                     t_s: *t_s,
                     segment: number,
                     q,
                     approach: [0.0; JOINTS],
-                    wrench: if recorded_inputs.wrench { std::array::from_fn(at) } else { [0.0; 6] },
+                    wrench: if recorded_inputs.wrench {
+                        std::array::from_fn(component)
+                    } else {
+                        [0.0; 6]
+                    },
                     ambient_c: climate.ambient(clock_s + t_s),
                     joint_c: climate.joints(clock_s + t_s),
                     rpm: if recorded_inputs.spindle { rpm } else { 0.0 },
@@ -261,10 +265,10 @@ impl Segment {
             if half == 0.0 {
                 continue;
             }
-            let far = half.min(1.2);
-            segment.centre[joint] += (half - far) * rng.uniform_between(-1.0, 1.0);
+            let amplitude_max = half.min(1.2);
+            segment.centre[joint] += (half - amplitude_max) * rng.uniform_between(-1.0, 1.0);
             for share in [0.7, 0.3] {
-                let amplitude = share * far * rng.uniform_between(0.5, 1.0);
+                let amplitude = share * amplitude_max * rng.uniform_between(0.5, 1.0);
                 // At most 1.6 rad/s, attainable by arms of this size.
                 let rate = rng.log_uniform_between(0.9, 7.0).min(1.6 / amplitude);
                 let phase = rng.uniform_between(0.0, std::f64::consts::TAU);
@@ -304,8 +308,9 @@ impl Temperatures {
 
     fn joints(&self, t_s: f64) -> Joints {
         std::array::from_fn(|i| {
-            let own = self.joint_rise_c[i] * (1.0 - (-t_s / self.joint_time_constant_s[i]).exp());
-            ((self.ambient(t_s) + own) * 100.0).round() / 100.0
+            let own_heat_c =
+                self.joint_rise_c[i] * (1.0 - (-t_s / self.joint_time_constant_s[i]).exp());
+            ((self.ambient(t_s) + own_heat_c) * 100.0).round() / 100.0
         })
     }
 }

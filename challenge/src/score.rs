@@ -102,7 +102,7 @@ impl Outcome {
     pub fn summary(&self) -> CaseSummary {
         let mut hidden: Vec<&HiddenEffect> = self.truth.hidden.iter().collect();
         hidden.sort_by(|a, b| b.detectability.z.total_cmp(&a.detectability.z));
-        let said = self.answer.iter().flat_map(|answer| &answer.findings);
+        let findings = self.answer.iter().flat_map(|answer| &answer.findings);
         let strongest = hidden.first().map_or(0.0, |hidden| hidden.detectability.z);
         CaseSummary {
             case: self.truth.case.clone(),
@@ -114,7 +114,7 @@ impl Outcome {
             counts: self.is_scored(),
             z: if self.is_scored() { self.z() } else { strongest },
             verdict: self.answer.as_ref().map(|answer| answer.verdict),
-            said: said
+            said: findings
                 .map(|finding| effect_label(&finding.effect.name, finding.effect.joint))
                 .collect(),
             first_right: self.is_first_correct(),
@@ -177,8 +177,9 @@ impl Outcome {
     pub fn is_joint_correct(&self) -> Option<bool> {
         let first = self.claims().first()?;
         let of_kind = |hidden: &&HiddenEffect| {
-            let own = hidden.effect.is_some_and(|effect| effect == first.effect.name);
-            own || hidden.detectability.same.iter().any(|(effect, _)| *effect == first.effect.name)
+            let is_own_name = hidden.effect.is_some_and(|effect| effect == first.effect.name);
+            is_own_name
+                || hidden.detectability.same.iter().any(|(effect, _)| *effect == first.effect.name)
         };
         let hidden: Vec<&HiddenEffect> = self.truth.hidden.iter().filter(of_kind).collect();
         (!hidden.is_empty()).then(|| hidden.iter().any(|hidden| is_correct_for(first, hidden)))
@@ -213,17 +214,17 @@ impl Outcome {
     pub fn are_covariates_correct(&self) -> bool {
         let Some(answer) = &self.answer else { return false };
         let wanted = &self.truth.depends_on;
-        wanted.iter().all(|word| answer.depends_on.contains(word))
+        wanted.iter().all(|covariate| answer.depends_on.contains(covariate))
             && answer.depends_on.len() <= 2 * wanted.len()
     }
 
     /// Whether a detectable effect cannot be distinguished from an alternative.
     #[must_use]
     pub fn is_ambiguous(&self) -> bool {
-        let alike = |hidden: &HiddenEffect| {
+        let has_rivals = |hidden: &HiddenEffect| {
             hidden.detectability.z >= MIN_SCORED_Z && !hidden.detectability.rivals.is_empty()
         };
-        self.truth.tier != Tier::Multiple && self.truth.hidden.iter().any(alike)
+        self.truth.tier != Tier::Multiple && self.truth.hidden.iter().any(has_rivals)
     }
 
     /// Whether the ambiguity was reported: verdict undetermined, or the truth and an alternative in one finding.

@@ -162,8 +162,8 @@ mod tests {
         let t = mul(&translation([0.3, -0.2, 0.9]), &rotation([0.4, -0.7, 0.2]));
         let along = rotate(&t, [0.4, -0.7, 0.2]);
         assert!(norm(sub(along, [0.4, -0.7, 0.2])) < 1e-15);
-        let there = transform_point(&t, [1.0, 2.0, 3.0]);
-        assert!(norm(sub(transform_point(&inverse(&t), there), [1.0, 2.0, 3.0])) < 1e-14);
+        let moved = transform_point(&t, [1.0, 2.0, 3.0]);
+        assert!(norm(sub(transform_point(&inverse(&t), moved), [1.0, 2.0, 3.0])) < 1e-14);
         let quarter = rotate(&rotation([0.0, 0.0, std::f64::consts::FRAC_PI_2]), [1.0, 0.0, 0.0]);
         assert!(norm(sub(quarter, [0.0, 1.0, 0.0])) < 1e-15, "right-handed");
     }

@@ -97,9 +97,9 @@ fn hidden_effect<C: BlindCase>(
     let revised = case.revised_effect(effect);
     let mut whole = effect.clone();
     if let Some(known) = revised {
-        let off =
+        let changes =
             known.true_effect.parameters.iter().zip(&known.nominal.parameters).map(|(a, b)| a - b);
-        whole.parameters.iter_mut().zip(off).for_each(|(number, off)| *number += off);
+        whole.parameters.iter_mut().zip(changes).for_each(|(number, change)| *number += change);
     }
     let mut parameters = BTreeMap::new();
     let mut counted = Vec::new();

@@ -26,10 +26,10 @@ const POSES: usize = 64;
 const ABOUT: f64 = 0.2;
 
 fn poses() -> Vec<Joints> {
-    let off = |k: usize, i: usize| ABOUT * (1.7 * (k * (i + 2)) as f64).sin();
+    let offset = |k: usize, i: usize| ABOUT * (1.7 * (k * (i + 2)) as f64).sin();
     let one = |k| {
         let mut q = pose();
-        q[..6].iter_mut().enumerate().for_each(|(i, q)| *q += off(k, i));
+        q[..6].iter_mut().enumerate().for_each(|(i, q)| *q += offset(k, i));
         q
     };
     (0..POSES).map(one).collect()
@@ -38,28 +38,33 @@ fn poses() -> Vec<Joints> {
 fn tell_arm(model: &Model, poses: &[Joints]) {
     let arm = &model.arm;
     let body = |body: &Option<Body>| body.map_or((0.0, DVec3::ZERO), |b| (b.mass, b.centre));
-    let words = |v: DVec3| format!("{:?} {:?} {:?}", v.x, v.y, v.z);
+    let vector_text = |v: DVec3| format!("{:?} {:?} {:?}", v.x, v.y, v.z);
     println!("{}", arm.count());
     for joint in arm.joints() {
         let (mass, centre) = body(&joint.link);
-        println!("{} {} {mass:?} {}", words(joint.axis), words(joint.point), words(centre));
+        println!(
+            "{} {} {mass:?} {}",
+            vector_text(joint.axis),
+            vector_text(joint.point),
+            vector_text(centre)
+        );
     }
     let (mass, centre) = body(&arm.tool.body);
-    println!("{} {mass:?} {}", words(arm.tool.tcp), words(centre));
-    println!("{}\n{}", words(arm.gravity), poses.len());
+    println!("{} {mass:?} {}", vector_text(arm.tool.tcp), vector_text(centre));
+    println!("{}\n{}", vector_text(arm.gravity), poses.len());
     poses.iter().for_each(|q| println!("{}", numbers(&q[..arm.count()])));
 }
 
-fn numbers(of: &[f64]) -> String {
-    of.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ")
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(|x| format!("{x:?}")).collect::<Vec<_>>().join(" ")
 }
 
-fn look(model: &Model, poses: &[Joints]) {
+fn evaluate_all(model: &Model, poses: &[Joints]) {
     for q in poses {
-        let seen = model.evaluate(&Inputs::at_rest(*q), &Memories::default());
-        let at = seen.nominal.base_from_tool.origin;
-        let torques = &seen.loads.gravity_torque[..model.arm.count()];
-        println!("{} {}", numbers(&at.to_array()), numbers(torques));
+        let evaluation = model.evaluate(&Inputs::at_rest(*q), &Memories::default());
+        let position = evaluation.nominal.base_from_tool.origin;
+        let torques = &evaluation.loads.gravity_torque[..model.arm.count()];
+        println!("{} {}", numbers(&position.to_array()), numbers(torques));
     }
 }
 
@@ -79,9 +84,9 @@ fn batch(model: &Model, poses: &[Joints], times: usize) {
 }
 
 fn main() {
-    let words: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
     let (model, poses) = (twenty(), poses());
-    match words.first().map(String::as_str) {
+    match arguments.first().map(String::as_str) {
         Some("arm") => tell_arm(&model, &poses),
         Some("correct") => {
             for line in std::io::stdin().lock().lines() {
@@ -89,7 +94,7 @@ fn main() {
                 match line.strip_prefix("batch ").map(|times| times.trim().parse()) {
                     Some(Ok(times)) => batch(&model, &poses, times),
                     Some(Err(why)) => println!("batch: {why}, expected a count"),
-                    None => look(&model, &poses),
+                    None => evaluate_all(&model, &poses),
                 }
             }
         }

@@ -41,11 +41,11 @@ fn stages(criterion: &mut Criterion) {
     criterion.bench_function("stage: geometry at a pose", |bencher| {
         bencher.iter(|| Chain::nominal(black_box(&model.arm), black_box(&q)));
     });
-    let mut seen = Evaluation::default();
+    let mut evaluation = Evaluation::default();
     criterion.bench_function("stage: geometry, loads, 20 effects, real geometry", |bencher| {
         bencher.iter(|| {
-            model.evaluate_into(black_box(&inputs), &memories, &mut seen);
-            black_box(&seen.real.base_from_tool);
+            model.evaluate_into(black_box(&inputs), &memories, &mut evaluation);
+            black_box(&evaluation.real.base_from_tool);
         });
     });
     let mut solver = Solver::default();

@@ -28,10 +28,10 @@ fn run(stage: &str, times: u64) {
             black_box(Chain::nominal(black_box(&model.arm), black_box(&q)));
         }),
         "evaluation" => {
-            let mut seen = Evaluation::default();
+            let mut evaluation = Evaluation::default();
             (0..times).for_each(|_| {
-                model.evaluate_into(black_box(&inputs), &memories, &mut seen);
-                black_box(&seen.real.base_from_tool);
+                model.evaluate_into(black_box(&inputs), &memories, &mut evaluation);
+                black_box(&evaluation.real.base_from_tool);
             });
         }
         "correction" => {

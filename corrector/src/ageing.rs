@@ -167,14 +167,14 @@ mod tests {
 
     #[test]
     fn a_model_that_holds_is_doubted_once_in_thousands_of_measurements() {
-        let (mut rng, mut said, mut left) = (Rng(3), 0_u64, 400_000_u64);
+        let (mut rng, mut alarms, mut left) = (Rng(3), 0_u64, 400_000_u64);
         let all = left;
         while let Some((count, _)) = run(&mut rng, left, &|_| DVec3::ZERO) {
-            said += 1;
+            alarms += 1;
             left -= count.min(left);
         }
-        let between = all / said.max(1);
-        println!("{said} false words in {all} measurements: one in {between}");
+        let between = all / alarms.max(1);
+        println!("{alarms} false words in {all} measurements: one in {between}");
         assert!(between > 8_000, "one in {between}");
     }
 
@@ -186,8 +186,8 @@ mod tests {
             let turn = f64::from(case);
             let direction = DVec3::new(libm::cos(turn), libm::sin(turn), 0.0);
             let drift = move |k: u64| if k >= 100 { direction } else { DVec3::ZERO };
-            let (at, since) = run(&mut rng, 400, &drift).expect("said");
-            delays.push(at.saturating_sub(100));
+            let (count, since) = run(&mut rng, 400, &drift).expect("said");
+            delays.push(count.saturating_sub(100));
             dates.push(since.abs_diff(100));
         }
         delays.sort_unstable();
@@ -209,8 +209,8 @@ mod tests {
                 let direction = DVec3::new(libm::cos(turn), libm::sin(turn), libm::sin(3.0 * turn));
                 if k >= 50 { 2.5 * direction } else { DVec3::ZERO }
             };
-            let (at, since) = run(&mut rng, 400, &drift).expect("said");
-            assert!((50..80).contains(&at) && since.abs_diff(50) < 25, "{at} {since}");
+            let (count, since) = run(&mut rng, 400, &drift).expect("said");
+            assert!((50..80).contains(&count) && since.abs_diff(50) < 25, "{count} {since}");
         }
     }
 

@@ -199,10 +199,10 @@ impl Solver {
         let (position_limits, count) =
             (problem_inputs.position_limits, problem_inputs.model.arm.count());
         problem.damping = [[0.0; JOINTS_MAX]; JOINTS_MAX];
-        let least = position_limits[..count]
+        let smallest = position_limits[..count]
             .iter()
-            .fold(f64::INFINITY, |least, position_limits| least.min(*position_limits));
-        let most = part * problem.weighted_norm(error) * SINGULAR_BAND / least;
+            .fold(f64::INFINITY, |smallest, position_limits| smallest.min(*position_limits));
+        let most = part * problem.weighted_norm(error) * SINGULAR_BAND / smallest;
         let (normal, _) =
             problem.normal_equations(&self.linearisation, count, error, &[0.0; JOINTS_MAX]);
         if most > 0.0 && most.is_finite() {
@@ -274,7 +274,7 @@ fn solve_in_task_space(
     rates: &TaskJacobian,
     error: &TaskError,
     units: &Joints,
-    least: f64,
+    damping: f64,
 ) -> Option<Joints> {
     let (mut a, mut e) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
     e[..ROWS].copy_from_slice(&error.0);
@@ -283,7 +283,7 @@ fn solve_in_task_space(
             a[i][k] =
                 units.iter().enumerate().map(|(j, u)| rates[i][j] * rates[k][j] * u * u).sum();
         }
-        a[i][i] += least * least;
+        a[i][i] += damping * damping;
     }
     free_step(ROWS, &a, &e, &[false; JOINTS_MAX])
 }

@@ -25,11 +25,11 @@ pub(crate) fn compliance_along(
     scratch: &mut Evaluation,
 ) -> Compliance {
     let (mut pushed, mut is_valid) = (*inputs, true);
-    let [there, back] = [PROBE_N, -PROBE_N].map(|newtons| {
+    let [pushed_along, back] = [PROBE_N, -PROBE_N].map(|newtons| {
         pushed.wrench_base.force = inputs.wrench_base.force + axis * newtons;
         model.evaluate_into(&pushed, memories, scratch);
         is_valid &= scratch.out_of_range.is_none();
         scratch.real.base_from_tool.origin
     });
-    Compliance { per_newton: (there - back) / (2.0 * PROBE_N), is_valid }
+    Compliance { per_newton: (pushed_along - back) / (2.0 * PROBE_N), is_valid }
 }

@@ -210,11 +210,11 @@ impl Corrector {
     /// Pose of the tool by the model at the last accepted command with this correction, base frame:
     /// one more evaluation. `None` as for [`Corrector::residual_with`].
     pub fn tool_pose_with(&self, model: &Model, correction: &Joints) -> Option<Frame> {
-        let mut there = *self.path.last()?;
-        apply(&mut there.q, correction);
+        let mut inputs = *self.path.last()?;
+        apply(&mut inputs.q, correction);
         let mut evaluation = Evaluation::default();
-        model.deviate_into(&there, self.path.memories(), &mut evaluation, None);
-        evaluation.set_real(&model.arm, &there);
+        model.deviate_into(&inputs, self.path.memories(), &mut evaluation, None);
+        evaluation.set_real(&model.arm, &inputs);
         evaluation.out_of_range.is_none().then_some(evaluation.real.base_from_tool)
     }
 

@@ -305,14 +305,14 @@ impl Feed {
             let report = &mut self.report;
             report.force_n = length(found.force_n);
             report.programmed_force_n = report.force_n / found.share;
-            let asked = pow(load.limit_n / report.programmed_force_n, 1.0 / exponent);
+            let requested = pow(load.limit_n / report.programmed_force_n, 1.0 / exponent);
             let is_air = report.force_n < air_n;
             let most = if is_air { air.max(bounds.floor()) } else { 1.0 };
             // No force gives 0/0.
-            let asked = if asked.is_nan() { 1.0 } else { asked };
-            report.requested = asked.clamp(bounds.floor(), most);
+            let requested = if requested.is_nan() { 1.0 } else { requested };
+            report.requested = requested.clamp(bounds.floor(), most);
             report.state = if is_air { FeedState::Air } else { FeedState::Adapting };
-            if asked < bounds.floor() {
+            if requested < bounds.floor() {
                 report.reason = FeedReason::AtFloor;
             }
         }

@@ -106,8 +106,8 @@ mod tests {
         for every_ns in [MS / 10, MS, 4 * MS] {
             let last_ns = 8_000 * MS;
             let history = line(every_ns, last_ns / every_ns);
-            let at = history.at(last_ns - 1_000 * MS).expect("a second ago");
-            assert!((at.x - 7e9).abs() < 1.0, "{at}");
+            let position = history.at(last_ns - 1_000 * MS).expect("a second ago");
+            assert!((position.x - 7e9).abs() < 1.0, "{position}");
             assert_eq!(history.at(MS / 20), None);
         }
     }

@@ -222,7 +222,7 @@ impl Linearisation {
     /// the unit matrix.
     #[inline(always)]
     fn update_pseudoinverse_in<S: Lanes>(&mut self, lanes: S, damping: f64) -> Option<()> {
-        let (by_joints, asked) = (self.inverts_in_joint_space(), self.task_rows());
+        let (by_joints, task_rows) = (self.inverts_in_joint_space(), self.task_rows());
         let Self { jacobian, pseudoinverse, joints, .. } = self;
         let mut normal = [[lanes.splat(0.0); 2]; ROWS];
         for (i, sums) in normal.iter_mut().enumerate() {
@@ -242,7 +242,7 @@ impl Linearisation {
         if damping != 0.0 {
             damped = damping * jacobian.iter().flatten().map(|x| x * x).sum::<f64>() / ROWS as f64;
         }
-        let part = if by_joints { *joints } else { asked };
+        let part = if by_joints { *joints } else { task_rows };
         let correction = array::from_fn(|i| if i < part { damped } else { 1.0 });
         let inverse = invert(lanes, normal, &correction)?;
         for (i, (step, rate)) in pseudoinverse.iter_mut().zip(jacobian.iter()).enumerate() {

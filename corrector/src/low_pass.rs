@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn how_time_is_cut_into_steps_does_not_matter() {
         // A ramp, sampled at an even pace and in short steps with pauses between them.
-        let at = |steps: &[f64]| {
+        let filtered = |steps: &[f64]| {
             let (mut filter, mut t_s) = (LowPass::default(), 0.0);
             let mut last = steps.iter().cycle().map(|dt_s| {
                 t_s += dt_s;
@@ -142,13 +142,13 @@ mod tests {
             });
             last.find(|(t_s, _)| *t_s >= 1.0).expect("endless")
         };
-        let (t_s, even) = at(&[1e-3]);
+        let (t_s, even) = filtered(&[1e-3]);
         assert!(
             (even - 50.0 * (t_s - SQRT_2 / (TAU * 3.0))).abs() < 1e-3,
             "a ramp is followed at a constant lag"
         );
         for steps in [&[1e-5, 1e-5, 1e-5, 2e-2][..], &[2e-2, 1e-6, 1e-6], &[1e-9, 0.1]] {
-            let (t_s, output) = at(steps);
+            let (t_s, output) = filtered(steps);
             let expected = 50.0 * (t_s - SQRT_2 / (TAU * 3.0));
             assert!((output - expected).abs() < 1e-3, "{steps:?}: {output} for {expected}");
         }

@@ -66,9 +66,9 @@ impl TaskRows {
     }
 
     /// The error of the actual tool pose.
-    pub(crate) fn pose_error(&self, here: &Frame) -> TaskError {
-        let turn = vector_from_rotation(&(self.desired.rotation * here.rotation.transpose()));
-        self.error(self.desired.origin - here.origin, turn)
+    pub(crate) fn pose_error(&self, pose: &Frame) -> TaskError {
+        let turn = vector_from_rotation(&(self.desired.rotation * pose.rotation.transpose()));
+        self.error(self.desired.origin - pose.origin, turn)
     }
 }
 

@@ -17,12 +17,12 @@ const REACH: [f64; JOINTS_MAX] = [0.05; JOINTS_MAX];
 /// m per rad, with a radian of orientation counted as 0.2 m.
 const WELL_CONDITIONED: f64 = 0.01;
 
-fn pose(arm: &Arm, at: &[f64]) -> Vec<f64> {
-    let within = |(joint, at): (&physics::Joint, &f64)| {
+fn pose(arm: &Arm, shares: &[f64]) -> Vec<f64> {
+    let within = |(joint, share): (&physics::Joint, &f64)| {
         let (low, high) = joint.limits;
-        low + (high - low) * (0.1 + 0.8 * at)
+        low + (high - low) * (0.1 + 0.8 * share)
     };
-    arm.joints().iter().zip(at).map(within).collect()
+    arm.joints().iter().zip(shares).map(within).collect()
 }
 
 struct Case {
@@ -31,10 +31,10 @@ struct Case {
     memories: Memories,
 }
 
-fn case(arm: Arm, at: &[f64], signs: &[bool], load: &[f64]) -> Case {
+fn case(arm: Arm, shares: &[f64], signs: &[bool], load: &[f64]) -> Case {
     let model = erring(arm);
     let mut q = [0.0; JOINTS_MAX];
-    q[..arm.count()].copy_from_slice(&pose(&arm, at));
+    q[..arm.count()].copy_from_slice(&pose(&arm, shares));
     let mut inputs = Inputs::at_rest(q);
     for (slot, up) in inputs.direction.iter_mut().zip(signs) {
         *slot = if *up { 1.0 } else { -1.0 };

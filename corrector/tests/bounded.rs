@@ -79,12 +79,12 @@ proptest! {
             up[i] += STEP;
             down[i] -= STEP;
             let slope = (left(&model, &q, &up) - left(&model, &q, &down)) / (2.0 * STEP);
-            let at = found.q[i] - q[i];
+            let correction = found.q[i] - q[i];
             // The largest contribution of damping: its size, error · 0.03 / reach, times a
             // correction of at most reach per joint, in weak directions.
             let damped = most * 0.03 * (model.arm.count() as f64).sqrt();
-            prop_assert!(at >= reach * (1.0 - 1e-9) || slope > -damped - 1e-9, "joint {i}: {slope}, {damped}");
-            prop_assert!(at <= -reach * (1.0 - 1e-9) || slope < damped + 1e-9, "joint {i}: {slope}, {damped}");
+            prop_assert!(correction >= reach * (1.0 - 1e-9) || slope > -damped - 1e-9, "joint {i}: {slope}, {damped}");
+            prop_assert!(correction <= -reach * (1.0 - 1e-9) || slope < damped + 1e-9, "joint {i}: {slope}, {damped}");
         }
     }
 

@@ -31,7 +31,7 @@ struct Cell {
     stiffness: f64,
     compliance: f64,
     /// Targets that were sent and not reached yet.
-    told: VecDeque<Joints>,
+    sent: VecDeque<Joints>,
     /// White noise on the measured force, N, and slow change of the surface as a share.
     noise_n: f64,
     wander: f64,
@@ -50,7 +50,7 @@ impl Cell {
             normal,
             stiffness,
             compliance: 0.0,
-            told: VecDeque::from(vec![joints(&Q); LAG_CYCLES]),
+            sent: VecDeque::from(vec![joints(&Q); LAG_CYCLES]),
             noise_n: 0.0,
             wander: 0.0,
             cycle: 0,
@@ -77,13 +77,13 @@ impl Cell {
     fn step(&mut self) -> Outcome {
         self.cycle += 1;
         let t_s = self.cycle as f64 * 1e-3;
-        let at = self.told.pop_front().expect("a target");
+        let target = self.sent.pop_front().expect("a target");
         let commanded = self.normal.dot(Chain::nominal(&six(), &joints(&Q)).base_from_tool.origin);
         let wave = 1.0 + self.wander * (2.0 * t_s).sin();
         let depth = FORCE_N * (1.0 / self.stiffness + self.compliance) * t_s.min(1.0) * wave;
         // The surface is `depth` above the commanded height; the tool is deflected by compliance
         // times force.
-        let unloaded = self.height(&at, 0.0);
+        let unloaded = self.height(&target, 0.0);
         let pressed = (commanded + depth - unloaded).max(0.0);
         self.force_n = pressed / (1.0 / self.stiffness + self.compliance);
         let hash = self.cycle.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
@@ -92,14 +92,14 @@ impl Cell {
         let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
         self.run.world = CycleInputs { wrench: Some(sample), ..CycleInputs::default() };
         let outcome = self.run.cycle(&Q);
-        self.told.push_back(outcome.added_to(&Q));
+        self.sent.push_back(outcome.added_to(&Q));
         outcome
     }
 
     /// Distance of the tool from its desired position, along the normal, m.
     fn error(&self) -> f64 {
         let commanded = self.normal.dot(Chain::nominal(&six(), &joints(&Q)).base_from_tool.origin);
-        self.height(&self.told[0], self.force_n) - commanded
+        self.height(&self.sent[0], self.force_n) - commanded
     }
 }
 
@@ -143,26 +143,28 @@ fn no_contact_makes_the_loop_grow_or_cycle_and_its_gain_is_found() {
         for factor in MODEL_FACTORS {
             let mut cell = Cell::new(stiffness, factor, settings());
             let gain = cell.loop_gain(factor);
-            let seen = watched(&mut cell, 10);
-            let case =
-                format!("{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}", seen.last.gate);
-            assert!(seen.swing_n < 0.01 * FORCE_N, "{case}: swings {} N", seen.swing_n);
+            let observed = watched(&mut cell, 10);
+            let case = format!(
+                "{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}",
+                observed.last.gate
+            );
+            assert!(observed.swing_n < 0.01 * FORCE_N, "{case}: swings {} N", observed.swing_n);
             // With half a share the force grows by 1/(1 - 1.3/2) at most; with a share of one and a
             // gain below one half, at most to twice its value.
-            assert!(seen.largest_n < 3.0 * FORCE_N, "{case}: {} N", seen.largest_n);
-            let found = seen.last.loop_gain;
+            assert!(observed.largest_n < 3.0 * FORCE_N, "{case}: {} N", observed.largest_n);
+            let found = observed.last.loop_gain;
             // The equation neglects the robot's lag.
             assert!((found - gain).abs() < 0.01 + 0.06 * gain, "{case}: found {found}");
-            match seen.last.gate {
+            match observed.last.gate {
                 GateState::Open => opened += 1,
                 GateState::GainTooHigh => closed += 1,
                 _ => {}
             }
             assert!(
-                gain > 0.56 && seen.last.gate == GateState::GainTooHigh || gain < 0.56,
+                gain > 0.56 && observed.last.gate == GateState::GainTooHigh || gain < 0.56,
                 "{case}"
             );
-            assert!(gain < 0.44 && seen.last.gate == GateState::Open || gain > 0.44, "{case}");
+            assert!(gain < 0.44 && observed.last.gate == GateState::Open || gain > 0.44, "{case}");
         }
     }
     assert!(opened > 3 && closed > 3, "{opened} opened, {closed} closed");
@@ -175,11 +177,13 @@ fn a_rough_cut_on_any_contact_stays_bounded() {
             let mut cell = Cell::new(stiffness, factor, settings());
             (cell.noise_n, cell.wander) = (40.0, 0.2);
             let gain = cell.loop_gain(factor);
-            let seen = watched(&mut cell, 12);
-            let case =
-                format!("{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}", seen.last.gate);
-            assert!(seen.largest_n < 4.0 * FORCE_N, "{case}: {} N", seen.largest_n);
-            assert!(!(gain > 0.7 && seen.last.gate == GateState::Open), "{case}");
+            let observed = watched(&mut cell, 12);
+            let case = format!(
+                "{stiffness:e} N/m, model {factor}, gain {gain:.3}, {:?}",
+                observed.last.gate
+            );
+            assert!(observed.largest_n < 4.0 * FORCE_N, "{case}: {} N", observed.largest_n);
+            assert!(!(gain > 0.7 && observed.last.gate == GateState::Open), "{case}");
         }
     }
 }
@@ -201,10 +205,10 @@ fn a_stiffer_contact_than_the_one_found_brings_the_share_back_to_a_half() {
     assert_eq!(watched(&mut cell, 8).last.gate, GateState::Open);
     // The tool runs into a hard surface.
     cell.stiffness = 1e7;
-    let seen = watched(&mut cell, 12);
-    assert_eq!(seen.last.gate, GateState::Partly);
-    assert!(seen.last.loop_gain < 0.44, "what was found, though it holds no longer");
-    assert!(seen.swing_n < 0.01 * cell.force_n, "{} of {} N", seen.swing_n, cell.force_n);
+    let observed = watched(&mut cell, 12);
+    assert_eq!(observed.last.gate, GateState::Partly);
+    assert!(observed.last.loop_gain < 0.44, "what was found, though it holds no longer");
+    assert!(observed.swing_n < 0.01 * cell.force_n, "{} of {} N", observed.swing_n, cell.force_n);
 }
 
 #[test]
@@ -212,10 +216,10 @@ fn a_known_process_stiffness_opens_or_closes_the_gate_by_the_models_compliance()
     for (stiffness, expected) in [(5e4, GateState::Open), (3e6, GateState::GainTooHigh)] {
         let mut with = settings();
         with.wrench.process_stiffness = Some(stiffness);
-        let seen = watched(&mut Cell::new(stiffness, 1.0, with), 4);
-        assert_eq!(seen.last.gate, expected);
-        assert_eq!(seen.last.loop_gain < 0.5, expected == GateState::Open);
-        assert!(seen.swing_n < 0.01 * FORCE_N);
+        let observed = watched(&mut Cell::new(stiffness, 1.0, with), 4);
+        assert_eq!(observed.last.gate, expected);
+        assert_eq!(observed.last.loop_gain < 0.5, expected == GateState::Open);
+        assert!(observed.swing_n < 0.01 * FORCE_N);
     }
 }
 
@@ -268,8 +272,8 @@ fn one_broken_reading_does_not_poison_the_filter() {
     watched(&mut cell, 8);
     let good = cell.run.world.wrench.expect("a sample");
     let before = cell.run.cycle(&Q);
-    for wild in [f64::NAN, f64::INFINITY, 1e308, -1e200] {
-        let wrench = Wrench { force: DVec3::splat(wild), ..good.wrench };
+    for invalid in [f64::NAN, f64::INFINITY, 1e308, -1e200] {
+        let wrench = Wrench { force: DVec3::splat(invalid), ..good.wrench };
         cell.run.world.wrench = Some(WrenchSample { wrench, ..good });
         cell.run.cycle(&Q);
     }

@@ -53,14 +53,14 @@ struct Judge {
 }
 
 impl Judge {
-    fn judge(&mut self, outcome: &Outcome, now_ns: u64, at: u64) {
+    fn judge(&mut self, outcome: &Outcome, now_ns: u64, cycle: u64) {
         let passed = envelope().rate() * ((now_ns - self.now_ns) as f64 * 1e-9);
         let most = envelope().rate() * PARTED_S;
         for (i, (now, before)) in outcome.correction.iter().zip(self.before).enumerate() {
-            assert!(now.is_finite(), "{at}: joint {i} by {now}");
-            assert!(now.abs() <= envelope().angle() * (1.0 + 1e-9), "{at}: joint {i} by {now}");
+            assert!(now.is_finite(), "{cycle}: joint {i} by {now}");
+            assert!(now.abs() <= envelope().angle() * (1.0 + 1e-9), "{cycle}: joint {i} by {now}");
             self.ahead[i] = (self.ahead[i] + (now - before).abs() - passed).max(0.0);
-            assert!(self.ahead[i] <= most, "{at}: joint {i} moved ahead: {outcome:?}");
+            assert!(self.ahead[i] <= most, "{cycle}: joint {i} moved ahead: {outcome:?}");
         }
         (self.before, self.now_ns) = (outcome.correction, now_ns);
     }
@@ -155,9 +155,9 @@ fn a_hundred_thousand_hostile_cycles_break_no_bound() {
     let mut cell = Hostile { run, chance: Chance(7), now_ns: 0, seq: 0, t_ns: 0 };
     let mut statuses = std::collections::BTreeMap::new();
     let mut judge = Judge { before: [0.0; JOINTS_MAX], ahead: [0.0; JOINTS_MAX], now_ns: 0 };
-    for at in 0..100_000 {
+    for cycle in 0..100_000 {
         let outcome = cell.cycle();
-        judge.judge(&outcome, cell.now_ns, at);
+        judge.judge(&outcome, cell.now_ns, cycle);
         *statuses.entry(format!("{:?}", outcome.status)).or_insert(0) += 1;
     }
     assert!(statuses.len() >= 5, "every status was seen: {statuses:?}");
@@ -176,7 +176,7 @@ fn largest_jerk(corrections: &[[f64; JOINTS_MAX]]) -> f64 {
 fn swaps_bypass_modes_and_refusals_keep_rate_and_jerk() {
     let mut run = Run::new(erring(six()), settings());
     let mut corrections = vec![[0.0; JOINTS_MAX]; 3];
-    let mut said = std::collections::BTreeSet::new();
+    let mut reported = std::collections::BTreeSet::new();
     for k in 1..12_000_u64 {
         match k {
             2000 | 3000 => run.corrector.set_bypass(k == 2000),
@@ -197,11 +197,11 @@ fn swaps_bypass_modes_and_refusals_keep_rate_and_jerk() {
         }
         let outcome = run.give(&command, k * DT_NS);
         corrections.push(outcome.correction);
-        said.insert(format!("{:?} {:?}", outcome.status, outcome.reason));
+        reported.insert(format!("{:?} {:?}", outcome.status, outcome.reason));
     }
     let jerk = largest_jerk(&corrections);
-    assert!(jerk <= envelope().jerk() * 1.001, "{jerk}: {said:?}");
-    for word in [
+    assert!(jerk <= envelope().jerk() * 1.001, "{jerk}: {reported:?}");
+    for wanted in [
         "Ramping Starting",
         "Corrected None",
         "Bypassed Bypass",
@@ -209,7 +209,7 @@ fn swaps_bypass_modes_and_refusals_keep_rate_and_jerk() {
         "Shadow ShadowMode",
         "Rejected NotFinite",
     ] {
-        assert!(said.contains(word), "{word} among {said:?}");
+        assert!(reported.contains(wanted), "{wanted} among {reported:?}");
     }
 }
 
@@ -245,18 +245,18 @@ fn a_smooth_path_is_corrected_exactly_and_smoothly() {
 fn a_path_through_a_singular_wrist_keeps_its_correction_without_a_jump() {
     let mut run = Run::new(erring(six()), settings());
     let mut corrections = Vec::new();
-    let (mut said, mut limited) = (Vec::new(), 0);
+    let (mut reported, mut limited) = (Vec::new(), 0);
     for k in 0..4000 {
         let outcome = run.cycle(&[0.2, 0.1, 0.3, 0.4, -0.3 + 0.15 * f64::from(k) * 1e-3, 0.1]);
         corrections.push(outcome.correction);
-        if said.last() != Some(&(outcome.status, outcome.reason)) {
-            said.push((outcome.status, outcome.reason));
+        if reported.last() != Some(&(outcome.status, outcome.reason)) {
+            reported.push((outcome.status, outcome.reason));
         }
         limited += u32::from(outcome.residual.rad > 1e-7);
         assert_ne!(outcome.reason, Reason::NotConverged);
     }
     assert!(limited > 10, "{limited} cycles leave something");
-    assert_eq!(said.last(), Some(&(Status::Corrected, Reason::None)), "{said:?}");
+    assert_eq!(reported.last(), Some(&(Status::Corrected, Reason::None)), "{reported:?}");
     assert!(largest_jerk(&corrections) <= envelope().jerk() * 1.001);
 }
 
@@ -299,10 +299,10 @@ fn a_silence_leaves_the_correction_where_it_was() {
     for _ in 0..500 {
         run.cycle(&smooth(0.0));
     }
-    for silence in [25, 200, 5000, 100_000] {
+    for pause_ms in [25, 200, 5000, 100_000] {
         let before = run.cycle(&smooth(0.0)).correction;
-        run.cycles += silence;
-        assert_eq!(run.cycle(&smooth(0.0)).correction, before, "{silence} ms");
+        run.cycles += pause_ms;
+        assert_eq!(run.cycle(&smooth(0.0)).correction, before, "{pause_ms} ms");
     }
 }
 
@@ -332,8 +332,8 @@ fn a_command_that_runs_into_a_joint_limit_and_beyond_takes_the_correction_along_
     for speed in [0.02, 0.3, 3.0] {
         for offset in [2e-3, -2e-3] {
             let given: &[(&str, &[f64])] = &[("offset", &[offset])];
-            let off = support::effect(&arm, "joint_offset", Some(1), given);
-            let mut run = Run::new(Model::new(arm, &[off]).expect("room"), settings());
+            let offset_effect = support::effect(&arm, "joint_offset", Some(1), given);
+            let mut run = Run::new(Model::new(arm, &[offset_effect]).expect("room"), settings());
             let mut corrections = vec![[0.0; JOINTS_MAX]; 3];
             let mut furthest = f64::MIN;
             for k in 0..4000 {

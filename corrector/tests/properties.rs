@@ -40,8 +40,8 @@ proptest! {
         let target = outcome.added_to(&q);
         let real = model.evaluate(&Inputs::at_rest(target), &Memories::default()).real.base_from_tool;
         let wanted = Chain::nominal(&model.arm, &filled(&q)).base_from_tool;
-        let off = (real.origin - wanted.origin).length();
-        prop_assert!(off < 1e-8, "{off} m");
+        let error = (real.origin - wanted.origin).length();
+        prop_assert!(error < 1e-8, "{error} m");
         let turned = real.rotation - wanted.rotation;
         prop_assert!(turned.to_cols_array().iter().all(|x| x.abs() < 1e-8), "{turned:?}");
     }
@@ -58,8 +58,8 @@ proptest! {
         for (i, joint) in model.arm.joints().iter().enumerate() {
             let (low, high) = joint.limits;
             prop_assert!((low..=high).contains(&target[i]), "joint {i} at {}", target[i]);
-            let off = (target[i] - q[i]).abs();
-            prop_assert!(off <= share * envelope().angle() * (1.0 + 1e-12), "joint {i} off by {off}");
+            let correction = (target[i] - q[i]).abs();
+            prop_assert!(correction <= share * envelope().angle() * (1.0 + 1e-12), "joint {i} off by {correction}");
             prop_assert!(outcome.requested[i].is_finite(), "joint {i} wants {}", outcome.requested[i]);
         }
     }

@@ -52,23 +52,27 @@ pub fn tool_errors(
     let error = |(pose, before): (&usize, &DVec3)| {
         let q = &campaign.poses.get(*pose)?.inputs.q;
         let after = after.get(pose)?.to_array();
-        let at = Chain::tool_at(arm, q).origin.to_array();
-        Some(ToolError { at, before: before.to_array(), after })
+        let position = Chain::tool_at(arm, q).origin.to_array();
+        Some(ToolError { at: position, before: before.to_array(), after })
     };
     before.iter().filter(|(pose, _)| wanted(**pose)).filter_map(error).collect()
 }
 
 /// Mean error of the measured points of each pose, base axes, m.
 fn mean_error_by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
-    let readings: Vec<&Reading> =
-        campaign.poses.iter().flat_map(|pose| &pose.seen).map(|seen| &seen.reading).collect();
+    let readings: Vec<&Reading> = campaign
+        .poses
+        .iter()
+        .flat_map(|pose| &pose.seen)
+        .map(|observation| &observation.reading)
+        .collect();
     let mut sums: BTreeMap<usize, (DVec3, f64)> = BTreeMap::new();
-    for off in fit.residuals(campaign) {
-        let Some(Reading::Point { frame, .. }) = readings.get(off.reading) else { continue };
+    for residual in fit.residuals(campaign) {
+        let Some(Reading::Point { frame, .. }) = readings.get(residual.reading) else { continue };
         let Some(station) = fit.surroundings.frames.get(*frame) else { continue };
         let turn = station.value.measuring_from_base.rotation;
-        let sum = sums.entry(off.pose).or_default();
-        *sum = (sum.0 + turn.transpose() * off.residual, sum.1 + 1.0);
+        let sum = sums.entry(residual.pose).or_default();
+        *sum = (sum.0 + turn.transpose() * residual.residual, sum.1 + 1.0);
     }
     sums.into_iter().map(|(pose, (sum, count))| (pose, sum / count)).collect()
 }
@@ -89,8 +93,8 @@ pub fn arm_with_errors(
     let tool = places.pop()?;
     let start = ArmPicture::new("Errors at the tool, before and after", tool);
     let joints = places.into_iter().enumerate();
-    let picture = joints.fold(start, |picture, (joint, at)| {
-        picture.joint((joint + 1).to_string(), at, lit.contains(&joint))
+    let picture = joints.fold(start, |picture, (joint, position)| {
+        picture.joint((joint + 1).to_string(), position, lit.contains(&joint))
     });
     let picture = picture.errors(errors.iter().copied());
     Some((picture.render(), picture.magnified()))

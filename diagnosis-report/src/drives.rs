@@ -122,26 +122,29 @@ pub(crate) fn with_findings<'a>(
 fn apply_refit(base: &RobotModel, effects: &mut [EffectEntry], refit: &RefittedParameter) {
     let number = &refit.parameter;
     let one = SiParameter { stem: number.stem, values: &number.values, sigma: Some(&number.sigma) };
-    let Some(off) = EffectEntry::from_si(&base.physics.arm, refit.kind, refit.joint, &[one]) else {
+    let Some(change) = EffectEntry::from_si(&base.physics.arm, refit.kind, refit.joint, &[one])
+    else {
         return;
     };
     let is_it = |known: &&mut EffectEntry| {
-        let same = |p: &Parameter| off.parameters.iter().any(|q| q.key == p.key);
-        known.kind == off.kind
-            && known.joint == off.joint
+        let same = |p: &Parameter| change.parameters.iter().any(|q| q.key == p.key);
+        known.kind == change.kind
+            && known.joint == change.joint
             && known.parameters.iter().any(|p| p.sigma.is_some() && same(p))
     };
     if let Some(known) = effects.iter_mut().find(is_it) {
-        add_differences(known, &off);
+        add_differences(known, &change);
     }
 }
 
 /// Adds the fitted differences to the existing values.
 fn add_differences(known: &mut EffectEntry, found: &EffectEntry) {
     for parameter in &mut known.parameters {
-        let Some(off) = found.parameters.iter().find(|p| p.key == parameter.key) else { continue };
-        let off = off.value.as_slice();
-        let sum = |(k, value): (usize, &f64)| value + off.get(k).copied().unwrap_or(0.0);
+        let Some(difference) = found.parameters.iter().find(|p| p.key == parameter.key) else {
+            continue;
+        };
+        let difference = difference.value.as_slice();
+        let sum = |(k, value): (usize, &f64)| value + difference.get(k).copied().unwrap_or(0.0);
         parameter.value = match &parameter.value {
             Numbers::One(value) => Numbers::One(sum((0, value))),
             Numbers::List(list) => Numbers::List(list.iter().enumerate().map(sum).collect()),

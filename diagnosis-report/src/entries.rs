@@ -66,8 +66,8 @@ impl FittedEffect {
 pub(crate) fn updated_file(base: &RobotModel, entries: &[FittedEffect]) -> ModelFile {
     let mut file = base.file.clone();
     for entry in entries {
-        match entry.base_index.and_then(|at| file.effects.get_mut(at)) {
-            Some(there) => *there = entry.file_entry.clone(),
+        match entry.base_index.and_then(|index| file.effects.get_mut(index)) {
+            Some(existing) => *existing = entry.file_entry.clone(),
             None if entry.is_empty() => {}
             None => file.effects.push(entry.file_entry.clone()),
         }
@@ -90,7 +90,7 @@ pub fn fitted_effects(
         let base_index = base.entry_of.get(place).copied();
         let settings = chosen.iter().find(|chosen| chosen.effect == place);
         let settings = settings.map_or(&[][..], |chosen| chosen.settings.as_slice());
-        let written = match base_index.and_then(|at| base.file.effects.get(at)) {
+        let written = match base_index.and_then(|index| base.file.effects.get(index)) {
             Some(entry) => Some(updated_entry(entry, effect, &sigma, joint_kind_of(base, effect))),
             None => new_entry(base, effect, &sigma, settings),
         };
@@ -183,8 +183,8 @@ type ParameterGroup = (&'static str, Vec<f64>, Option<Vec<f64>>);
 fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<ParameterGroup> {
     let mut groups: Vec<ParameterGroup> = Vec::new();
     for (value, sigma) in effect.values().iter().zip(sigma) {
-        let at = groups.iter().map(|(_, values, _)| values.len()).sum();
-        let Some(named) = parameter_key(effect, at) else { continue };
+        let first = groups.iter().map(|(_, values, _)| values.len()).sum();
+        let Some(named) = parameter_key(effect, first) else { continue };
         if named.index == 0 {
             groups.push((named.parameter.stem, Vec::new(), None));
         }
@@ -235,8 +235,8 @@ fn updated_entry(
         };
         let found =
             Parameter { key: key.clone(), value: shaped(&values), sigma: Some(shaped(&sigma)) };
-        match next.parameters.iter_mut().find(|there| there.key == key) {
-            Some(there) => *there = found,
+        match next.parameters.iter_mut().find(|existing| existing.key == key) {
+            Some(existing) => *existing = found,
             None => next.parameters.push(found),
         }
     }

@@ -55,9 +55,9 @@ fn first_screen(
     picture: Option<Figure>,
     dir: &Path,
 ) -> Page {
-    let word = report.verdict.replace('_', " ");
+    let verdict = report.verdict.replace('_', " ");
     let mut page = if is_judged {
-        page.verdict(tone(report), &word, &verdict_text(report)).numbers(key_figures(report))
+        page.verdict(tone(report), &verdict, &verdict_text(report)).numbers(key_figures(report))
     } else {
         let why = format!(
             "These recordings cannot be evaluated with this model: {}",
@@ -270,11 +270,11 @@ type EffectJoints = (String, Vec<usize>);
 fn untested_section(page: Page, report: &Report) -> Page {
     let mut reasons: Vec<(&str, Vec<EffectJoints>)> = Vec::new();
     for one in &report.not_tested {
-        let at = reasons.iter().position(|(why, _)| *why == one.why).unwrap_or_else(|| {
+        let index = reasons.iter().position(|(why, _)| *why == one.why).unwrap_or_else(|| {
             reasons.push((&one.why, Vec::new()));
             reasons.len() - 1
         });
-        let (name, effects) = (one.effect.replace('_', " "), &mut reasons[at].1);
+        let (name, effects) = (one.effect.replace('_', " "), &mut reasons[index].1);
         match effects.iter_mut().find(|(known, _)| *known == name) {
             Some((_, joints)) => joints.extend(one.joint),
             None => effects.push((name, one.joint.into_iter().collect())),

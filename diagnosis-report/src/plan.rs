@@ -119,7 +119,7 @@ impl Settings {
         Ok(start)
     }
 
-    fn wish(&self, count: usize, criterion: Criterion) -> PlanSettings {
+    fn plan_settings(&self, count: usize, criterion: Criterion) -> PlanSettings {
         let candidates = self.candidates.max(4 * count);
         PlanSettings { count, criterion, candidates, seed: self.seed }
     }
@@ -137,8 +137,8 @@ impl Settings {
 
     /// Instructions for the poses of a calibration, and the command that evaluates the measurements.
     fn calibration_steps(&self) -> (&'static str, String) {
-        let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
-        (words, self.evaluation_command("calibrate", "--out calibrated.toml "))
+        let instruction = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
+        (instruction, self.evaluation_command("calibrate", "--out calibrated.toml "))
     }
 
     /// Constraints that were not checked, one sentence each.
@@ -179,8 +179,12 @@ struct DetectableReport {
 
 impl DetectableReport {
     fn of(model: &Model, found: &DetectableDamage) -> Self {
-        let least = found.least.map(|least| MILLI * least);
-        Self { damage: found.damage.says(), unit: damage_unit(model, &found.damage), least }
+        let minimum = found.least.map(|minimum| MILLI * minimum);
+        Self {
+            damage: found.damage.says(),
+            unit: damage_unit(model, &found.damage),
+            least: minimum,
+        }
     }
 
     fn all(model: &Model, found: &[DetectableDamage]) -> Vec<Self> {
@@ -194,8 +198,8 @@ fn damage_unit(model: &Model, damage: &Damage) -> &'static str {
 
 /// The minimum detectable change with its unit.
 fn minimum_detectable(model: &Model, found: &DetectableDamage) -> String {
-    found.least.map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
-        format!("{} {}", significant(MILLI * least, 2), damage_unit(model, &found.damage))
+    found.least.map_or("not detectable: absorbed by the fitted parameters".to_owned(), |minimum| {
+        format!("{} {}", significant(MILLI * minimum, 2), damage_unit(model, &found.damage))
     })
 }
 
@@ -214,14 +218,14 @@ fn detectable_table(
 
 /// The assumptions made where nothing was stated.
 fn assumptions(robot: Robot<'_>) -> Vec<String> {
-    let mut said = Vec::new();
+    let mut list = Vec::new();
     let Robot { model, recordings } = robot;
     if !model.sigma.iter().flatten().any(|sigma| *sigma > 0.0) {
-        said.push(format!("{} states no uncertainty: it is taken as exact", model.file.name));
+        list.push(format!("{} states no uncertainty: it is taken as exact", model.file.name));
     }
     for recording in recordings.iter().filter(|recording| recording.metadata.sigma.is_empty()) {
         let file = recording.file.display();
-        said.push(format!("{file}: no `sigma` is stated: 0.05 mm is taken"));
+        list.push(format!("{file}: no `sigma` is stated: 0.05 mm is taken"));
     }
-    said
+    list
 }

@@ -370,8 +370,13 @@ impl Report {
     }
 
     /// The report with the reason why there is no result.
-    fn with_reason(self, says: String) -> Self {
-        let why = Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
+    fn with_reason(self, sentence: String) -> Self {
+        let why = Unexplained {
+            rms: 0.0,
+            depends_on: Vec::new(),
+            heldout_rms_after: 0.0,
+            says: sentence,
+        };
         Self { unexplained: Some(why), ..self }
     }
 }
@@ -443,23 +448,24 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
     for (k, value) in effect.values().iter().enumerate() {
         let Some(entry) = parameter_key(effect, k) else { continue };
         let si = entry.parameter.unit.suffix_and_si(kind).1;
-        let had = finding.stated.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
-        let off = (value - had) / si;
+        let stated =
+            finding.stated.as_ref().and_then(|stated| stated.get(k)).copied().unwrap_or(0.0);
+        let change = (value - stated) / si;
         let bounded = finding.stated.is_none() && entry.parameter.range == Range::NotNegative;
         let ci = finding.sigma.get(k).copied().flatten().map(|sigma| {
             let spread = NINETY_FIVE * sigma / si;
-            let low = if bounded { (off - spread).max(0.0) } else { off - spread };
-            [low, off + spread]
+            let low = if bounded { (change - spread).max(0.0) } else { change - spread };
+            [low, change + spread]
         });
         let is_determined = finding.determined.get(k).copied().unwrap_or(true);
         let key = entry.parameter.key(kind).to_string();
         if entry.parameter.count == Count::One {
-            all.insert(key, Value::One { value: off, ci95: ci, determined: is_determined });
+            all.insert(key, Value::One { value: change, ci95: ci, determined: is_determined });
             continue;
         }
         let list = all.entry(key).or_insert_with(|| Value::list(Vec::new(), Vec::new()));
         if let Value::List { value, ci95, determined } = list {
-            value.push(off);
+            value.push(change);
             ci95.push(ci);
             determined.push(is_determined);
         }
@@ -484,14 +490,14 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
 
 impl MapCellReport {
     fn of(cell: &MapCell) -> Self {
-        let (off, spread) = (MILLI * cell.off, MILLI * NINETY_FIVE * cell.sigma);
+        let (deviation, spread) = (MILLI * cell.off, MILLI * NINETY_FIVE * cell.sigma);
         Self {
             joint: cell.joint + 1,
             depends_on: cell.word.clone(),
             from: cell.range[0],
             to: cell.range[1],
-            off,
-            ci95: [off - spread, off + spread],
+            off: deviation,
+            ci95: [deviation - spread, deviation + spread],
         }
     }
 }

@@ -127,19 +127,19 @@ impl RobotDiagnosis {
         if !doubts.is_empty() {
             return unjudged(base, doubts, notes, 0);
         }
-        let looked = ThinnedRecordings::select(&arm, &recordings).map_err(Error::input)?;
-        let rows = looked.rows;
-        let doubts = self::position_objections(&base, &looked, settings.rows_least);
-        if !doubts.is_empty() {
-            return unjudged(base, doubts, notes, rows);
+        let thinned = ThinnedRecordings::select(&arm, &recordings).map_err(Error::input)?;
+        let rows = thinned.rows;
+        let objections = self::position_objections(&base, &thinned, settings.rows_least);
+        if !objections.is_empty() {
+            return unjudged(base, objections, notes, rows);
         }
         let is_said = |recording: &Recording| recording.metadata.heldout != HeldOut::Unspecified;
         let held = recordings.iter().any(is_said);
-        let held = held.then(|| campaign_import::held_out(&looked.campaign, &recordings));
+        let held = held.then(|| campaign_import::held_out(&thinned.campaign, &recordings));
         drop(recordings);
-        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, settings.seed, listener);
-        if let Some(doubt) = diagnosis.reason_not_to_claim() {
-            return unjudged(base, vec![doubt], notes, rows);
+        let diagnosis = thinned.diagnose(&base.physics, &base.sigma, held, settings.seed, listener);
+        if let Some(objection) = diagnosis.reason_not_to_claim() {
+            return unjudged(base, vec![objection], notes, rows);
         }
         let chosen: Vec<AddedEffect> = diagnosis
             .findings
@@ -215,15 +215,23 @@ impl RobotDiagnosis {
 }
 
 /// Reasons why positions cannot be diagnosed with these recordings.
-fn position_objections(base: &RobotModel, looked: &ThinnedRecordings, least: usize) -> Vec<String> {
-    let rows = looked.rows;
-    if rows < least {
+fn position_objections(
+    base: &RobotModel,
+    thinned: &ThinnedRecordings,
+    rows_min: usize,
+) -> Vec<String> {
+    let rows = thinned.rows;
+    if rows < rows_min {
         return vec![format!(
-            "only {rows} rows were measured, expected at least {least}; record more"
+            "only {rows} rows were measured, expected at least {rows_min}; record more"
         )];
     }
-    if !looked.moves {
+    if !thinned.moves {
         return vec!["no joint moves in the recording; record a motion of the arm".to_owned()];
     }
-    looked.faults(&base.physics).into_iter().map(|SuspectedError { message, .. }| message).collect()
+    thinned
+        .faults(&base.physics)
+        .into_iter()
+        .map(|SuspectedError { message, .. }| message)
+        .collect()
 }

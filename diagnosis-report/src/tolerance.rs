@@ -51,11 +51,11 @@ impl Tolerance {
                 "{tolerance} mm not evaluated: no held-out row contains a tool position"
             );
         };
-        let word = |held: HeldOut| if held.met { "met" } else { "not met" };
+        let outcome = |held: HeldOut| if held.met { "met" } else { "not met" };
         format!(
             "{tolerance} mm {} with the given model and {} with the findings: 95 % of the held-out tool errors are within {} and {} mm",
-            word(before),
-            word(after),
+            outcome(before),
+            outcome(after),
             significant(before.p95_mm, 3),
             significant(after.p95_mm, 3)
         )

@@ -50,13 +50,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn show(found: &Calibration, errors: &dyn Fn(&diagnosis::Fit) -> PositionErrors) -> Value {
-    let of = |fit: &diagnosis::Fit| {
+    let figures = |fit: &diagnosis::Fit| {
         let errors = errors(fit);
         let mm = |metres: f64| (metres * 1e7).round() / 1e4;
         json!({ "mean": mm(errors.mean()), "p95": mm(errors.quantile(0.95)), "max": mm(errors.max()) })
     };
     json!({
-        "nominal": of(&found.nominal), "calibrated": of(&found.calibrated),
-        "advanced": of(&found.advanced.fit), "numbers": found.advanced.fit.columns().len(),
+        "nominal": figures(&found.nominal), "calibrated": figures(&found.calibrated),
+        "advanced": figures(&found.advanced.fit), "numbers": found.advanced.fit.columns().len(),
     })
 }

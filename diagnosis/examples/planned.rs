@@ -40,8 +40,9 @@ const POSES: usize = 30;
 fn main() -> Fallible<()> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    let count =
-        |word: Option<&&str>, usual: u64| word.map_or(Ok(usual), |word| word.parse::<u64>());
+    let count = |argument: Option<&&str>, usual: u64| {
+        argument.map_or(Ok(usual), |argument| argument.parse::<u64>())
+    };
     let found = match args.as_slice() {
         ["poses", rest @ ..] => {
             let seeds = count(rest.first(), 20)?;
@@ -128,12 +129,12 @@ fn fitted(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
     fit(campaign, hypothesis, &settings)
 }
 
-/// Mean and 95 % quantile of the target errors, mm: fitted to measurements at `stops`, evaluated without noise at `asked`.
+/// Mean and 95 % quantile of the target errors, mm: fitted to measurements at `stops`, evaluated without noise at `test_poses`.
 fn held_out(
     task: &Task,
     truth: &Model,
     stops: &[Joints],
-    asked: &[Joints],
+    test_poses: &[Joints],
     seed: u64,
 ) -> Fallible<[f64; 2]> {
     let made = campaign_simulation::simulate_readings(
@@ -145,14 +146,14 @@ fn held_out(
     );
     let found = fitted(&made, &task.hypothesis, &vec![true; made.poses.len()]);
     let anywhere = Task { sight: None, ..task.clone() };
-    let asked = campaign_simulation::simulate_readings(
-        &anywhere.campaign(asked),
+    let test_poses = campaign_simulation::simulate_readings(
+        &anywhere.campaign(test_poses),
         truth,
         &task.surroundings,
         0.0,
         0,
     );
-    let errors = PositionErrors::of(&found, &asked, &vec![true; asked.poses.len()]);
+    let errors = PositionErrors::of(&found, &test_poses, &vec![true; test_poses.poses.len()]);
     Ok([1e3 * errors.mean(), 1e3 * errors.quantile(0.95)])
 }
 
@@ -188,7 +189,7 @@ const CASES: [Case; 6] = [
 
 impl Case {
     /// Test poses.
-    fn asked(&self, task: &Task, seed: u64) -> Vec<Joints> {
+    fn test_poses(&self, task: &Task, seed: u64) -> Vec<Joints> {
         if !self.is_zone {
             return task.workspace(100, seed);
         }
@@ -201,7 +202,7 @@ impl Case {
         let mut task = task(&robot(self.model)?.physics);
         task.surroundings.targets.truncate(self.targets);
         task.measurement = MeasurementKind::Points { least: self.targets, orientation_rad: None };
-        task.test_poses = self.asked(&task, 99);
+        task.test_poses = self.test_poses(&task, 99);
         let mut figures: [Found; 3] =
             ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new()));
         for seed in 0..seeds {
@@ -209,19 +210,19 @@ impl Case {
                 Some(name) => robot(name)?.physics,
                 None => drawn(&task, seed),
             };
-            let asked = self.asked(&task, 5000 + seed);
-            for (name, errors, said) in &mut figures {
+            let test_poses = self.test_poses(&task, 5000 + seed);
+            for (name, errors, predicted) in &mut figures {
                 let criterion = by_name(name);
-                let wish = PlanSettings { count: POSES, criterion, candidates: 300, seed };
-                let planned = plan(&task, None, &wish)?;
+                let settings = PlanSettings { count: POSES, criterion, candidates: 300, seed };
+                let planned = plan(&task, None, &settings)?;
                 let stops: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
-                said.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
-                errors.push(held_out(&task, &truth, &stops, &asked, seed)?);
+                predicted.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
+                errors.push(held_out(&task, &truth, &stops, &test_poses, seed)?);
             }
         }
-        let shown = figures.into_iter().map(|(name, errors, said)| {
-            let of = |k: usize| middle(errors.iter().map(|e| e[k]).collect());
-            json!({ "poses": name, "expected_tool_mm": middle(said), "held_out_mean_mm": of(0), "held_out_p95_mm": of(1) })
+        let shown = figures.into_iter().map(|(name, errors, predicted)| {
+            let error_mm = |k: usize| middle(errors.iter().map(|e| e[k]).collect());
+            json!({ "poses": name, "expected_tool_mm": middle(predicted), "held_out_mean_mm": error_mm(0), "held_out_p95_mm": error_mm(1) })
         });
         let shown: Vec<Value> = shown.collect();
         Ok(json!({
@@ -278,9 +279,9 @@ fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
             planning.test_poses = planning.given_poses.iter().step_by(5).copied().collect();
             for (name, errors) in &mut figures {
                 let criterion = by_name(name);
-                let wish = PlanSettings { count, criterion, candidates: 1, seed };
+                let settings = PlanSettings { count, criterion, candidates: 1, seed };
                 let picks: Vec<Joints> =
-                    plan(&planning, None, &wish)?.poses.iter().map(|pose| pose.q).collect();
+                    plan(&planning, None, &settings)?.poses.iter().map(|pose| pose.q).collect();
                 let used: Vec<bool> = campaign
                     .poses
                     .iter()
@@ -306,8 +307,8 @@ fn check(seeds: u64) -> Fallible<Value> {
     planning.hypothesis = Hypothesis::fixed(model.physics);
     planning.surroundings.targets.iter_mut().for_each(|target| target.free = false);
     let terms = ErrorRates { alarm: 0.01, power: 0.9 };
-    let wish = PlanSettings { count: 10, criterion: Criterion::D, candidates: 300, seed: 1 };
-    let checkup = plan_check(&planning, &model.sigma, &wish, &terms)?;
+    let settings = PlanSettings { count: 10, criterion: Criterion::D, candidates: 300, seed: 1 };
+    let checkup = plan_check(&planning, &model.sigma, &settings, &terms)?;
     let measured = |truth: &Model, seed: u64| {
         campaign_simulation::simulate_readings(
             &planning.campaign(&checkup.poses),
@@ -324,29 +325,29 @@ fn check(seeds: u64) -> Fallible<Value> {
             !check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms).holds,
         );
     }
-    let mut seen = Vec::new();
+    let mut results = Vec::new();
     for found in &checkup.detectable {
-        let Some(least) = found.least else {
-            seen.push(json!({ "damage": found.damage.says(), "least": null }));
+        let Some(size) = found.least else {
+            results.push(json!({ "damage": found.damage.says(), "least": null }));
             continue;
         };
         let damages = (seeds / 10).max(20);
         let (mut noticed, mut named) = (0_u64, 0_u64);
         for seed in 0..damages {
-            let truth = damaged(&sound(&model, seed), found.damage, least, seed)?;
+            let truth = damaged(&sound(&model, seed), found.damage, size, seed)?;
             let judged = check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
             noticed += u64::from(!judged.holds);
-            let truth = damaged(&sound(&model, seed), found.damage, 2.0 * least, seed)?;
+            let truth = damaged(&sound(&model, seed), found.damage, 2.0 * size, seed)?;
             let judged = check_model(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
             named += u64::from(
                 judged.suspects.first().is_some_and(|first| first.damage == found.damage),
             );
         }
-        let share = |of: u64| of as f64 / damages as f64;
-        seen.push(json!({ "damage": found.damage.says(), "least_mrad_or_mm": 1e3 * least, "seen": share(noticed), "named_first_at_twice": share(named) }));
+        let share = |count: u64| count as f64 / damages as f64;
+        results.push(json!({ "damage": found.damage.says(), "least_mrad_or_mm": 1e3 * size, "seen": share(noticed), "named_first_at_twice": share(named) }));
     }
     Ok(
-        json!({ "robots": seeds, "false_alarms": alarms, "asked": 0.01 * seeds as f64, "damage": seen }),
+        json!({ "robots": seeds, "false_alarms": alarms, "asked": 0.01 * seeds as f64, "damage": results }),
     )
 }
 

@@ -99,26 +99,27 @@ fn motoman(data: &Path, arm: &str, kinds: &[&str], seeds: u64) -> Answer<()> {
         return Ok(());
     };
     let stations = stations(&campaign);
-    let mut seen: Vec<Vec<[[f64; 3]; 3]>> = vec![Vec::new(); kinds.len() + 1];
+    let mut errors_by_kind: Vec<Vec<[[f64; 3]; 3]>> = vec![Vec::new(); kinds.len() + 1];
     for seed in 1..=seeds {
         let split = HoldOutSplit::random(&campaign, 0.5, seed);
         let found = calibrate(&campaign, &model.physics, &model.sigma, &split.training, &ignore);
         let held = split.held_out();
-        for (kind, seen) in seen.iter_mut().enumerate() {
+        for (kind, errors) in errors_by_kind.iter_mut().enumerate() {
             let wanted: Vec<bool> = held
                 .iter()
                 .zip(&stations)
-                .map(|(held, at)| *held && (kind == kinds.len() || *at == kind))
+                .map(|(held, station)| *held && (kind == kinds.len() || *station == kind))
                 .collect();
-            seen.push(
+            errors.push(
                 fits(&found).map(|fit| figures(&PositionErrors::of(fit, &campaign, &wanted))),
             );
         }
     }
-    for (kind, seen) in seen.iter().enumerate() {
+    for (kind, errors) in errors_by_kind.iter().enumerate() {
         let name = kinds.get(kind).copied().unwrap_or("all");
-        let poses = stations.iter().filter(|at| kind == kinds.len() || **at == kind).count();
-        let middle = |m: usize, k: usize| median(seen.iter().map(|run| run[m][k]).collect());
+        let poses =
+            stations.iter().filter(|station| kind == kinds.len() || **station == kind).count();
+        let middle = |m: usize, k: usize| median(errors.iter().map(|run| run[m][k]).collect());
         row(
             &format!("motoman {arm}, {name}"),
             poses,
@@ -185,12 +186,12 @@ fn hilti(data: &Path) -> Answer<()> {
     ];
     let from_flat: Vec<bool> = scenes.iter().map(|scene| *scene == 1).collect();
     let flat = calibrate(&campaign, &model.physics, &model.sigma, &from_flat, &ignore);
-    told(&flat.advanced.chosen, &flat);
+    print_effects(&flat.advanced.chosen, &flat);
     for (scene, name) in names.iter().enumerate() {
         let scored: Vec<bool> = scenes
             .iter()
             .zip(&stationing)
-            .map(|(at, stationing)| *at == scene && !stationing)
+            .map(|(pose_scene, stationing)| *pose_scene == scene && !stationing)
             .collect();
         let has_base: Vec<bool> = scored
             .iter()
@@ -217,7 +218,7 @@ fn hilti(data: &Path) -> Answer<()> {
         if scene != 1 {
             row(&format!("hilti {name}, from flat"), poses, scores(&flat));
         }
-        let others: Vec<bool> = scenes.iter().map(|at| *at != scene).collect();
+        let others: Vec<bool> = scenes.iter().map(|pose_scene| *pose_scene != scene).collect();
         let found = calibrate(&campaign, &model.physics, &model.sigma, &others, &ignore);
         row(&format!("hilti {name}, from the other scenes"), poses, scores(&found));
     }
@@ -240,7 +241,7 @@ fn placed(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
     fit(campaign, &Hypothesis::fixed(*hypothesis.model), &settings)
 }
 
-fn told(chosen: &[AddedEffect], found: &Calibration) {
+fn print_effects(chosen: &[AddedEffect], found: &Calibration) {
     for chosen in chosen {
         if let Some(effect) = found.advanced.fit.hypothesis.model.effects().nth(chosen.effect) {
             eprintln!(

@@ -58,7 +58,7 @@ fn empty() -> Result<Campaign, Box<dyn Error>> {
         ..Extrinsics::default()
     };
     let whitening = ReadingNoise::Equal(5e-5).whitening(DVec3::ZERO).ok_or("noise")?;
-    let seen = |target| {
+    let observation = |target| {
         let reading =
             Reading::Point { place: ToolPoint::Target(target), frame: 0, at: DVec3::ZERO };
         Observation { reading, whitening, instrument: 0 }
@@ -71,8 +71,14 @@ fn empty() -> Result<Campaign, Box<dyn Error>> {
             *slot = (part - 0.5) * [3.0, 1.6, 1.6, 4.0, 3.0, 5.0][joint];
         }
         let inputs = Inputs::at_rest(q);
-        let seen = (0..3).map(seen).collect();
-        Pose { inputs, arrival: Arrival::Settled, recording: 0, row: row as usize, seen }
+        let observations = (0..3).map(observation).collect();
+        Pose {
+            inputs,
+            arrival: Arrival::Settled,
+            recording: 0,
+            row: row as usize,
+            seen: observations,
+        }
     });
     Ok(Campaign {
         poses: poses.collect(),

@@ -69,10 +69,10 @@ impl ArModel {
     /// Variance of a weighted sum of consecutive noise values of unit variance, with their autocorrelation: each innovation acts on all later values.
     pub(crate) fn variance_of(&self, weights: &[f64]) -> f64 {
         let mut shares = weights.to_vec();
-        for at in (0..shares.len()).rev() {
-            let later = self.coefficients.iter().zip(&shares[at + 1..]);
+        for row in (0..shares.len()).rev() {
+            let later = self.coefficients.iter().zip(&shares[row + 1..]);
             let remembered: f64 = later.map(|(law, share)| law * share).sum();
-            shares[at] += remembered;
+            shares[row] += remembered;
         }
         self.innovation_sigma
             * self.innovation_sigma
@@ -97,7 +97,7 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
     let mut backward = forward.clone();
     let mut law: Vec<f64> = Vec::new();
     let mut left = 1.0;
-    let price = (count as f64).ln() / count as f64;
+    let penalty = (count as f64).ln() / count as f64;
     let mut best = (0.0, Vec::new(), 1.0);
     for order in 1..=ORDER_MAX {
         let (mut product, mut energy) = (0.0, 0.0);
@@ -120,7 +120,7 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
         law.iter_mut().zip(before.iter().rev()).for_each(|(a, back)| *a -= reflection * back);
         law.push(reflection);
         left *= 1.0 - reflection * reflection;
-        let worth = -left.ln() - order as f64 * price;
+        let worth = -left.ln() - order as f64 * penalty;
         if worth > best.0 {
             best = (worth, law.clone(), left.sqrt());
         }
@@ -130,17 +130,17 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
 
 /// The series of consecutive measurements (TCP, each target, …) that a measurement belongs to.
 pub(crate) fn series_index(reading: &Reading) -> usize {
-    let of = |place: &ToolPoint| match place {
+    let series_of = |place: &ToolPoint| match place {
         ToolPoint::Tcp => 0,
         ToolPoint::Target(target) => target + 1,
     };
     match reading {
-        Reading::Point { place, .. } => 4 * of(place),
+        Reading::Point { place, .. } => 4 * series_of(place),
         Reading::Orientation { .. } => 1,
         Reading::JointPosition { joint, .. } => 4 * joint + 2,
         Reading::Distance { place, .. }
         | Reading::Plane { place, .. }
-        | Reading::Sphere { place, .. } => 4 * of(place) + 3,
+        | Reading::Sphere { place, .. } => 4 * series_of(place) + 3,
     }
 }
 
@@ -242,8 +242,8 @@ mod tests {
         let varies = sums.iter().map(|sum| sum * sum).sum::<f64>() / 400.0;
         let mut weights = vec![0.0; 100];
         weights.extend([1.0; 100]);
-        let told = colour.variance_of(&weights);
-        assert!((varies / told - 1.0).abs() < 0.2, "{varies} {told}");
+        let predicted = colour.variance_of(&weights);
+        assert!((varies / predicted - 1.0).abs() < 0.2, "{varies} {predicted}");
         assert!((ArModel::default().variance_of(&weights) - 100.0).abs() < 1e-9);
     }
 

@@ -122,17 +122,17 @@ pub enum ReadingNoise {
 }
 
 impl ReadingNoise {
-    /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `seen` is the measured point, m.
+    /// Whitening matrix `W` with `Wᵀ W` equal to the inverse covariance, so that `W` scales residuals to unit noise. `measured_point` in m.
     ///
     /// `None` if the noise is not positive and finite.
     #[must_use]
-    pub fn whitening(&self, seen: DVec3) -> Option<DMat3> {
+    pub fn whitening(&self, measured_point: DVec3) -> Option<DMat3> {
         let whitening = match *self {
             Self::Equal(sigma) => DMat3::from_diagonal(DVec3::splat(1.0 / sigma)),
             Self::Axes(sigma) => DMat3::from_diagonal(DVec3::ONE / sigma),
             Self::Tracker { along, across } => {
-                let distance = seen.length();
-                let beam = seen.try_normalize().unwrap_or(DVec3::X);
+                let distance = measured_point.length();
+                let beam = measured_point.try_normalize().unwrap_or(DVec3::X);
                 let (first, second) = physics::frame::normals(beam);
                 let (u, v) = (along.0 + along.1 * distance, across.0 + across.1 * distance);
                 DMat3::from_cols(beam / u, first / v, second / v).transpose()
@@ -201,7 +201,7 @@ impl Pose {
     /// Measuring frame of the first measurement that has one, index into [`Extrinsics::frames`].
     #[must_use]
     pub fn frame(&self) -> Option<usize> {
-        self.seen.iter().find_map(|seen| match seen.reading {
+        self.seen.iter().find_map(|observation| match observation.reading {
             Reading::Point { frame, .. } | Reading::Orientation { frame, .. } => Some(frame),
             _ => None,
         })
@@ -276,13 +276,13 @@ mod tests {
         }
 
         #[test]
-        fn a_tracker_is_sharp_along_the_beam_and_blunt_across(at in prop::array::uniform3(1.0..9.0_f64)) {
-            let at = DVec3::from_array(at);
+        fn a_tracker_is_sharp_along_the_beam_and_blunt_across(point in prop::array::uniform3(1.0..9.0_f64)) {
+            let point = DVec3::from_array(point);
             let noise = ReadingNoise::Tracker { along: (1e-6, 0.0), across: (0.0, 6e-6) };
-            let w = noise.whitening(at).expect("sound");
-            let (beam, side) = (at.normalize(), at.normalize().any_orthonormal_vector());
+            let w = noise.whitening(point).expect("sound");
+            let (beam, side) = (point.normalize(), point.normalize().any_orthonormal_vector());
             prop_assert!(((w * beam).length() - 1e6).abs() < 1e-3);
-            let across = 1.0 / (6e-6 * at.length());
+            let across = 1.0 / (6e-6 * point.length());
             prop_assert!(((w * side).length() / across - 1.0).abs() < 1e-9);
         }
     }

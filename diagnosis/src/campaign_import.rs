@@ -54,7 +54,7 @@ struct WantedRows<'a> {
 impl WantedRows<'_> {
     const ALL: Self = Self { kept: None, read: None };
 
-    fn keeps(&self, row: usize) -> bool {
+    fn is_kept(&self, row: usize) -> bool {
         self.kept.is_none_or(|kept| kept.get(row) == Some(&true))
     }
 
@@ -166,14 +166,17 @@ impl<'a> Reader<'a> {
     ) {
         let about = &self.recording.metadata;
         let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        let mut unsaid = None;
+        let mut without_number = None;
         let column = self.recording.column(Channel::Station);
         for row in 0..self.recording.len() {
             let number = sample(column, row);
             let known = if number.is_nan() {
-                unsaid
+                without_number
             } else {
-                stations.iter().find(|(said, _)| *said == number.to_bits()).map(|(_, at)| *at)
+                stations
+                    .iter()
+                    .find(|(station, _)| *station == number.to_bits())
+                    .map(|(_, index)| *index)
             };
             let frame = known.unwrap_or(surroundings.frames.len());
             self.frames.push(frame);
@@ -182,7 +185,7 @@ impl<'a> Reader<'a> {
                     .frames
                     .push(FitParameter { value: station, free: !about.measured_in_base });
                 if number.is_nan() {
-                    unsaid = Some(frame);
+                    without_number = Some(frame);
                 } else {
                     stations.push((number.to_bits(), frame));
                 }
@@ -243,7 +246,7 @@ impl<'a> Reader<'a> {
             if wanted.reads(row) {
                 pose.seen = self.observations(pose.row, surroundings, instruments)?;
             }
-            if wanted.keeps(row) {
+            if wanted.is_kept(row) {
                 poses.push(pose);
             }
             Ok(())
@@ -259,9 +262,9 @@ impl<'a> Reader<'a> {
         let mut last: Option<Inputs> = None;
         let mut start_s = 0.0;
         for (row, now_s) in t_s.iter().enumerate() {
-            let goes_on = self.goes_on(row);
-            let before = last.as_ref().filter(|_| goes_on);
-            start_s = if goes_on { start_s } else { *now_s };
+            let is_contiguous = self.is_contiguous(row);
+            let before = last.as_ref().filter(|_| is_contiguous);
+            start_s = if is_contiguous { start_s } else { *now_s };
             let inputs = self.inputs(row, now_s - start_s, before)?;
             let follows = metadata.kind == RecordingKind::Path
                 || metadata.approach == DirectionSource::Sequence;
@@ -274,7 +277,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Whether a row belongs to the same segment as the preceding one.
-    fn goes_on(&self, row: usize) -> bool {
+    fn is_contiguous(&self, row: usize) -> bool {
         let segment = &self.recording.segment;
         row > 0 && segment.get(row) == segment.get(row - 1)
     }
@@ -324,11 +327,11 @@ impl<'a> Reader<'a> {
         let follows =
             about.kind == RecordingKind::Path || about.approach == DirectionSource::Sequence;
         for joint in 0..self.arm.count() {
-            let said = sample(self.columns.directions[joint], row);
+            let recorded = sample(self.columns.directions[joint], row);
             let moved = before.map_or(0.0, |before| inputs.q[joint] - before.q[joint]);
             let direction = &mut inputs.direction[joint];
-            if about.approach == DirectionSource::Columns && !said.is_nan() {
-                *direction = said;
+            if about.approach == DirectionSource::Columns && !recorded.is_nan() {
+                *direction = recorded;
             } else if follows && moved != 0.0 {
                 *direction = moved.signum();
             }
@@ -352,27 +355,34 @@ impl<'a> Reader<'a> {
         surroundings: &Extrinsics,
         instruments: &RecordingInstruments,
     ) -> Result<Vec<Observation>, CampaignError> {
-        let mut seen = Vec::new();
+        let mut list = Vec::new();
         let mut take =
-            |reading: Reading, (instrument, noise): (usize, ReadingNoise), at: DVec3, what| {
+            |reading: Reading, (instrument, noise): (usize, ReadingNoise), point: DVec3, what| {
                 let missing = CampaignError::Sigma { file: self.name(), what };
-                let whitening = noise.whitening(at).ok_or(missing)?;
-                seen.push(Observation { reading, whitening, instrument });
+                let whitening = noise.whitening(point).ok_or(missing)?;
+                list.push(Observation { reading, whitening, instrument });
                 Ok(())
             };
         let frame = self.frames[row];
         let laid =
             self.nests.as_ref().map_or(Frame::IDENTITY, |nests| nests.common_from_measured(row));
-        if let Some(at) = vector(&self.columns.position, row).map(|at| laid.point(at)) {
+        if let Some(point) =
+            vector(&self.columns.position, row).map(|measured| laid.point(measured))
+        {
             let place = ToolPoint::Tcp;
-            take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
+            take(Reading::Point { place, frame, at: point }, instruments.points, point, "x, y, z")?;
         }
         for target in 0..surroundings.targets.len() {
             let columns = self.columns.targets.get(target);
-            let at = columns.and_then(|columns| vector(columns, row));
-            if let Some(at) = at.map(|at| laid.point(at)) {
+            let measured = columns.and_then(|columns| vector(columns, row));
+            if let Some(point) = measured.map(|measured| laid.point(measured)) {
                 let place = ToolPoint::Target(target);
-                take(Reading::Point { place, frame, at }, instruments.points, at, "targets")?;
+                take(
+                    Reading::Point { place, frame, at: point },
+                    instruments.points,
+                    point,
+                    "targets",
+                )?;
             }
         }
         let [w, x, y, z] = self.columns.orientation.map(|column| sample(column, row));
@@ -389,7 +399,7 @@ impl<'a> Reader<'a> {
                 take(reading, (instruments.joints.0, *noise), DVec3::ZERO, "ql")?;
             }
         }
-        Ok(seen)
+        Ok(list)
     }
 }
 

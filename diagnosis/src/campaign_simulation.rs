@@ -24,7 +24,7 @@ pub fn simulate_readings(
 ) -> Campaign {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut made = campaign.clone();
-    visit_poses(model, campaign, None, |pose, seen, _| {
+    visit_poses(model, campaign, None, |pose, evaluation, _| {
         let commanded = campaign.poses[pose].inputs.q;
         for observation in &mut made.poses[pose].seen {
             let mut draw = || rng.sample::<f64, _>(StandardNormal);
@@ -33,7 +33,7 @@ pub fn simulate_readings(
                 1 => DVec3::X * (normal.x / observation.whitening.x_axis.x),
                 _ => observation.whitening.inverse() * normal,
             };
-            read(&mut observation.reading, seen, &commanded, truth, noise);
+            read(&mut observation.reading, evaluation, &commanded, truth, noise);
         }
     });
     made
@@ -41,12 +41,12 @@ pub fn simulate_readings(
 
 fn read(
     reading: &mut Reading,
-    seen: &Evaluation,
+    evaluation: &Evaluation,
     commanded: &physics::Joints,
     truth: &Extrinsics,
     noise: DVec3,
 ) {
-    let tool = &seen.real.base_from_tool;
+    let tool = &evaluation.real.base_from_tool;
     let point = |place: ToolPoint| match place {
         ToolPoint::Tcp => tool.origin,
         ToolPoint::Target(i) => tool.point(truth.targets[i].value),
@@ -74,7 +74,7 @@ fn read(
             *radius_m = away - sphere.radius_m.value + noise.x;
         }
         Reading::JointPosition { joint, position } => {
-            *position = commanded[*joint] + seen.deviation.joints[*joint] + noise.x;
+            *position = commanded[*joint] + evaluation.deviation.joints[*joint] + noise.x;
         }
     }
 }

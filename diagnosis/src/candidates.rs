@@ -136,9 +136,9 @@ impl Candidate {
         if self.changes().is_some() {
             return false;
         }
-        let own = self.probes.first().map(|probe| &probe.effect);
+        let own_effect = self.probes.first().map(|probe| &probe.effect);
         self.slot == slot(effect)
-            || own.is_some_and(|own| exclusions::are_incompatible(own, effect))
+            || own_effect.is_some_and(|own_effect| exclusions::are_incompatible(own_effect, effect))
     }
 
     /// Whether it excludes the effect that another candidate would add.
@@ -146,7 +146,7 @@ impl Candidate {
         let effect = |candidate: &Self| candidate.probes.first().map(|probe| probe.effect);
         let clash = || {
             let pair = effect(self).zip(effect(other));
-            pair.is_some_and(|(own, other)| exclusions::are_incompatible(&own, &other))
+            pair.is_some_and(|(one, other)| exclusions::are_incompatible(&one, &other))
         };
         self.changes().is_none() && (self.slot == other.slot || clash())
     }
@@ -245,11 +245,11 @@ impl AvailableSignals {
 /// Whether most poses are reached by a move of this joint shorter than the largest of [`REVERSALS`]: only such moves show a hysteresis that builds up
 /// over a distance.
 fn has_small_moves(campaign: &Campaign, joint: usize) -> bool {
-    let near = |pose: &&crate::campaign::Pose| {
+    let is_small_move = |pose: &&crate::campaign::Pose| {
         let moved = (pose.inputs.q[joint] - pose.inputs.q_before[joint]).abs();
         pose.arrival == Arrival::FromPrevious && moved < REVERSALS[2]
     };
-    campaign.poses.iter().filter(near).count() > campaign.poses.len() / 2
+    campaign.poses.iter().filter(is_small_move).count() > campaign.poses.len() / 2
 }
 
 /// All effects that these data could show, except geometry, each at its trial values.
@@ -284,20 +284,24 @@ impl<'a> CandidateList<'a> {
     }
 
     fn add_joint_effects(&mut self, joint: usize, campaign: &Campaign) {
-        let at = Some(joint);
-        self.add_effect("joint_ratio", at, &[("ratio", &[0.0])]);
+        let of_joint = Some(joint);
+        self.add_effect("joint_ratio", of_joint, &[("ratio", &[0.0])]);
         for from in (0..joint).filter(|from| may_be_coupled(self.arm, *from, joint)) {
             let from = [(from + 1) as f64];
-            self.add_effect("joint_coupling", at, &[("ratio", &[0.0]), ("from_joint", &from)]);
+            self.add_effect(
+                "joint_coupling",
+                of_joint,
+                &[("ratio", &[0.0]), ("from_joint", &from)],
+            );
         }
         if self.signals.has(Need::Direction) {
-            self.add_effect("backlash", at, &[("width", &[0.0])]);
+            self.add_effect("backlash", of_joint, &[("width", &[0.0])]);
         }
         if has_small_moves(campaign, joint) && self.signals.has(Need::Direction) {
             for reversal in REVERSALS {
                 self.add_effect(
                     "hysteresis",
-                    at,
+                    of_joint,
                     &[("amplitude", &[0.0]), ("reversal", &[reversal])],
                 );
             }
@@ -309,27 +313,27 @@ impl<'a> CandidateList<'a> {
 
     /// Adds candidates for deflection under weight or external wrench.
     fn add_compliances(&mut self, joint: usize, campaign: &Campaign) {
-        let at = Some(joint);
+        let of_joint = Some(joint);
         let sag = [0.0; 3 * JOINTS_MAX];
         let bodies = 3 * (self.arm.count() - joint);
-        self.add_effect("gravity_sag", at, &[("sag", &sag[..bodies])]);
+        self.add_effect("gravity_sag", of_joint, &[("sag", &sag[..bodies])]);
         if self.signals.wrench {
-            self.add_effect("load_compliance", at, &[("compliance", &[0.0])]);
+            self.add_effect("load_compliance", of_joint, &[("compliance", &[0.0])]);
         }
         if self.signals.wrench && self.signals.masses {
             // With only one of masses and wrench, it is equivalent to `joint_compliance`.
-            self.add_effect("gravity_compliance", at, &[("compliance", &[0.0])]);
+            self.add_effect("gravity_compliance", of_joint, &[("compliance", &[0.0])]);
         }
         if self.signals.masses || self.signals.wrench {
-            self.add_effect("joint_compliance", at, &[("compliance", &[0.0])]);
-            self.add_effect("stiffness_hardening", at, &[("cubic", &[0.0])]);
-            self.add_effect("bearing_compliance", at, &[("compliance", &[0.0])]);
+            self.add_effect("joint_compliance", of_joint, &[("compliance", &[0.0])]);
+            self.add_effect("stiffness_hardening", of_joint, &[("cubic", &[0.0])]);
+            self.add_effect("bearing_compliance", of_joint, &[("compliance", &[0.0])]);
         }
         if self.signals.masses {
             let most = loads::largest_load(self.arm, campaign, |loads| loads.torque(joint));
             for share in SOFT_ZONE_LOADS.iter().filter(|_| most > 0.0) {
                 let torque = [share * most];
-                self.add_effect("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);
+                self.add_effect("lost_motion", of_joint, &[("width", &[0.0]), ("torque", &torque)]);
             }
         }
     }
@@ -341,8 +345,10 @@ impl<'a> CandidateList<'a> {
         };
         for cycles in [unit, 2.0 * unit] {
             self.candidates.extend(wave_candidate(self.arm, joint, cycles));
-            let at = |phase: f64| wobble(self.arm, joint, cycles, [1.0; 2], [phase; 2]);
-            let (Some(sine), Some(cosine)) = (at(0.0), at(FRAC_PI_2)) else { continue };
+            let wobble_at = |phase: f64| wobble(self.arm, joint, cycles, [1.0; 2], [phase; 2]);
+            let (Some(sine), Some(cosine)) = (wobble_at(0.0), wobble_at(FRAC_PI_2)) else {
+                continue;
+            };
             let probes = [(sine, 0), (sine, 1), (cosine, 0), (cosine, 1)];
             self.candidates.push(Candidate {
                 slot: format!("wobble {joint} {cycles}"),

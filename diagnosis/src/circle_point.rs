@@ -130,21 +130,21 @@ pub fn axis(
     noise_m: Option<f64>,
 ) -> Result<Axis, CircleError> {
     check(tracks)?;
-    let mut at = start(tracks, towards)?;
-    let size = at.radius.iter().fold(0.0_f64, |most, r| most.max(*r));
+    let mut estimate = start(tracks, towards)?;
+    let size = estimate.radius.iter().fold(0.0_f64, |most, r| most.max(*r));
     for _ in 0..STEPS_MAX {
-        let step = at.linearised(tracks).solve(&[]);
-        at.step(&step);
-        at.amid(tracks);
-        let far = step.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        if !far.is_finite() {
+        let step = estimate.linearised(tracks).solve(&[]);
+        estimate.step(&step);
+        estimate.amid(tracks);
+        let step_max = step.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if !step_max.is_finite() {
             return Err(CircleError::Straight);
         }
-        if far <= ENOUGH * size {
+        if step_max <= ENOUGH * size {
             break;
         }
     }
-    at.finish(tracks, noise_m)
+    estimate.finish(tracks, noise_m)
 }
 
 fn check(tracks: &[Vec<DVec3>]) -> Result<(), CircleError> {
@@ -184,8 +184,8 @@ fn start(tracks: &[Vec<DVec3>], towards: DVec3) -> Result<AxisEstimate, CircleEr
     if eigen.eigenvalues[order[1]] <= STRAIGHT * eigen.eigenvalues[order[2]] {
         return Err(CircleError::Straight);
     }
-    let least = eigen.eigenvectors.column(order[0]);
-    let found = DVec3::new(least[0], least[1], least[2]).normalize_or_zero();
+    let smallest = eigen.eigenvectors.column(order[0]);
+    let found = DVec3::new(smallest[0], smallest[1], smallest[2]).normalize_or_zero();
     let direction = if found.dot(towards) < 0.0 { -found } else { found };
     // Kåsa: |w|² = 2 c·w + (r² − |c|²), linear in c and in one constant per track.
     let (n1, n2) = normals(direction);

@@ -13,14 +13,14 @@ impl ScoreTest<'_> {
         let settings = BlockSettings::POSITION;
         let width = self.fit.columns().len();
         let poses = self.campaign.poses.len().max(1);
-        let here = Cell::new(0);
+        let block = Cell::new(0);
         let mut blocks = vec![BlockSums::new(width); settings.blocks];
         self.rows(
             0,
-            |pose, _| here.set(pose * settings.blocks / poses),
+            |pose, _| block.set(pose * settings.blocks / poses),
             |row, _, left| {
                 let row = DVectorView::from_slice(row, width);
-                let BlockSums { score, gram } = &mut blocks[here.get()];
+                let BlockSums { score, gram } = &mut blocks[block.get()];
                 score.axpy(left, &row, 1.0);
                 gram.ger(1.0, &row, &row, 1.0);
             },
@@ -55,10 +55,10 @@ mod tests {
         let influence = Influence::Equal;
         let settings = FitSettings { used: &used, influence, from: None, effort: FitEffort::Full };
         let found = fit(campaign, &Hypothesis::fixed(test_campaigns::thesis_robot()), &settings);
-        let told = ScoreTest::new(campaign, &found, &settings).uncertainty();
-        let ratios = found.columns().iter().zip(&told);
-        let ratios = ratios.map(|(column, told)| told / found.sigma(*column).expect("fitted"));
-        ratios.sum::<f64>() / told.len() as f64
+        let sigmas = ScoreTest::new(campaign, &found, &settings).uncertainty();
+        let ratios = found.columns().iter().zip(&sigmas);
+        let ratios = ratios.map(|(column, sigma)| sigma / found.sigma(*column).expect("fitted"));
+        ratios.sum::<f64>() / sigmas.len() as f64
     }
 
     #[test]
@@ -76,8 +76,8 @@ mod tests {
             // A noise step that is shared by forty consecutive poses.
             let step =
                 DVec3::splat(5e-5 * f64::from([1_i8, -1, -1, 1, -1, 1, 1, -1, 1, -1][k / 40]));
-            for seen in &mut pose.seen {
-                if let Reading::Point { at, .. } = &mut seen.reading {
+            for observation in &mut pose.seen {
+                if let Reading::Point { at, .. } = &mut observation.reading {
                     *at += step;
                 }
             }

@@ -236,7 +236,7 @@ fn diagnose_selected_rows(
                     Search { campaign: &campaign, known, settings, dictionary, cache, progress };
                 let selection = match again {
                     None => selection::select(&search, first),
-                    Some(bare) => selection::restart(&search, &bare, first),
+                    Some(refitted) => selection::restart(&search, &refitted, first),
                 };
                 let splits = (&selection_split, validation.as_slice());
                 let progress = begin(Stage::Validation);
@@ -260,21 +260,21 @@ fn diagnose_selected_rows(
     Diagnosis { not_tested, notes, ..found }
 }
 
-/// Sets the campaign's AR noise models to those of the residual of `seen` and refits the known model with them; `None` if the noise models are
+/// Sets the campaign's AR noise models to those of the residual of `current` and refits the known model with them; `None` if the noise models are
 /// unchanged.
 fn update_noise_models(
     campaign: &mut Campaign,
     known: &Hypothesis,
     settings: &FitSettings<'_>,
-    seen: &Fit,
+    current: &Fit,
     (covariates, taken): (&[Covariate], CovariateChoice),
 ) -> Option<Fit> {
-    let colours = noise_models::noise_models(campaign, seen, settings.used, (covariates, taken));
+    let colours = noise_models::noise_models(campaign, current, settings.used, (covariates, taken));
     if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.noise_model) {
         return None;
     }
     campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.noise_model = colour);
-    let around = seen.surroundings.clone();
+    let around = current.surroundings.clone();
     Some(fit(campaign, known, &FitSettings { from: Some(&around), ..*settings }))
 }
 
@@ -328,7 +328,7 @@ fn finish(
     let progress = StageProgress::begin(listener, Stage::Experiment);
     let next_experiment = design.propose(&selected, progress);
     let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
-        .map(|suspicion| suspicion.message);
+        .map(|suspected| suspected.message);
     let notes = outlier_note(&last, &campaign).into_iter().collect();
     Diagnosis {
         verdict,
@@ -357,9 +357,11 @@ fn outlier_counts(last: &Fit, campaign: &Campaign) -> (usize, usize) {
 
 /// Note on the outlier rows of the final fit, if there are any.
 fn outlier_note(last: &Fit, campaign: &Campaign) -> Option<String> {
-    let (far, rows) = outlier_counts(last, campaign);
-    (far > 0).then(|| {
-        format!("{far} of {rows} rows are outliers of the final model and have little or no weight")
+    let (outliers, rows) = outlier_counts(last, campaign);
+    (outliers > 0).then(|| {
+        format!(
+            "{outliers} of {rows} rows are outliers of the final model and have little or no weight"
+        )
     })
 }
 
@@ -370,13 +372,13 @@ impl Diagnosis {
         if self.unsettled_message.is_some() {
             return self.unsettled_message.clone();
         }
-        let (far, rows) = outlier_counts(&self.fit, &self.campaign);
+        let (outliers, rows) = outlier_counts(&self.fit, &self.campaign);
         // Rows that a single smooth function explains are not inconsistent with the others.
         let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
         let follows = self.findings.is_empty() && with < EXPLAINED_RMS_SHARE * without;
-        if far as f64 > OUTLIER_SHARE_MAX * rows as f64 && !follows {
+        if outliers as f64 > OUTLIER_SHARE_MAX * rows as f64 && !follows {
             return Some(format!(
-                "{far} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
+                "{outliers} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
             ));
         }
         // Without a finding, the model would be said to agree with the recording.
@@ -391,7 +393,9 @@ impl Diagnosis {
 /// RMS of the measured values about the mean of each channel: positions, m, if `lengths`, else joint positions, rad or m.
 fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
     let mut streams: BTreeMap<usize, Vec<DVec3>> = BTreeMap::new();
-    for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
+    for reading in
+        campaign.poses.iter().flat_map(|p| p.seen.iter().map(|observation| &observation.reading))
+    {
         let value = match reading {
             Reading::Point { at, .. } if lengths => *at,
             Reading::JointPosition { position, .. } if !lengths => DVec3::X * *position,

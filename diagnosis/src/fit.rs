@@ -154,8 +154,8 @@ impl<'a> Fitter<'a> {
             self.update_scale_and_weights(influence);
             self.choose_columns();
             self.run(Termination { steps_max: STEPS, gain_least: GAIN_LEAST });
-            let stands = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
-            let same_scale = self.weighing.noise_factors.iter().zip(&before.1).all(stands);
+            let is_unchanged = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
+            let same_scale = self.weighing.noise_factors.iter().zip(&before.1).all(is_unchanged);
             if before.0 == self.active && same_scale {
                 break;
             }
@@ -247,7 +247,7 @@ impl<'a> Fitter<'a> {
     /// Parameters that ended on their lower bound zero are fixed there; below zero they would compensate for other parameters.
     fn fix_at_bounds(&mut self) {
         let lowest = self.linearisation.state.step_lower_bounds(&self.active);
-        let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
+        let at_zero = self.active.iter().zip(&lowest).filter(|(_, bound)| **bound == 0.0);
         self.bounded = at_zero.map(|(column, _)| *column).collect();
         self.active.retain(|column| !self.bounded.contains(column));
     }
@@ -272,10 +272,12 @@ impl<'a> Fitter<'a> {
         self.reduced = None;
         let lengths = self.linearisation.residual_norms();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
-            let own = lengths.iter().filter(|one| one.instrument == index);
-            let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
-            if let Some(found) = robust_noise_factor(own.map(|one| (one.count, one.length))) {
-                self.weighing.noise_factors[index] = found.max(least);
+            let lengths_of_instrument = lengths.iter().filter(|one| one.instrument == index);
+            let factor_min = if instrument.noise_is_known { 1.0 } else { 1e-9 };
+            if let Some(found) =
+                robust_noise_factor(lengths_of_instrument.map(|one| (one.count, one.length)))
+            {
+                self.weighing.noise_factors[index] = found.max(factor_min);
             }
         }
     }
@@ -289,17 +291,18 @@ impl<'a> Fitter<'a> {
         for ResidualNorm { instrument, stream, count, length, .. } in &lengths {
             streams.entry((*instrument, *stream)).or_default().push((*count, *length));
         }
-        let own = |((instrument, stream), of): ((usize, usize), Vec<(usize, f64)>)| {
-            let factor = self.weighing.noise_factors[instrument];
-            let wide = if of.len() < ENOUGH {
-                0.0
-            } else {
-                robust_noise_factor(of.into_iter()).unwrap_or(0.0)
+        let scale_of =
+            |((instrument, stream), stream_lengths): ((usize, usize), Vec<(usize, f64)>)| {
+                let factor = self.weighing.noise_factors[instrument];
+                let wide = if stream_lengths.len() < ENOUGH {
+                    0.0
+                } else {
+                    robust_noise_factor(stream_lengths.into_iter()).unwrap_or(0.0)
+                };
+                ((instrument, stream), wide.max(factor))
             };
-            ((instrument, stream), wide.max(factor))
-        };
-        let own: BTreeMap<(usize, usize), f64> = streams.into_iter().map(own).collect();
-        let size = |one: &ResidualNorm| one.length / own[&(one.instrument, one.stream)];
+        let scales: BTreeMap<(usize, usize), f64> = streams.into_iter().map(scale_of).collect();
+        let size = |one: &ResidualNorm| one.length / scales[&(one.instrument, one.stream)];
         let lasting = self.in_outlier_runs(&lengths, size);
         for (one, lasts) in lengths.iter().zip(lasting) {
             let influence = if lasts { monotone_influence(influence) } else { influence };
@@ -318,12 +321,12 @@ impl<'a> Fitter<'a> {
         let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
         for (place, one) in lengths.iter().enumerate() {
             let run = runs.entry((one.instrument, one.stream)).or_default();
-            let goes_on = run.last().is_some_and(|last: &usize| {
+            let is_contiguous = run.last().is_some_and(|last: &usize| {
                 is_next_row(self.campaign, lengths[*last].pose, one.pose)
                     && self.campaign.recordings[self.campaign.poses[one.pose].recording].is_path
             });
             let is_far = weight(Influence::Redescending, one.count, size(one)) < 1.0;
-            if !(goes_on && is_far) {
+            if !(is_contiguous && is_far) {
                 run.clear();
             }
             if is_far {

@@ -184,8 +184,8 @@ impl Fit {
     /// Covariance of two columns, SI; `None` if one was not fitted.
     #[must_use]
     pub fn covariance(&self, a: usize, b: usize) -> Option<f64> {
-        let at = |column| self.active.iter().position(|c| *c == column);
-        let (i, j) = (at(a)?, at(b)?);
+        let index_of = |column| self.active.iter().position(|c| *c == column);
+        let (i, j) = (index_of(a)?, index_of(b)?);
         let (i, j) = (i.min(j), i.max(j));
         Some(self.design_effect * dot(&self.inverse[i][j - i..], &self.inverse[j]))
     }
@@ -206,23 +206,23 @@ impl Fit {
     /// Variance of a linear combination of columns (one coefficient per entry of [`Fit::columns`]), SI.
     #[must_use]
     pub fn variance_of(&self, shares: &[f64]) -> f64 {
-        let seen = self.triangle.forward(shares.to_vec());
-        self.design_effect * dot(&seen, &seen)
+        let projected = self.triangle.forward(shares.to_vec());
+        self.design_effect * dot(&projected, &projected)
     }
 
     /// Rank and condition number of the fit.
     #[must_use]
     pub fn conditioning(&self) -> Conditioning {
         let (width, priors) = (self.active.len(), self.linearisation.state.prior_sigmas());
-        let at = |i: usize, j: usize| {
+        let cell = |i: usize, j: usize| {
             if i <= j { self.triangle.at(i, j) * priors[self.active[j]] } else { 0.0 }
         };
-        let values = DMatrix::from_fn(width, width, at).singular_values();
+        let values = DMatrix::from_fn(width, width, cell).singular_values();
         let shown: Vec<f64> =
             values.iter().copied().filter(|value| *value >= DETERMINED_SIGMAS).collect();
         let most = shown.iter().copied().fold(0.0, f64::max);
-        let least = shown.iter().copied().fold(f64::INFINITY, f64::min);
-        let condition = if shown.is_empty() { 1.0 } else { most / least };
+        let smallest = shown.iter().copied().fold(f64::INFINITY, f64::min);
+        let condition = if shown.is_empty() { 1.0 } else { most / smallest };
         Conditioning { fitted: width, determined: shown.len(), condition }
     }
 
@@ -232,22 +232,22 @@ impl Fit {
         let (hypothesis, values) = (&self.hypothesis, self.hypothesis.values());
         let tolerated = hypothesis.free.iter().zip(values);
         let tolerated = tolerated.filter(|(free, _)| free.prior_source == PriorSource::Tolerance);
-        let off = |(free, value): (&crate::FreeParameter, f64)| {
+        let deviation_of = |(free, value): (&crate::FreeParameter, f64)| {
             (hypothesis.describe(free), (value - free.mean).abs() / free.sigma)
         };
-        tolerated.map(off).filter(|(_, off)| *off > factor).collect()
+        tolerated.map(deviation_of).filter(|(_, deviation)| *deviation > factor).collect()
     }
 
     /// Poses with a measurement of weight below one half.
     #[must_use]
     pub fn outliers(&self, campaign: &Campaign) -> Vec<usize> {
         let mut weights = self.weights.iter();
-        let far = |pose: &crate::Pose| {
-            let own = weights.by_ref().take(pose.seen.len());
-            own.filter(|weight| **weight < 0.5).count() > 0
+        let has_outlier = |pose: &crate::Pose| {
+            let pose_weights = weights.by_ref().take(pose.seen.len());
+            pose_weights.filter(|weight| **weight < 0.5).count() > 0
         };
-        let far: Vec<bool> = campaign.poses.iter().map(far).collect();
-        (0..far.len()).filter(|pose| far[*pose]).collect()
+        let are_outliers: Vec<bool> = campaign.poses.iter().map(has_outlier).collect();
+        (0..are_outliers.len()).filter(|pose| are_outliers[*pose]).collect()
     }
 
     /// Residuals of all measurements, including those of poses that took no part.
@@ -258,18 +258,28 @@ impl Fit {
             hypothesis: self.hypothesis.clone(),
         };
         let readings: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
-        let mut off = Vec::with_capacity(readings.len());
-        visit_readings(campaign, &state, VisitScope { used: None, derivatives: false }, |at| {
-            let observation = readings[at.reading];
-            let residual = at.rows.residual;
-            let back = match at.rows.count {
-                1 => DVec3::X * (residual.x / observation.whitening.x_axis.x),
-                _ => observation.whitening.inverse() * residual,
-            };
-            let is_length = observation.reading.is_length();
-            off.push(Residual { pose: at.pose, reading: at.reading, residual: back, is_length });
-        });
-        off
+        let mut residuals = Vec::with_capacity(readings.len());
+        visit_readings(
+            campaign,
+            &state,
+            VisitScope { used: None, derivatives: false },
+            |visited| {
+                let observation = readings[visited.reading];
+                let residual = visited.rows.residual;
+                let back = match visited.rows.count {
+                    1 => DVec3::X * (residual.x / observation.whitening.x_axis.x),
+                    _ => observation.whitening.inverse() * residual,
+                };
+                let is_length = observation.reading.is_length();
+                residuals.push(Residual {
+                    pose: visited.pose,
+                    reading: visited.reading,
+                    residual: back,
+                    is_length,
+                });
+            },
+        );
+        residuals
     }
 }
 
@@ -370,13 +380,13 @@ fn design_effect(
     let mut now = usize::MAX;
     let mut gradient = vec![0.0; width];
     let close = |gradient: &mut Vec<f64>| {
-        let seen = triangle.forward(std::mem::replace(gradient, vec![0.0; width]));
-        dot(&seen, &seen)
+        let projected = triangle.forward(std::mem::replace(gradient, vec![0.0; width]));
+        dot(&projected, &projected)
     };
-    linearisation.rows(campaign, weighing, active, |at, row, right| {
-        if at.pose != now {
+    linearisation.rows(campaign, weighing, active, |reading, row, right| {
+        if reading.pose != now {
             sum += close(&mut gradient);
-            (now, poses) = (at.pose, poses + 1);
+            (now, poses) = (reading.pose, poses + 1);
         }
         gradient.iter_mut().zip(row).for_each(|(g, j)| *g += j * right);
         rows += 1;
@@ -388,6 +398,6 @@ fn design_effect(
     // Residuals of a fit are smaller than the errors; with few rows per parameter the ratio is not significant.
     let freedom = rows as f64 / (rows - width) as f64;
     let effect = freedom * sum / width as f64;
-    let doubt = 3.0 * (2.0 / width as f64).sqrt() + 3.0 * width as f64 / rows as f64;
-    if effect > 1.0 + doubt { effect } else { 1.0 }
+    let tolerance = 3.0 * (2.0 / width as f64).sqrt() + 3.0 * width as f64 / rows as f64;
+    if effect > 1.0 + tolerance { effect } else { 1.0 }
 }

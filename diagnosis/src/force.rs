@@ -185,12 +185,12 @@ pub fn diagnose(
             findings.clear();
             not_tested.clone_from(&compared.not_tested);
         }
-        Err(silence) => {
-            not_tested.extend(CUT_EFFECTS.map(|kind| (kind, silence.reason())));
+        Err(not_compared) => {
+            not_tested.extend(CUT_EFFECTS.map(|kind| (kind, not_compared.reason())));
             // If the forces contradict the stated cut, findings from the same recording are not reliable.
-            if silence.is_input_error() {
+            if not_compared.is_input_error() {
                 findings.clear();
-                notes.push(format!("not compared with the stated cut: {}", silence.reason()));
+                notes.push(format!("not compared with the stated cut: {}", not_compared.reason()));
             }
         }
     }
@@ -235,12 +235,12 @@ fn specific_force(
 ) -> Option<f64> {
     let cut = recording.metadata.cut.as_ref().filter(|cut| cut.turning)?;
     let along = signal.channels.iter().position(|(axis, _)| signal.is_force && *axis == 1)?;
-    let of = |state: State| {
-        let here = phases.iter().filter(move |phase| phase.state == state);
-        here.max_by_key(|phase| phase.rows.len())
+    let longest = |state: State| {
+        let of_state = phases.iter().filter(move |phase| phase.state == state);
+        of_state.max_by_key(|phase| phase.rows.len())
     };
-    let steady = of(State::Cut)?;
-    let air = of(State::Air).map_or(0.0, |air| air.mean[along]);
+    let steady = longest(State::Cut)?;
+    let air = longest(State::Air).map_or(0.0, |air| air.mean[along]);
     let feed = recording.column(Channel::Feed)?.get(steady.rows.clone())?;
     let feed = median(feed.iter().copied().filter(|feed| *feed > 0.0));
     let chip = cut.axial_depth_m * feed / spindle_hz?;

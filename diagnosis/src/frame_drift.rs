@@ -102,41 +102,46 @@ impl FrameDrift {
 
     /// Transforms rows of one set-up to one frame.
     fn align(&mut self, recording: &Recording, rows: &[usize]) {
-        let seen: Vec<ReferenceRow> =
-            rows.iter().filter_map(|row| self.seen(recording, *row)).collect();
-        let Some((sound, ordinary)) = consistent_rows(&seen) else { return };
-        self.inconsistent_rows
-            .extend(seen.iter().zip(&sound).filter(|(_, sound)| !**sound).map(|(s, _)| s.row));
-        let shape = seen[ordinary].nests.clone();
-        let seen: Vec<ReferenceRow> =
-            seen.into_iter().zip(sound).filter_map(|(seen, sound)| sound.then_some(seen)).collect();
-        let Some(place) = mean_positions(&shape, &seen) else { return };
-        let (averaged, smooth) = smoothed(&seen, &place);
+        let reference_rows: Vec<ReferenceRow> =
+            rows.iter().filter_map(|row| self.reference_row(recording, *row)).collect();
+        let Some((sound, ordinary)) = consistent_rows(&reference_rows) else { return };
+        self.inconsistent_rows.extend(
+            reference_rows.iter().zip(&sound).filter(|(_, sound)| !**sound).map(|(s, _)| s.row),
+        );
+        let shape = reference_rows[ordinary].nests.clone();
+        let reference_rows: Vec<ReferenceRow> = reference_rows
+            .into_iter()
+            .zip(sound)
+            .filter_map(|(row, sound)| sound.then_some(row))
+            .collect();
+        let Some(place) = mean_positions(&shape, &reference_rows) else { return };
+        let (averaged, smooth) = smoothed(&reference_rows, &place);
         self.averaged_rows = self.averaged_rows.max(averaged);
         let mut next = 0;
         for row in rows {
-            while next + 1 < seen.len() && seen[next].row < *row {
+            while next + 1 < reference_rows.len() && reference_rows[next].row < *row {
                 next += 1;
             }
-            let before = next.saturating_sub(usize::from(seen[next].row > *row));
-            let apart = (seen[next].row - seen[before].row) as f64;
-            let share = row.saturating_sub(seen[before].row) as f64 / apart.max(1.0);
+            let before = next.saturating_sub(usize::from(reference_rows[next].row > *row));
+            let apart = (reference_rows[next].row - reference_rows[before].row) as f64;
+            let share = row.saturating_sub(reference_rows[before].row) as f64 / apart.max(1.0);
             let between = smooth[before].iter().zip(&smooth[next]);
-            let here: Vec<DVec3> = between.map(|(a, b)| a.lerp(*b, share.min(1.0))).collect();
-            if let Some(motion) = fit_rigid_motion(&here, &place) {
-                let wander = here.iter().map(|nest| (motion.point(*nest) - *nest).length());
+            let positions: Vec<DVec3> = between.map(|(a, b)| a.lerp(*b, share.min(1.0))).collect();
+            if let Some(motion) = fit_rigid_motion(&positions, &place) {
+                let wander = positions.iter().map(|nest| (motion.point(*nest) - *nest).length());
                 self.drift_m = wander.fold(self.drift_m, f64::max);
                 self.laid_from_seen[*row] = motion;
             }
         }
     }
 
-    fn seen(&self, recording: &Recording, row: usize) -> Option<ReferenceRow> {
+    fn reference_row(&self, recording: &Recording, row: usize) -> Option<ReferenceRow> {
         let value = |target, axis| {
             recording.column(Channel::Target(target, axis)).map_or(f64::NAN, |column| column[row])
         };
-        let at = |target: &usize| DVec3::from_array([0, 1, 2].map(|axis| value(*target, axis)));
-        let nests: Vec<DVec3> = self.targets.iter().map(at).collect();
+        let position =
+            |target: &usize| DVec3::from_array([0, 1, 2].map(|axis| value(*target, axis)));
+        let nests: Vec<DVec3> = self.targets.iter().map(position).collect();
         nests.iter().all(|nest| nest.is_finite()).then_some(ReferenceRow { row, nests })
     }
 }
@@ -153,9 +158,9 @@ fn rows_by_station(recording: &Recording) -> Vec<Vec<usize>> {
 }
 
 /// The shape of the reference targets, fitted to their mean positions over all rows.
-fn mean_positions(shape: &[DVec3], seen: &[ReferenceRow]) -> Option<Vec<DVec3>> {
-    let of = |k: usize| seen.iter().map(move |seen| seen.nests[k] - shape[k]).sum::<DVec3>();
-    let mean = |k: usize| shape[k] + of(k) / seen.len() as f64;
+fn mean_positions(shape: &[DVec3], rows: &[ReferenceRow]) -> Option<Vec<DVec3>> {
+    let sum_of = |k: usize| rows.iter().map(move |row| row.nests[k] - shape[k]).sum::<DVec3>();
+    let mean = |k: usize| shape[k] + sum_of(k) / rows.len() as f64;
     let means: Vec<DVec3> = (0..shape.len()).map(mean).collect();
     let motion = fit_rigid_motion(shape, &means)?;
     Some(shape.iter().map(|nest| motion.point(*nest)).collect())
@@ -163,24 +168,27 @@ fn mean_positions(shape: &[DVec3], seen: &[ReferenceRow]) -> Option<Vec<DVec3>> 
 
 /// Whether each row has consistent distances, and the index of the most consistent row; `None` if there is none, or if the reference targets are
 /// collinear.
-fn consistent_rows(seen: &[ReferenceRow]) -> Option<(Vec<bool>, usize)> {
-    let all: Vec<Vec<f64>> = seen.iter().map(|one| distances(&one.nests)).collect();
+fn consistent_rows(rows: &[ReferenceRow]) -> Option<(Vec<bool>, usize)> {
+    let all: Vec<Vec<f64>> = rows.iter().map(|one| distances(&one.nests)).collect();
     let pairs = all.first()?.len();
     let of_pair = |pair: usize, from: f64| all.iter().map(move |d| (d[pair] - from).abs());
     let middles: Vec<f64> = (0..pairs).map(|pair| median(of_pair(pair, 0.0))).collect();
-    let off: Vec<f64> = middles.iter().enumerate().map(|(k, at)| median(of_pair(k, *at))).collect();
-    if off.iter().any(|off| NORMAL * off > SCATTER_MAX_M) {
+    let deviations: Vec<f64> =
+        middles.iter().enumerate().map(|(k, middle)| median(of_pair(k, *middle))).collect();
+    if deviations.iter().any(|deviation| NORMAL * deviation > SCATTER_MAX_M) {
         return None;
     }
-    let strangeness = |distances: &Vec<f64>| {
-        let one =
-            |k: usize| (distances[k] - middles[k]).abs() / (NORMAL * off[k]).max(REPEATABILITY_M);
+    let inconsistency = |distances: &Vec<f64>| {
+        let one = |k: usize| {
+            (distances[k] - middles[k]).abs() / (NORMAL * deviations[k]).max(REPEATABILITY_M)
+        };
         (0..pairs).map(one).fold(0.0, f64::max)
     };
-    let strangeness: Vec<f64> = all.iter().map(strangeness).collect();
-    let ordinary = (0..seen.len()).min_by(|a, b| strangeness[*a].total_cmp(&strangeness[*b]))?;
-    let sound: Vec<bool> = strangeness.iter().map(|s| *s <= INCONSISTENT_FACTOR).collect();
-    (sound[ordinary] && !on_a_line(&seen[ordinary].nests)).then_some((sound, ordinary))
+    let inconsistency: Vec<f64> = all.iter().map(inconsistency).collect();
+    let ordinary =
+        (0..rows.len()).min_by(|a, b| inconsistency[*a].total_cmp(&inconsistency[*b]))?;
+    let sound: Vec<bool> = inconsistency.iter().map(|s| *s <= INCONSISTENT_FACTOR).collect();
+    (sound[ordinary] && !on_a_line(&rows[ordinary].nests)).then_some((sound, ordinary))
 }
 
 fn distances(nests: &[DVec3]) -> Vec<f64> {
@@ -191,33 +199,34 @@ fn distances(nests: &[DVec3]) -> Vec<f64> {
 fn on_a_line(nests: &[DVec3]) -> bool {
     let longest = distances(nests).into_iter().fold(0.0, f64::max);
     let end = |nest: &DVec3| (*nest - nests[0]).length();
-    let far = nests.iter().copied().max_by(|a, b| end(a).total_cmp(&end(b))).unwrap_or(nests[0]);
-    let along = (far - nests[0]).normalize_or_zero();
-    let off = |nest: &DVec3| (*nest - nests[0]).cross(along).length();
-    nests.iter().map(off).fold(0.0, f64::max) <= OFF_LINE * longest
+    let farthest =
+        nests.iter().copied().max_by(|a, b| end(a).total_cmp(&end(b))).unwrap_or(nests[0]);
+    let along = (farthest - nests[0]).normalize_or_zero();
+    let distance_to_line = |nest: &DVec3| (*nest - nests[0]).cross(along).length();
+    nests.iter().map(distance_to_line).fold(0.0, f64::max) <= OFF_LINE * longest
 }
 
 /// Positions of the reference targets in each row, averaged over the number of rows that minimises the expected error; and that number.
-fn smoothed(seen: &[ReferenceRow], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
-    let one = |seen: &ReferenceRow| {
-        let motion = fit_rigid_motion(place, &seen.nests).unwrap_or(Frame::IDENTITY);
-        let left = rms_distance(&motion, place, &seen.nests).powi(2) * place.len() as f64;
-        (place.iter().map(|at| motion.point(*at)).collect(), left)
+fn smoothed(reference_rows: &[ReferenceRow], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
+    let one = |row: &ReferenceRow| {
+        let motion = fit_rigid_motion(place, &row.nests).unwrap_or(Frame::IDENTITY);
+        let left = rms_distance(&motion, place, &row.nests).powi(2) * place.len() as f64;
+        (place.iter().map(|position| motion.point(*position)).collect(), left)
     };
-    let (rigid, left): (Vec<Vec<DVec3>>, Vec<f64>) = seen.iter().map(one).unzip();
+    let (rigid, left): (Vec<Vec<DVec3>>, Vec<f64>) = reference_rows.iter().map(one).unzip();
     // Six parameters per row are its rigid motion; the remaining degrees of freedom estimate the noise.
-    let free = (3 * place.len() - 6) * seen.len();
+    let free = (3 * place.len() - 6) * reference_rows.len();
     let variance = left.iter().sum::<f64>() / free as f64;
     let error = |rows: usize, smooth: &[Vec<DVec3>]| {
         let apart = |(a, b): (&Vec<DVec3>, &Vec<DVec3>)| -> f64 {
             a.iter().zip(b).map(|(x, y)| (*x - *y).length_squared()).sum()
         };
         let away: f64 = rigid.iter().zip(smooth).map(apart).sum();
-        away / seen.len() as f64 + 12.0 * variance / rows as f64
+        away / reference_rows.len() as f64 + 12.0 * variance / rows as f64
     };
     let mut best = (1, rigid.clone(), error(1, &rigid));
     let mut rows = 3;
-    while rows <= ROWS_MAX.min(seen.len()) {
+    while rows <= ROWS_MAX.min(reference_rows.len()) {
         let smooth = moving_average(&rigid, rows);
         let found = error(rows, &smooth);
         if found < best.2 {
@@ -238,12 +247,12 @@ fn moving_average(series: &[Vec<DVec3>], rows: usize) -> Vec<Vec<DVec3>> {
         let last = &sums[sums.len() - 1];
         sums.push((0..width).map(|k| last[k] + (one[k] - from[k])).collect());
     }
-    let at = |row: usize| {
+    let mean_at = |row: usize| {
         let first = row.saturating_sub(rows / 2).min(series.len() - rows);
         let mean = |k: usize| from[k] + (sums[first + rows][k] - sums[first][k]) / rows as f64;
         (0..width).map(mean).collect()
     };
-    (0..series.len()).map(at).collect()
+    (0..series.len()).map(mean_at).collect()
 }
 
 #[cfg(test)]

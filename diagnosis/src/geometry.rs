@@ -83,8 +83,8 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let (first, rest): (Vec<_>, Vec<_>) = each.partition(|(_, joint)| *joint == 0);
     for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
         let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
-        let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
-        if !there
+        let is_stated = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
+        if !is_stated
             && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), ParameterValues(numbers))
         {
             hypothesis.add(e, &[]).unwrap_or_default();
@@ -132,12 +132,14 @@ fn depends_on_tool(campaign: &Campaign) -> bool {
         ToolPoint::Tcp => true,
         ToolPoint::Target(target) => !campaign.surroundings.targets[*target].free,
     };
-    campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| match &seen.reading {
-        Reading::Orientation { .. } => true,
-        Reading::JointPosition { .. } => false,
-        Reading::Point { place, .. }
-        | Reading::Distance { place, .. }
-        | Reading::Plane { place, .. }
-        | Reading::Sphere { place, .. } => is_known(place),
+    campaign.poses.iter().flat_map(|pose| &pose.seen).any(|observation| {
+        match &observation.reading {
+            Reading::Orientation { .. } => true,
+            Reading::JointPosition { .. } => false,
+            Reading::Point { place, .. }
+            | Reading::Distance { place, .. }
+            | Reading::Plane { place, .. }
+            | Reading::Sphere { place, .. } => is_known(place),
+        }
     })
 }

@@ -81,11 +81,11 @@ pub fn detect_global_errors(campaign: &Campaign, model: &Model) -> Vec<Suspected
         .filter(|(s, reach)| {
             s.after_m < REMEDY * before_m && s.after_m < UNEXPLAINED_FRACTION * reach
         })
-        .map(|(suspicion, _)| suspicion)
+        .map(|(suspected, _)| suspected)
         .collect();
     // Two remedies may be equivalent; of these the earlier one is taken, independent of rounding.
     let step =
-        |suspicion: &SuspectedError| (suspicion.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
+        |suspected: &SuspectedError| (suspected.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
     found.sort_by(|a, b| step(a).total_cmp(&step(b)));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);
@@ -112,23 +112,25 @@ fn worst_target_error_m(campaign: &Campaign, model: &Model) -> f64 {
 
 /// Median stated standard uncertainty of a coordinate, m.
 fn noise_m(campaign: &Campaign) -> f64 {
-    let seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
-    let lengths = seen.filter(|seen| seen.reading.is_length());
-    median(lengths.map(|seen| seen.whitening.x_axis.length().recip()))
+    let observations = campaign.poses.iter().flat_map(|pose| &pose.seen);
+    let lengths = observations.filter(|observation| observation.reading.is_length());
+    median(lengths.map(|observation| observation.whitening.x_axis.length().recip()))
 }
 
 /// Largest distance of a measured point from their mean, m: the scale for gross errors.
 fn workspace_radius(campaign: &Campaign) -> f64 {
     let points: Vec<DVec3> = points(campaign).collect();
     let middle = mean(&points);
-    let far = points.iter().map(|p| (*p - middle).length()).fold(0.0, f64::max);
-    if far > 0.0 { far } else { 1.0 }
+    let radius = points.iter().map(|p| (*p - middle).length()).fold(0.0, f64::max);
+    if radius > 0.0 { radius } else { 1.0 }
 }
 
 fn points(campaign: &Campaign) -> impl Iterator<Item = DVec3> {
-    campaign.poses.iter().flat_map(|pose| &pose.seen).filter_map(|seen| match seen.reading {
-        Reading::Point { at, .. } => Some(at),
-        _ => None,
+    campaign.poses.iter().flat_map(|pose| &pose.seen).filter_map(|observation| {
+        match observation.reading {
+            Reading::Point { at, .. } => Some(at),
+            _ => None,
+        }
     })
 }
 
@@ -154,8 +156,8 @@ fn with_joints(campaign: &Campaign, change: impl Fn(&mut Joints)) -> Campaign {
 
 fn with_points(campaign: &Campaign, change: impl Fn(DVec3) -> DVec3) -> Campaign {
     let mut changed = campaign.clone();
-    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
-        if let Reading::Point { at, .. } = &mut seen.reading {
+    for observation in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if let Reading::Point { at, .. } = &mut observation.reading {
             *at = change(*at);
         }
     }
@@ -167,13 +169,13 @@ fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     let mut list = of_joints(campaign, &model.arm);
     let mirrored = "the measuring frame is mirrored: one axis has the wrong sign, or two axes are swapped; correct the columns x, y, z";
     list.push((mirrored.to_owned(), with_points(campaign, |p| DVec3::new(-p.x, p.y, p.z))));
-    for (factor, says) in [
+    for (factor, message) in [
         (1e3, "measured points are a factor of 1000 too small: m and mm are confused"),
         (1e-3, "measured points are a factor of 1000 too large: mm and m are confused"),
         (25.4, "measured points are in inches, not in mm"),
         (1.0 / 25.4, "measured points are in mm, not in inches"),
     ] {
-        list.push((says.to_owned(), with_points(campaign, |p| p * factor)));
+        list.push((message.to_owned(), with_points(campaign, |p| p * factor)));
     }
     list.extend(targets::remedies(campaign, model));
     list.extend(of_rows(campaign));
@@ -184,7 +186,7 @@ fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
 fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
     let mut list = Vec::new();
     let turns = |joint: usize| arm.joints()[joint].kind == JointKind::Revolute;
-    for (factor, says) in [
+    for (factor, message) in [
         (
             PI / 180.0,
             "the joint positions are in degrees, but radians are stated: name the columns q1_deg …",
@@ -197,21 +199,21 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
         let change = |q: &mut Joints| {
             (0..arm.count()).filter(|joint| turns(*joint)).for_each(|joint| q[joint] *= factor);
         };
-        list.push((says.to_owned(), with_joints(campaign, change)));
+        list.push((message.to_owned(), with_joints(campaign, change)));
     }
     for i in 0..arm.count() {
-        let says = format!("joint {} has the opposite sign: invert its column", i + 1);
-        list.push((says, with_joints(campaign, |q| q[i] = -q[i])));
+        let message = format!("joint {} has the opposite sign: invert its column", i + 1);
+        list.push((message, with_joints(campaign, |q| q[i] = -q[i])));
     }
     for i in 0..arm.count() {
         for j in i + 1..arm.count() {
-            let says = format!("the columns of joints {} and {} are swapped", i + 1, j + 1);
-            list.push((says, with_joints(campaign, |q| q.swap(i, j))));
+            let message = format!("the columns of joints {} and {} are swapped", i + 1, j + 1);
+            list.push((message, with_joints(campaign, |q| q.swap(i, j))));
         }
         // The offset of the first joint is confounded with the frame, that of the last joint with the targets: neither can be detected.
         for (turn, degrees) in [(FRAC_PI_2, 90), (-FRAC_PI_2, -90), (PI, 180)] {
-            let says = format!("the zero of joint {} is {degrees} degrees off", i + 1);
-            list.push((says, with_joints(campaign, |q| q[i] += turn)));
+            let message = format!("the zero of joint {} is {degrees} degrees off", i + 1);
+            list.push((message, with_joints(campaign, |q| q[i] += turn)));
         }
     }
     list
@@ -223,17 +225,17 @@ fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
         let mut changed = campaign.clone();
         let count = changed.poses.len();
         for k in 1..count {
-            let (here, there) = if later { (k - 1, k) } else { (k, k - 1) };
-            let q = campaign.poses[there].inputs.q;
-            changed.poses[here].inputs.q = q;
+            let (shifted_row, source_row) = if later { (k - 1, k) } else { (k, k - 1) };
+            let q = campaign.poses[source_row].inputs.q;
+            changed.poses[shifted_row].inputs.q = q;
         }
         changed.poses.remove(if later { count - 1 } else { 0 });
         changed
     };
     [(false, "after"), (true, "before")]
         .map(|(later, side)| {
-            let says = format!("each measurement is one row {side} its joint positions: shift the columns by one row");
-            (says, shifted(later))
+            let message = format!("each measurement is one row {side} its joint positions: shift the columns by one row");
+            (message, shifted(later))
         })
         .to_vec()
 }
@@ -242,8 +244,8 @@ fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
 fn of_tool(campaign: &Campaign) -> Vec<(String, Campaign)> {
     let mut changed = campaign.clone();
     let mut tcp = None;
-    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
-        if let Reading::Point { place: place @ ToolPoint::Tcp, .. } = &mut seen.reading {
+    for observation in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if let Reading::Point { place: place @ ToolPoint::Tcp, .. } = &mut observation.reading {
             *place = ToolPoint::Target(*tcp.get_or_insert(campaign.surroundings.targets.len()));
         }
     }
@@ -257,8 +259,8 @@ fn of_tool(campaign: &Campaign) -> Vec<(String, Campaign)> {
     if tcp.is_some() {
         changed.surroundings.targets.push(FitParameter::unknown(DVec3::ZERO));
     }
-    let says = "the tool differs from the model: the measured point is elsewhere on the flange; correct `tcp_mm` (or the target positions)";
-    vec![(says.to_owned(), changed)]
+    let message = "the tool differs from the model: the measured point is elsewhere on the flange; correct `tcp_mm` (or the target positions)";
+    vec![(message.to_owned(), changed)]
 }
 
 #[cfg(test)]

@@ -53,16 +53,16 @@ impl HoldOutSplit {
         }
         let trained = (share * count as f64).round() as usize;
         let mut training = vec![false; count];
-        let near = RepeatIndex::of(campaign);
+        let index = RepeatIndex::of(campaign);
         let mut drawn = 0;
         let mut sides: Vec<Option<bool>> = vec![None; count];
         for pose in order {
             if sides[pose].is_none() {
                 let trains = drawn < trained;
-                for twin in near.repeats(campaign, pose) {
-                    if sides[twin].is_none() {
-                        sides[twin] = Some(trains);
-                        training[twin] = trains;
+                for repeat in index.repeats(campaign, pose) {
+                    if sides[repeat].is_none() {
+                        sides[repeat] = Some(trains);
+                        training[repeat] = trains;
                         drawn += usize::from(trains);
                     }
                 }
@@ -127,8 +127,9 @@ impl HoldOutSplit {
             let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
             for run in &runs {
                 let pieces = pieces(fineness, run);
-                let at = |k: usize| run.start + k * run.len() / pieces;
-                blocks.extend((0..pieces).map(|k| at(k)..at(k + 1)).filter(|b| !b.is_empty()));
+                let bound = |k: usize| run.start + k * run.len() / pieces;
+                blocks
+                    .extend((0..pieces).map(|k| bound(k)..bound(k + 1)).filter(|b| !b.is_empty()));
             }
             let mut left = training.to_vec();
             let first = (seed % HELD_EVERY as u64) as usize;
@@ -173,10 +174,10 @@ pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
         let before = k.checked_sub(1).map(|b| &campaign.poses[b]);
-        let goes_on = before.is_some_and(|before| {
+        let is_contiguous = before.is_some_and(|before| {
             before.recording == pose.recording && before.inputs.time_s < pose.inputs.time_s
         });
-        match runs.last_mut().filter(|_| goes_on) {
+        match runs.last_mut().filter(|_| is_contiguous) {
             Some(run) => run.end = k + 1,
             None => runs.push(k..k + 1),
         }
@@ -188,7 +189,9 @@ pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
 fn all_keep_half(campaign: &Campaign, before: &[bool], after: &[bool]) -> bool {
     let mut counts: BTreeMap<(u8, usize), [usize; 2]> = BTreeMap::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
-        for against in pose.seen.iter().filter_map(|seen| seen.reading.extrinsic_object()) {
+        for against in
+            pose.seen.iter().filter_map(|observation| observation.reading.extrinsic_object())
+        {
             let [all, kept] = counts.entry(against).or_default();
             *all += usize::from(before[k]);
             *kept += usize::from(after[k]);
@@ -218,14 +221,14 @@ impl RepeatIndex {
 
     /// All repetitions of a pose, including itself, in order.
     fn repeats(&self, campaign: &Campaign, pose: usize) -> Vec<usize> {
-        let here = campaign.poses[pose].inputs.q[0].rem_euclid(TAU);
+        let angle = campaign.poses[pose].inputs.q[0].rem_euclid(TAU);
         let within = |middle: f64| {
             let from = self.0.partition_point(|(turn, _)| *turn < middle - 2.0 * REPEAT_TOLERANCE);
             let to = self.0.partition_point(|(turn, _)| *turn <= middle + 2.0 * REPEAT_TOLERANCE);
             &self.0[from..to]
         };
-        let near = [here - TAU, here, here + TAU].into_iter().flat_map(within);
-        let others = near.map(|(_, other)| *other);
+        let candidates = [angle - TAU, angle, angle + TAU].into_iter().flat_map(within);
+        let others = candidates.map(|(_, other)| *other);
         let mut same: Vec<usize> = others.filter(|k| repeats(campaign, pose, *k)).collect();
         same.sort_unstable();
         same.dedup();
@@ -244,9 +247,10 @@ impl PositionErrors {
     /// Errors of all length measurements of the poses `wanted`.
     #[must_use]
     pub fn of(fit: &Fit, campaign: &Campaign, wanted: &[bool]) -> Self {
-        let off = fit.residuals(campaign);
-        let lengths = off.iter().filter(|off| off.is_length && wanted[off.pose]);
-        let mut sorted_m: Vec<f64> = lengths.map(|off| off.residual.length()).collect();
+        let residuals = fit.residuals(campaign);
+        let lengths =
+            residuals.iter().filter(|residual| residual.is_length && wanted[residual.pose]);
+        let mut sorted_m: Vec<f64> = lengths.map(|residual| residual.residual.length()).collect();
         sorted_m.sort_by(f64::total_cmp);
         Self { sorted_m }
     }
@@ -261,9 +265,11 @@ impl PositionErrors {
     #[must_use]
     pub fn quantile(&self, share: f64) -> f64 {
         let place = share * self.sorted_m.len().saturating_sub(1) as f64;
-        let at = |k: usize| self.sorted_m.get(k).or(self.sorted_m.last()).copied().unwrap_or(0.0);
+        let value_at =
+            |k: usize| self.sorted_m.get(k).or(self.sorted_m.last()).copied().unwrap_or(0.0);
         let below = place.floor();
-        at(below as usize) + (at(below as usize + 1) - at(below as usize)) * (place - below)
+        value_at(below as usize)
+            + (value_at(below as usize + 1) - value_at(below as usize)) * (place - below)
     }
 
     /// Maximum, m.

@@ -131,8 +131,8 @@ impl Hypothesis {
     #[must_use]
     pub fn without(&self, index: usize) -> Self {
         let mut less = Self::fixed(Model::nominal(self.model.arm));
-        for (at, effect) in self.model.effects().enumerate() {
-            if at != index {
+        for (other, effect) in self.model.effects().enumerate() {
+            if other != index {
                 // Cannot fail: the effect was in the model before.
                 less.model.push(*effect).unwrap_or_default();
             }
@@ -174,10 +174,10 @@ impl Hypothesis {
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
-        for ((free, by), least) in self.free.iter().zip(step).zip(self.step_lower_bounds()) {
+        for ((free, by), lower) in self.free.iter().zip(step).zip(self.step_lower_bounds()) {
             next.model.change(free.effect, |effect| {
                 effect.values_mut()[free.value] +=
-                    by.max(least).min(step_upper_bound(effect, free.value));
+                    by.max(lower).min(step_upper_bound(effect, free.value));
             });
         }
         let values = self.values();
@@ -200,7 +200,7 @@ impl Hypothesis {
     #[must_use]
     pub fn step_lower_bounds(&self) -> Vec<f64> {
         let values = self.values();
-        let least = |(free, value): (&FreeParameter, f64)| {
+        let lower_bound = |(free, value): (&FreeParameter, f64)| {
             let named = self.effect_of(free).and_then(|effect| parameter_key(effect, free.value));
             match named.map(|named| named.parameter.range) {
                 Some(Range::Positive) => -0.9 * value,
@@ -209,7 +209,7 @@ impl Hypothesis {
                 _ => f64::NEG_INFINITY,
             }
         };
-        self.free.iter().zip(values).map(least).collect()
+        self.free.iter().zip(values).map(lower_bound).collect()
     }
 
     /// Largest plausible change of each free parameter: the unit in which a column counts as determined or not. For a phase it is scaled by the
@@ -219,11 +219,11 @@ impl Hypothesis {
         let wide = |free: &FreeParameter| {
             self.effect_of(free).map_or(0.0, |e| plausible_size(e, free.value))
         };
-        let of = |free: &FreeParameter| match free.prior_source {
+        let width_of = |free: &FreeParameter| match free.prior_source {
             PriorSource::Stated => free.sigma.max(wide(free)),
             PriorSource::WideDefault | PriorSource::Tolerance => free.sigma,
         };
-        let mut widths: Vec<f64> = self.free.iter().map(of).collect();
+        let mut widths: Vec<f64> = self.free.iter().map(width_of).collect();
         let values = self.values();
         for (amplitude, phase) in self.waves() {
             let ratio = widths[amplitude] / values[amplitude].abs();
@@ -308,7 +308,7 @@ pub fn describe(effect: &AnyEffect, value: usize) -> String {
 #[must_use]
 pub fn plausible_size(effect: &AnyEffect, value: usize) -> f64 {
     let Some(ParameterKey { parameter, .. }) = parameter_key(effect, value) else { return 1.0 };
-    let stands = effect.values()[value].abs();
+    let size = effect.values()[value].abs();
     match (effect.spec().kind, parameter.unit) {
         ("joint_offset", _) => 0.02,
         ("axis_tilt", Unit::TurnMilliradian) => 5e-3,
@@ -325,11 +325,11 @@ pub fn plausible_size(effect: &AnyEffect, value: usize) -> f64 {
         (_, Unit::One) => 5e-4,
         (_, Unit::PhaseRadian) => 6.0,
         ("axis_shift", _) => 5e-3,
-        (_, Unit::Hertz) => 0.5 * stands.max(1.0),
-        (_, Unit::Millisecond) => 0.02_f64.max(stands),
+        (_, Unit::Hertz) => 0.5 * size.max(1.0),
+        (_, Unit::Millisecond) => 0.02_f64.max(size),
         ("payload", Unit::Millimetre) => 0.3,
-        ("counterbalance", Unit::Millimetre) => 0.5 * stands.max(0.1),
-        (_, Unit::NewtonPerMetre) => 3.0 * stands.max(1e5),
+        ("counterbalance", Unit::Millimetre) => 0.5 * size.max(0.1),
+        (_, Unit::NewtonPerMetre) => 3.0 * size.max(1e5),
         (_, Unit::Millimetre) => 0.02,
         (_, Unit::Micrometre) => 1e-3,
         (_, Unit::Compliance) => 2e-3,
@@ -338,11 +338,11 @@ pub fn plausible_size(effect: &AnyEffect, value: usize) -> f64 {
         (_, Unit::MicrometrePerNewton) => 1e-5,
         (_, Unit::MicrometrePerKelvin) => 1e-4,
         (_, Unit::MilliradianPerKelvin) => 1e-4,
-        (_, Unit::CyclesPerRevolution) => 0.05 * stands.max(1.0),
-        (_, Unit::Second) => 3.0 * stands.max(1.0),
-        (_, Unit::NewtonMetre | Unit::Moment | Unit::Newton) => 3.0 * stands.max(10.0),
+        (_, Unit::CyclesPerRevolution) => 0.05 * size.max(1.0),
+        (_, Unit::Second) => 3.0 * size.max(1.0),
+        (_, Unit::NewtonMetre | Unit::Moment | Unit::Newton) => 3.0 * size.max(10.0),
         (_, Unit::Kilogram) => 20.0,
-        _ => stands.max(1.0),
+        _ => size.max(1.0),
     }
 }
 

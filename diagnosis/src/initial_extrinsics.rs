@@ -45,21 +45,21 @@ fn point(found: &Extrinsics, tool: &Frame, place: ToolPoint) -> DVec3 {
 
 fn place_frames(found: &mut Extrinsics, poses: &[(Frame, &Pose)]) {
     for index in 0..found.frames.len() {
-        let (mut here, mut there) = (Vec::new(), Vec::new());
+        let (mut predicted, mut measured) = (Vec::new(), Vec::new());
         for (tool, pose) in poses {
             for observation in &pose.seen {
                 if let Reading::Point { place, frame, at } = observation.reading
                     && frame == index
                 {
-                    here.push(point(found, tool, place));
-                    there.push(at);
+                    predicted.push(point(found, tool, place));
+                    measured.push(at);
                 }
             }
         }
-        let pivot = mean(&there);
+        let pivot = mean(&measured);
         let FitParameter { value, free } = &mut found.frames[index];
         value.pivot = pivot;
-        if let Some(moved) = fit_rigid_motion(&here, &there)
+        if let Some(moved) = fit_rigid_motion(&predicted, &measured)
             && *free
         {
             *value = MeasuringFrame { measuring_from_base: moved, pivot };
@@ -95,13 +95,13 @@ fn place_touched(found: &mut Extrinsics, poses: &[(Frame, &Pose)]) {
         picked.map(|(tool, (place, x))| (point(found, tool, place), x)).collect::<Vec<_>>()
     };
     for index in 0..found.anchors.len() {
-        let of = |r: &Reading| match *r {
+        let matching = |r: &Reading| match *r {
             Reading::Distance { place, anchor, length_m } if anchor == index => {
                 Some((place, length_m))
             }
             _ => None,
         };
-        let (readings, fixed) = (all(&of, found), &mut found.anchors[index]);
+        let (readings, fixed) = (all(&matching, found), &mut found.anchors[index]);
         let lengths = if fixed.offset_m.free {
             DistanceKnowledge::FromSome
         } else {
@@ -117,15 +117,16 @@ fn place_touched(found: &mut Extrinsics, poses: &[(Frame, &Pose)]) {
         }
     }
     for index in 0..found.spheres.len() {
-        let of = |r: &Reading| match *r {
+        let matching = |r: &Reading| match *r {
             Reading::Sphere { place, sphere, radius_m } if sphere == index => {
                 Some((place, radius_m))
             }
             _ => None,
         };
-        if let Some((centre, distance)) = centre_of(&all(&of, found), DistanceKnowledge::OneUnknown)
+        if let Some((centre, distance)) =
+            centre_of(&all(&matching, found), DistanceKnowledge::OneUnknown)
         {
-            let probe = all(&of, found).first().map_or(0.0, |(_, radius)| *radius);
+            let probe = all(&matching, found).first().map_or(0.0, |(_, radius)| *radius);
             let sphere = &mut found.spheres[index];
             sphere.centre.value = if sphere.centre.free { centre } else { sphere.centre.value };
             sphere.radius_m.value =
@@ -133,11 +134,11 @@ fn place_touched(found: &mut Extrinsics, poses: &[(Frame, &Pose)]) {
         }
     }
     for index in 0..found.planes.len() {
-        let of = |r: &Reading| match *r {
+        let matching = |r: &Reading| match *r {
             Reading::Plane { place, plane, radius_m } if plane == index => Some((place, radius_m)),
             _ => None,
         };
-        let touched = all(&of, found);
+        let touched = all(&matching, found);
         if let Some(plane) = plane_through(&touched, found.planes[index].value.normal)
             && found.planes[index].free
         {

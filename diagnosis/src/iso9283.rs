@@ -232,7 +232,7 @@ fn check(command: &Placement, attained: &[Placement]) -> Result<(), IsoError> {
         return Err(IsoError::Visits(attained.len()));
     }
     command.check(0)?;
-    attained.iter().enumerate().try_for_each(|(at, visit)| visit.check(at + 1))
+    attained.iter().enumerate().try_for_each(|(index, visit)| visit.check(index + 1))
 }
 
 /// Rotation vectors of the visits relative to the command; `None` if an orientation is missing.

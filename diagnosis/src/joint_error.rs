@@ -83,24 +83,25 @@ impl Sweep {
     fn angles(&self, model: &Model, found: &JointAxis) -> Vec<StepAngle> {
         let weights: Vec<f64> =
             found.axis.circles.iter().map(|circle| circle.radius_m * circle.radius_m).collect();
-        let ahead = self.seen(model, found);
+        let ahead = self.target_angles(model, found);
         let starts = starting_angles(&ahead, &weights);
         let one = |step: &[TargetAngle]| -> Option<StepAngle> {
-            let weight: f64 = step.iter().map(|seen| weights[seen.target]).sum();
-            let mean = |of: &dyn Fn(&TargetAngle) -> f64| -> f64 {
-                step.iter().map(|seen| weights[seen.target] * of(seen)).sum::<f64>() / weight
+            let weight: f64 = step.iter().map(|reading| weights[reading.target]).sum();
+            let mean = |quantity: &dyn Fn(&TargetAngle) -> f64| -> f64 {
+                step.iter().map(|reading| weights[reading.target] * quantity(reading)).sum::<f64>()
+                    / weight
             };
             Some(StepAngle {
                 step: step.first()?.step,
-                angle: mean(&|seen| seen.angle - starts[seen.target]),
+                angle: mean(&|reading| reading.angle - starts[reading.target]),
                 sigma: found.axis.residual_rms_m / weight.sqrt(),
-                by_shift: [0, 1].map(|n| mean(&|seen| seen.by_shift[n])),
+                by_shift: [0, 1].map(|n| mean(&|reading| reading.by_shift[n])),
             })
         };
         ahead.chunk_by(|a, b| a.step == b.step).filter_map(one).collect()
     }
 
-    fn seen(&self, model: &Model, found: &JointAxis) -> Vec<TargetAngle> {
+    fn target_angles(&self, model: &Model, found: &JointAxis) -> Vec<TargetAngle> {
         let e = found.axis.direction;
         let (n1, n2) = normals(e);
         let mut first: Vec<Option<(DVec3, f64)>> = vec![None; found.targets.len()];
@@ -125,10 +126,10 @@ impl Sweep {
     fn step_error(&self, group: &[&StepAngle]) -> Option<StepError> {
         let mut inputs = self.steps[group.first()?.step].inputs;
         let side = |wanted: fn(f64) -> bool| -> Option<(f64, f64)> {
-            let here = group.iter();
-            let here =
-                here.filter(|read| wanted(self.steps[read.step].inputs.direction[self.joint]));
-            let (n, sum, variance) = here.fold((0.0, 0.0, 0.0), |(n, s, v), read| {
+            let readings = group.iter();
+            let readings =
+                readings.filter(|read| wanted(self.steps[read.step].inputs.direction[self.joint]));
+            let (n, sum, variance) = readings.fold((0.0, 0.0, 0.0), |(n, s, v), read| {
                 (n + 1.0, s + read.angle, v + read.sigma * read.sigma)
             });
             (n > 0.0).then(|| (sum / n, variance / (n * n)))
@@ -163,16 +164,17 @@ impl Sweep {
 fn starting_angles(ahead: &[TargetAngle], weights: &[f64]) -> Vec<f64> {
     let mut triangle = QrFactor::new(weights.len());
     for step in ahead.chunk_by(|a, b| a.step == b.step) {
-        let all: f64 = step.iter().map(|seen| weights[seen.target]).sum();
-        let middle = step.iter().map(|seen| weights[seen.target] * seen.angle).sum::<f64>() / all;
-        for seen in step {
+        let all: f64 = step.iter().map(|reading| weights[reading.target]).sum();
+        let middle =
+            step.iter().map(|reading| weights[reading.target] * reading.angle).sum::<f64>() / all;
+        for reading in step {
             let mut row = vec![0.0; weights.len()];
             step.iter().for_each(|other| row[other.target] -= weights[other.target] / all);
-            row[seen.target] += 1.0;
+            row[reading.target] += 1.0;
             row[0] = 0.0;
-            let scale = weights[seen.target].sqrt();
+            let scale = weights[reading.target].sqrt();
             row.iter_mut().for_each(|x| *x *= scale);
-            triangle.push(&row, scale * (seen.angle - middle));
+            triangle.push(&row, scale * (reading.angle - middle));
         }
     }
     triangle.reduce();

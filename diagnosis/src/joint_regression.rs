@@ -76,16 +76,16 @@ pub fn thesis_model(arm: &Arm, joint: usize) -> Result<Hypothesis, BuildError> {
 /// on the joint errors, from the present values. The priors only scale the test whether a parameter is determined.
 #[must_use]
 pub fn regress(hypothesis: &Hypothesis, sweeps: &[JointErrors]) -> SingleJointRegression {
-    let mut at = hypothesis.clone();
-    let numbers = at.free.len();
+    let mut hypothesis = hypothesis.clone();
+    let numbers = hypothesis.free.len();
     let nuisances = NUISANCES * sweeps.len();
     // Nuisance parameters come first: what a constant or a shifted axis explains is assigned to them. Shifts are in units of their uncertainty, and
     // always included.
     let mut widths = [0.1, 1e3, 1e3].repeat(sweeps.len());
-    widths.extend(at.free.iter().map(|free| free.sigma));
+    widths.extend(hypothesis.free.iter().map(|free| free.sigma));
     let mut steps = 0;
     loop {
-        let triangle = linearised(&at, sweeps);
+        let triangle = linearised(&hypothesis, sweeps);
         let (kept, _) = split_identifiable(&triangle, &widths);
         let part = triangle.of_columns(&kept);
         let mut step = vec![0.0; numbers];
@@ -94,35 +94,36 @@ pub fn regress(hypothesis: &Hypothesis, sweeps: &[JointErrors]) -> SingleJointRe
                 step[number] = by;
             }
         }
-        at = at.stepped(&step);
+        hypothesis = hypothesis.stepped(&step);
         steps += 1;
-        let still = step.iter().zip(&at.free).all(|(by, free)| by.abs() <= 1e-9 * free.sigma);
+        let still =
+            step.iter().zip(&hypothesis.free).all(|(by, free)| by.abs() <= 1e-9 * free.sigma);
         if still || steps == STEPS_MAX {
-            return finish(at, &part, &kept, nuisances);
+            return finish(hypothesis, &part, &kept, nuisances);
         }
     }
 }
 
 fn finish(
-    mut at: Hypothesis,
+    mut hypothesis: Hypothesis,
     part: &QrFactor,
     kept: &[usize],
     nuisances: usize,
 ) -> SingleJointRegression {
     let inverse = part.inverse();
-    let values = at.values();
-    let mut determined = vec![false; at.free.len()];
+    let values = hypothesis.values();
+    let mut determined = vec![false; hypothesis.free.len()];
     for (row, column) in inverse.iter().zip(kept) {
         if let Some(number) = column.checked_sub(nuisances) {
             determined[number] = true;
-            at.free[number].mean = values[number];
-            at.free[number].sigma = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-            at.free[number].prior_source = PriorSource::Stated;
+            hypothesis.free[number].mean = values[number];
+            hypothesis.free[number].sigma = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+            hypothesis.free[number].prior_source = PriorSource::Stated;
         }
     }
     let free = part.rows().saturating_sub(kept.len()).max(1);
     SingleJointRegression {
-        hypothesis: at,
+        hypothesis,
         determined,
         residual_rms: (part.rest() / free as f64).sqrt(),
     }
@@ -130,9 +131,9 @@ fn finish(
 
 /// Rows: one per step, in units of its noise, and one per shift with its prior from the uncertainty of the axis. Columns: the nuisance parameters of
 /// each sweep, then the free parameters.
-fn linearised(at: &Hypothesis, sweeps: &[JointErrors]) -> QrFactor {
+fn linearised(hypothesis: &Hypothesis, sweeps: &[JointErrors]) -> QrFactor {
     let wanted: Vec<(usize, usize)> =
-        at.free.iter().map(|free| (free.effect, free.value)).collect();
+        hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
     let memories = Memories::default();
     let first = NUISANCES * sweeps.len();
     let mut triangle = QrFactor::new(first + wanted.len());
@@ -143,20 +144,22 @@ fn linearised(at: &Hypothesis, sweeps: &[JointErrors]) -> QrFactor {
         };
         let nuisance = NUISANCES * place;
         let root = square_root(sweep.shift_covariance);
-        for seen in &sweep.steps {
+        for step in &sweep.steps {
             let mut row = vec![0.0; first + wanted.len()];
             row[nuisance] = 1.0;
-            row[nuisance + 1] = seen.by_shift[0] * root[0][0] + seen.by_shift[1] * root[1][0];
-            row[nuisance + 2] = seen.by_shift[1] * root[1][1];
-            at.model.derivatives(&seen.inputs, &memories, &wanted, |k, derivative| {
+            row[nuisance + 1] = step.by_shift[0] * root[0][0] + step.by_shift[1] * root[1][0];
+            row[nuisance + 2] = step.by_shift[1] * root[1][1];
+            hypothesis.model.derivatives(&step.inputs, &memories, &wanted, |k, derivative| {
                 row[first + k] = of_joint(derivative);
             });
-            let mut said = 0.0;
-            at.model.contributions(&seen.inputs, &memories, |_, c| said += of_joint(c));
+            let mut predicted = 0.0;
+            hypothesis
+                .model
+                .contributions(&step.inputs, &memories, |_, c| predicted += of_joint(c));
             // Steps without noise get a standard uncertainty of one nanoradian.
-            let sigma = seen.sigma_rad.max(1e-9);
+            let sigma = step.sigma_rad.max(1e-9);
             row.iter_mut().for_each(|x| *x /= sigma);
-            triangle.push(&row, (seen.mean_rad - said) / sigma);
+            triangle.push(&row, (step.mean_rad - predicted) / sigma);
         }
         (1..NUISANCES).for_each(|shift| triangle.push_one(nuisance + shift, 1.0, 0.0));
     }

@@ -44,8 +44,8 @@ impl FitState {
     pub(crate) fn step_lower_bounds(&self, active: &[usize]) -> Vec<f64> {
         let first = self.surroundings.parameters().len();
         let lowest = self.hypothesis.step_lower_bounds();
-        let of = |column: &usize| column.checked_sub(first).map(|k| lowest[k]);
-        active.iter().map(|column| of(column).unwrap_or(f64::NEG_INFINITY)).collect()
+        let bound_of = |column: &usize| column.checked_sub(first).map(|k| lowest[k]);
+        active.iter().map(|column| bound_of(column).unwrap_or(f64::NEG_INFINITY)).collect()
     }
 
     /// Largest plausible change of each column's parameter: the unit in which a column counts as determined or not.
@@ -69,11 +69,11 @@ impl FitState {
         let free = &self.hypothesis.free;
         let bends = |free: &FreeParameter| self.hypothesis.is_nonlinear(free);
         let mut widths = self.plausible_sizes();
-        let own = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
-        own.for_each(|(width, _)| *width *= NONLINEAR_SIZE_FACTOR);
+        let own_widths = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
+        own_widths.for_each(|(width, _)| *width *= NONLINEAR_SIZE_FACTOR);
         let (mut fitted, mut others) = split_identifiable(data, &widths);
-        let is = |column: usize, belief: PriorSource| {
-            column.checked_sub(first).is_some_and(|k| free[k].prior_source == belief)
+        let is = |column: usize, source: PriorSource| {
+            column.checked_sub(first).is_some_and(|k| free[k].prior_source == source)
         };
         if free.iter().any(|free| free.prior_source == PriorSource::Tolerance) {
             let mut believed = data.clone();
@@ -137,9 +137,9 @@ impl ReadingWeights {
     }
 
     /// Factor on the rows of a measurement; zero if its pose takes no part.
-    pub(crate) fn scale(&self, at: &VisitedReading<'_>) -> f64 {
-        if self.used[at.pose] {
-            self.weights[at.reading].sqrt() / self.noise_factors[at.instrument]
+    pub(crate) fn scale(&self, reading: &VisitedReading<'_>) -> f64 {
+        if self.used[reading.pose] {
+            self.weights[reading.reading].sqrt() / self.noise_factors[reading.instrument]
         } else {
             0.0
         }
@@ -160,7 +160,7 @@ pub(crate) fn visit_readings(
     campaign: &Campaign,
     state: &FitState,
     wanted: VisitScope<'_>,
-    mut look: impl FnMut(&VisitedReading<'_>),
+    mut visit: impl FnMut(&VisitedReading<'_>),
 ) {
     let columns = ExtrinsicColumns::of(&state.surroundings);
     let mut motions = Vec::new();
@@ -179,19 +179,19 @@ pub(crate) fn visit_readings(
         campaign,
         &rides,
         wanted.used,
-        |pose, seen, memories| {
+        |pose, evaluation, memories| {
             let inputs = rides.inputs(campaign, pose);
             if let Some(slopes) = &slopes {
-                motions = at_pose.at(inputs, memories, seen);
-                slopes.fill(&hypothesis.model.arm, seen, pose, &mut motions);
+                motions = at_pose.at(inputs, memories, evaluation);
+                slopes.fill(&hypothesis.model.arm, evaluation, pose, &mut motions);
             }
             for (reading, observation) in (first[pose]..).zip(&campaign.poses[pose].seen) {
                 let surroundings = &state.surroundings;
                 let rows =
-                    ReadingResidual::of(observation, seen, &inputs.q, surroundings, &columns);
+                    ReadingResidual::of(observation, evaluation, &inputs.q, surroundings, &columns);
                 let instrument = observation.instrument;
                 let stream = series_index(&observation.reading);
-                look(&VisitedReading {
+                visit(&VisitedReading {
                     pose,
                     reading,
                     rows: &rows,
@@ -204,14 +204,14 @@ pub(crate) fn visit_readings(
     );
 }
 
-/// Advances the memory of effects along the campaign and passes each pose in use, with its evaluation, to `look`; all poses if `used` is `None`.
+/// Advances the memory of effects along the campaign and passes each pose in use, with its evaluation, to `visit`; all poses if `used` is `None`.
 pub(crate) fn visit_poses(
     model: &Model,
     campaign: &Campaign,
     used: Option<&[bool]>,
-    look: impl FnMut(usize, &Evaluation, &Memories),
+    visit: impl FnMut(usize, &Evaluation, &Memories),
 ) {
-    visit_poses_with_dynamics(model, campaign, &PathDynamics::of(model, campaign), used, look);
+    visit_poses_with_dynamics(model, campaign, &PathDynamics::of(model, campaign), used, visit);
 }
 
 /// As [`visit_poses`], with the dynamics `rides` of the model already computed.
@@ -220,13 +220,13 @@ fn visit_poses_with_dynamics(
     campaign: &Campaign,
     rides: &PathDynamics,
     used: Option<&[bool]>,
-    mut look: impl FnMut(usize, &Evaluation, &Memories),
+    mut visit: impl FnMut(usize, &Evaluation, &Memories),
 ) {
-    let mut seen = Evaluation::default();
+    let mut evaluation = Evaluation::default();
     visit_memories(model, campaign, rides, used, |pose, memories| {
-        model.evaluate_into(rides.inputs(campaign, pose), memories, &mut seen);
-        rides.add_deflections(&model.arm, pose, &mut seen);
-        look(pose, &seen, memories);
+        model.evaluate_into(rides.inputs(campaign, pose), memories, &mut evaluation);
+        rides.add_deflections(&model.arm, pose, &mut evaluation);
+        visit(pose, &evaluation, memories);
     });
 }
 
@@ -236,7 +236,7 @@ pub(crate) fn visit_memories(
     campaign: &Campaign,
     rides: &PathDynamics,
     used: Option<&[bool]>,
-    mut look: impl FnMut(usize, &Memories),
+    mut visit: impl FnMut(usize, &Memories),
 ) {
     let mut memories = Memories::default();
     for (index, pose) in campaign.poses.iter().enumerate() {
@@ -248,7 +248,7 @@ pub(crate) fn visit_memories(
             }
         }
         if used.is_none_or(|used| used[index]) {
-            look(index, &memories);
+            visit(index, &memories);
         }
     }
 }
@@ -261,7 +261,7 @@ fn neighbouring_inputs<'a>(
     index: usize,
 ) -> [Option<&'a Inputs>; 4] {
     let poses = &campaign.poses;
-    let goes_on = |from: &usize| {
+    let is_contiguous = |from: &usize| {
         let next = poses.get(from + 1);
         let is_one = |next: &Pose| poses[*from].recording == next.recording;
         next.is_some_and(|next| is_one(next) && next.arrival == Arrival::FromPrevious)
@@ -271,25 +271,25 @@ fn neighbouring_inputs<'a>(
     if source.is_none_or(|source| !source.is_path || source.reads_back) {
         return [None, None, Some(inputs(index)), None];
     }
-    let before = index.checked_sub(1).filter(goes_on);
-    let first = before.and_then(|k| k.checked_sub(1)).filter(goes_on);
-    let after = goes_on(&index).then_some(index + 1);
+    let before = index.checked_sub(1).filter(is_contiguous);
+    let first = before.and_then(|k| k.checked_sub(1)).filter(is_contiguous);
+    let after = is_contiguous(&index).then_some(index + 1);
     [first, before, Some(index), after].map(|pose| pose.map(inputs))
 }
 
 /// Weighted sum of squares of data and priors.
 pub(crate) fn cost(campaign: &Campaign, state: &FitState, weighing: &ReadingWeights) -> f64 {
     let mut sum = 0.0;
-    let look = VisitScope { used: Some(&weighing.used), derivatives: false };
+    let scope = VisitScope { used: Some(&weighing.used), derivatives: false };
     let mut filter = WhiteningFilter::new(campaign);
-    visit_readings(campaign, state, look, |at| {
-        let scale = weighing.scale(at);
+    visit_readings(campaign, state, scope, |reading| {
+        let scale = weighing.scale(reading);
         if scale == 0.0 {
             return;
         }
-        for part in 0..at.rows.count {
-            let mut left = [scale * at.rows.residual[part]];
-            filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
+        for part in 0..reading.rows.count {
+            let mut left = [scale * reading.rows.residual[part]];
+            filter.pass(reading.pose, reading.instrument, reading.stream, part, &mut left);
             sum += left[0] * left[0];
         }
     });
@@ -328,9 +328,9 @@ pub(crate) fn with_priors(data: &QrFactor, state: &FitState, active: &[usize]) -
     let mut triangle = data.clone();
     let first = state.surroundings.parameters().len();
     let priors: Vec<(f64, f64)> = prior_rows(&state.hypothesis).collect();
-    for (at, column) in active.iter().enumerate() {
+    for (index, column) in active.iter().enumerate() {
         if let Some((weight, right)) = column.checked_sub(first).and_then(|k| priors.get(k)) {
-            triangle.push_one(at, *weight, *right);
+            triangle.push_one(index, *weight, *right);
         }
     }
     triangle.reduce();

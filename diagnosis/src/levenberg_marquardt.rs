@@ -100,7 +100,7 @@ pub(crate) fn minimise(
 
 /// Reduction of the linearised sum of squares by a full step.
 fn predicted_full_reduction(triangle: &QrFactor, lowest: &[f64]) -> f64 {
-    if lowest.iter().all(|least| least.is_infinite()) {
+    if lowest.iter().all(|bound| bound.is_infinite()) {
         return triangle.total() - triangle.rest();
     }
     predicted_reduction(triangle, &triangle.solve_above(&vec![0.0; lowest.len()], lowest))

@@ -48,16 +48,17 @@ impl Linearisation {
         let effects_from = state.surroundings.parameters().len();
         let mut full = vec![vec![0.0; state.width()]; 3];
         let taken = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
-        let numbers = taken.flat_map(|(pose, _)| pose.seen.iter().map(|seen| seen.reading.count()));
+        let numbers = taken
+            .flat_map(|(pose, _)| pose.seen.iter().map(|observation| observation.reading.count()));
         let mut derivatives = Vec::with_capacity(numbers.sum::<usize>() * state.width());
         let mut entries = Vec::new();
-        let look = VisitScope { used: Some(used), derivatives: true };
-        visit_readings(campaign, &state, look, |at| {
-            at.rows.write_derivatives(effects_from, at.motions, &mut full);
-            let VisitedReading { pose, reading, instrument, stream, .. } = *at;
+        let scope = VisitScope { used: Some(used), derivatives: true };
+        visit_readings(campaign, &state, scope, |visited| {
+            visited.rows.write_derivatives(effects_from, visited.motions, &mut full);
+            let VisitedReading { pose, reading, instrument, stream, .. } = *visited;
             let first = derivatives.len();
-            full.iter().take(at.rows.count).for_each(|row| derivatives.extend_from_slice(row));
-            let rows = at.rows.clone();
+            full.iter().take(visited.rows.count).for_each(|row| derivatives.extend_from_slice(row));
+            let rows = visited.rows.clone();
             entries.push(CachedReading { pose, reading, instrument, stream, rows, first });
         });
         Self { state, used: used.to_vec(), entries, derivatives }
@@ -69,13 +70,13 @@ impl Linearisation {
     }
 
     /// Visits the measurements in order, each with its derivatives, row-major.
-    pub(crate) fn for_each_reading(&self, mut look: impl FnMut(&VisitedReading<'_>, &[f64])) {
+    pub(crate) fn for_each_reading(&self, mut visit: impl FnMut(&VisitedReading<'_>, &[f64])) {
         let width = self.state.width();
         for CachedReading { pose, reading, instrument, stream, rows, first } in &self.entries {
             let (pose, reading, instrument) = (*pose, *reading, *instrument);
-            let at =
+            let visited =
                 VisitedReading { pose, reading, rows, motions: &[], instrument, stream: *stream };
-            look(&at, &self.derivatives[*first..first + rows.count * width]);
+            visit(&visited, &self.derivatives[*first..first + rows.count * width]);
         }
     }
 
@@ -90,17 +91,17 @@ impl Linearisation {
         let width = self.state.width();
         let mut row = vec![0.0; active.len() + 1];
         let mut filter = WhiteningFilter::new(campaign);
-        self.for_each_reading(|at, slopes| {
-            let scale = weighing.scale(at);
+        self.for_each_reading(|reading, slopes| {
+            let scale = weighing.scale(reading);
             if scale == 0.0 {
                 return;
             }
-            for k in 0..at.rows.count {
+            for k in 0..reading.rows.count {
                 let full = &slopes[k * width..];
                 row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[*j]);
-                row[active.len()] = scale * at.rows.residual[k];
-                filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
-                take(at, &row[..active.len()], row[active.len()]);
+                row[active.len()] = scale * reading.rows.residual[k];
+                filter.pass(reading.pose, reading.instrument, reading.stream, k, &mut row);
+                take(reading, &row[..active.len()], row[active.len()]);
             }
         });
     }

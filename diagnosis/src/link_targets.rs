@@ -59,7 +59,7 @@ pub fn points(
     let places = link_target_places(recordings);
     let mut points = Vec::new();
     for (index, pose) in campaign.poses.iter().enumerate() {
-        let frame = pose.seen.iter().find_map(|seen| match seen.reading {
+        let frame = pose.seen.iter().find_map(|observation| match observation.reading {
             Reading::Point { frame, .. } => Some(frame),
             _ => None,
         });
@@ -72,9 +72,9 @@ pub fn points(
                 let column = recording.column(Channel::Target(*target, axis));
                 column.and_then(|column| column.get(pose.row)).copied().unwrap_or(f64::NAN)
             };
-            let at = DVec3::from_array([0, 1, 2].map(value));
-            if at.is_finite() {
-                let at_base = back.point(at);
+            let position = DVec3::from_array([0, 1, 2].map(value));
+            if position.is_finite() {
+                let at_base = back.point(position);
                 points.push(LinkPoint { pose: index, target: *target, link: *link, at_base });
             }
         }
@@ -90,12 +90,12 @@ pub fn base_tilt(points: &[LinkPoint], noise_m: f64) -> Option<BaseTilt> {
     let first = on_base.first()?.target;
     let second = on_base.iter().map(|point| point.target).find(|target| *target != first)?;
     let both = |group: &[&LinkPoint]| {
-        let at = |target: usize| group.iter().find(|p| p.target == target).map(|p| p.at_base);
-        Some((group.first()?.pose, [at(first)?, at(second)?]))
+        let point_of = |target: usize| group.iter().find(|p| p.target == target).map(|p| p.at_base);
+        Some((group.first()?.pose, [point_of(first)?, point_of(second)?]))
     };
-    let mut seen = on_base.chunk_by(|a, b| a.pose == b.pose).filter_map(both);
-    let (_, before) = seen.next()?;
-    let tilts: Vec<(usize, ObservedTilt)> = seen
+    let mut both_seen = on_base.chunk_by(|a, b| a.pose == b.pose).filter_map(both);
+    let (_, before) = both_seen.next()?;
+    let tilts: Vec<(usize, ObservedTilt)> = both_seen
         .filter_map(|(pose, after)| Some((pose, tilt_of_two_targets(before, after, noise_m)?)))
         .collect();
     let (pose, largest) =
@@ -112,8 +112,8 @@ pub fn loaded_links(arm: &Arm, campaign: &Campaign, points: &[LinkPoint]) -> Vec
         if pose.inputs.wrench_base == Wrench::ZERO {
             return None;
         }
-        let twin = unloaded_twin(arm, campaign, point.pose)?;
-        let same = |other: &&LinkPoint| other.pose == twin && other.target == point.target;
+        let unloaded = unloaded_twin(arm, campaign, point.pose)?;
+        let same = |other: &&LinkPoint| other.pose == unloaded && other.target == point.target;
         let before = points.iter().find(same)?.at_base;
         let (q, wrench_base) = (pose.inputs.q, pose.inputs.wrench_base);
         Some(LoadedLink { joint, q, wrench_base, before, after: point.at_base })

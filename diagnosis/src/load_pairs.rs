@@ -35,8 +35,8 @@ pub struct EnhancedEffectAtPose {
 pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<LoadedPose> {
     let poses = campaign.poses.iter().enumerate();
     let loaded = poses.filter(|(_, pose)| pose.inputs.wrench_base != Wrench::ZERO);
-    let one = |(at, pose): (usize, &Pose)| {
-        let before = &campaign.poses[unloaded_twin(arm, campaign, at)?];
+    let one = |(index, pose): (usize, &Pose)| {
+        let before = &campaign.poses[unloaded_twin(arm, campaign, index)?];
         let (shift, turn) = pose_difference(arm, before, pose, surroundings)?;
         let wrench_base = pose.inputs.wrench_base;
         Some(LoadedPose { q: pose.inputs.q, wrench_base, shift, turn })
@@ -44,9 +44,9 @@ pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<L
     loaded.filter_map(one).collect()
 }
 
-/// Index of the pose with the same command and no wrench that was measured nearest to pose `at`.
-pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, at: usize) -> Option<usize> {
-    let pose = campaign.poses.get(at)?;
+/// Index of the pose with the same command and no wrench that was measured nearest to pose `pose_index`.
+pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, pose_index: usize) -> Option<usize> {
+    let pose = campaign.poses.get(pose_index)?;
     let same = |(_, other): &(usize, &Pose)| {
         let still = |k: usize| (other.inputs.q[k] - pose.inputs.q[k]).abs() <= SAME_STEP_RAD;
         other.inputs.wrench_base == Wrench::ZERO
@@ -54,7 +54,7 @@ pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, at: usize) -> Option
             && (0..arm.count()).all(still)
     };
     let unloaded = campaign.poses.iter().enumerate().filter(same);
-    unloaded.map(|(other, _)| other).min_by_key(|other| other.abs_diff(at))
+    unloaded.map(|(other, _)| other).min_by_key(|other| other.abs_diff(pose_index))
 }
 
 /// Translation of the TCP, m, and rotation of the tool if three targets determine it, between two poses.
@@ -72,21 +72,21 @@ fn pose_difference(
             }
             _ => None,
         };
-        pose.seen.iter().filter_map(|seen| point(&seen.reading)).collect()
+        pose.seen.iter().filter_map(|observation| point(&observation.reading)).collect()
     };
     let (first, second) = (points(before), points(after));
     let both: Vec<(ToolPoint, DVec3, DVec3)> = first
         .iter()
-        .filter_map(|(place, at)| {
-            let there = second.iter().find(|(other, _)| other == place)?;
-            Some((*place, *at, there.1))
+        .filter_map(|(place, first_point)| {
+            let counterpart = second.iter().find(|(other, _)| other == place)?;
+            Some((*place, *first_point, counterpart.1))
         })
         .collect();
     let (from, to): (Vec<DVec3>, Vec<DVec3>) = both.iter().map(|(_, a, b)| (*a, *b)).unzip();
     let tcp = both.iter().find(|(place, ..)| *place == ToolPoint::Tcp).map(|(_, a, b)| *b - *a);
     let Some(motion) = fit_rigid_motion(&from, &to) else { return tcp.map(|shift| (shift, None)) };
-    let at = Chain::nominal(arm, &before.inputs.q).base_from_tool.origin;
-    Some((motion.point(at) - at, Some(vector_from_rotation(&motion.rotation))))
+    let origin = Chain::nominal(arm, &before.inputs.q).base_from_tool.origin;
+    Some((motion.point(origin) - origin, Some(vector_from_rotation(&motion.rotation))))
 }
 
 /// Compliances estimated from pairs; `None` without pairs. `noise_m` is the standard deviation of one coordinate of one point.
@@ -116,11 +116,11 @@ pub fn enhanced_effects(model: &Model, campaign: &Campaign) -> Vec<EnhancedEffec
     }
     let poses = campaign.poses.iter().enumerate();
     let loaded = poses.filter(|(_, pose)| pose.inputs.wrench_base != Wrench::ZERO);
-    let one = |(at, pose): (usize, &Pose)| {
+    let one = |(index, pose): (usize, &Pose)| {
         let wrench = pose.inputs.wrench_base;
         let effect =
             enhanced_stiffness::enhanced_effect(&model.arm, &pose.inputs.q, wrench, &compliance);
-        EnhancedEffectAtPose { pose: at, effect }
+        EnhancedEffectAtPose { pose: index, effect }
     };
     loaded.map(one).collect()
 }
@@ -182,8 +182,8 @@ mod tests {
         }
         let worth = enhanced_effects(&truth, &campaign);
         assert_eq!(worth.len(), 30);
-        let most = |of: fn(&EnhancedEffect) -> f64| -> f64 {
-            worth.iter().filter_map(|w| w.effect.as_ref()).map(of).fold(0.0, f64::max)
+        let most = |quantity: fn(&EnhancedEffect) -> f64| -> f64 {
+            worth.iter().filter_map(|w| w.effect.as_ref()).map(quantity).fold(0.0, f64::max)
         };
         // A robot of this class deflects by a fraction of a millimetre; the change of geometry matters little.
         assert!(

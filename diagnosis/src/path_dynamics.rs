@@ -36,8 +36,8 @@ pub(crate) struct PathDynamics {
 
 impl PathDynamics {
     pub(crate) fn of(model: &Model, campaign: &Campaign) -> Self {
-        let asked = model.effects().any(|effect| matches!(effect, AnyEffect::OverPath(_)));
-        if asked {
+        let has_dynamics = model.effects().any(|effect| matches!(effect, AnyEffect::OverPath(_)));
+        if has_dynamics {
             Self::for_all_paths(model, campaign)
         } else {
             Self { paths: Vec::new(), of_pose: Vec::new() }
@@ -68,11 +68,11 @@ impl PathDynamics {
     }
 
     /// Adds the deflections of modes and reversal spikes to an evaluation.
-    pub(crate) fn add_deflections(&self, arm: &Arm, pose: usize, seen: &mut Evaluation) {
+    pub(crate) fn add_deflections(&self, arm: &Arm, pose: usize, evaluation: &mut Evaluation) {
         if let Some((ride, row)) = self.at(pose).filter(|(ride, _)| ride.has_deflections()) {
-            ride.add_deflections(row, &mut seen.deviation);
+            ride.add_deflections(row, &mut evaluation.deviation);
             let q = &ride.inputs[row].q;
-            seen.real = Chain::real(arm, q, &seen.deviation);
+            evaluation.real = Chain::real(arm, q, &evaluation.deviation);
         }
     }
 
@@ -100,13 +100,16 @@ impl PathDynamics {
         campaign: &Campaign,
     ) -> DynamicDerivatives {
         let effects: Vec<&AnyEffect> = hypothesis.model.effects().collect();
-        let of = |(place, free): (usize, &FreeParameter)| match effects.get(free.effect) {
+        let derivative_of = |(place, free): (usize, &FreeParameter)| match effects.get(free.effect)
+        {
             Some(AnyEffect::OverPath(effect)) => {
                 Some((place, self.slope(hypothesis, campaign, (free, effect))))
             }
             _ => None,
         };
-        DynamicDerivatives { of_free: hypothesis.free.iter().enumerate().filter_map(of).collect() }
+        DynamicDerivatives {
+            of_free: hypothesis.free.iter().enumerate().filter_map(derivative_of).collect(),
+        }
     }
 
     fn slope(
@@ -116,16 +119,16 @@ impl PathDynamics {
         (free, effect): (&FreeParameter, &OverPath),
     ) -> Vec<ElementDisplacement> {
         let whole = AnyEffect::OverPath(*effect);
-        let stands = effect.values()[free.value];
+        let value = effect.values()[free.value];
         let step = STEP * plausible_size(&whole, free.value);
         // A time constant cannot be negative, so at zero the difference is one-sided.
-        let below = if effect.spec().kind == "servo_lag" { step.min(stands) } else { step };
-        let at = |value: f64| {
+        let below = if effect.spec().kind == "servo_lag" { step.min(value) } else { step };
+        let with_value = |value: f64| {
             let mut effect = *effect;
             effect.values_mut()[free.value] = value;
             effect
         };
-        let (low, high) = (at(stands - below), at(stands + step));
+        let (low, high) = (with_value(value - below), with_value(value + step));
         let width = step + below;
         let mut moved: Vec<ElementDisplacement> = Vec::new();
         for (run, ride) in &self.paths {
@@ -162,9 +165,13 @@ fn rows(campaign: &Campaign, run: &Range<usize>) -> Vec<Inputs> {
 }
 
 /// The series of one moving element (joint or base), one value per pose; added if missing.
-fn series(moved: &mut Vec<ElementDisplacement>, of: VibratingPart, poses: usize) -> &mut Vec<f64> {
-    let place = moved.iter().position(|(rings, _)| *rings == of).unwrap_or_else(|| {
-        moved.push((of, vec![0.0; poses]));
+fn series(
+    moved: &mut Vec<ElementDisplacement>,
+    part: VibratingPart,
+    poses: usize,
+) -> &mut Vec<f64> {
+    let place = moved.iter().position(|(rings, _)| *rings == part).unwrap_or_else(|| {
+        moved.push((part, vec![0.0; poses]));
         moved.len() - 1
     });
     &mut moved[place].1
@@ -183,7 +190,7 @@ impl DynamicDerivatives {
     pub(crate) fn fill(
         &self,
         arm: &Arm,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         pose: usize,
         motions: &mut [ToolMotion],
     ) {
@@ -192,10 +199,10 @@ impl DynamicDerivatives {
             for (rings, by) in moved {
                 let one = match *rings {
                     VibratingPart::Joint(joint) => {
-                        Some(ToolMotion::of_joint(arm, &seen.real, joint))
+                        Some(ToolMotion::of_joint(arm, &evaluation.real, joint))
                     }
                     VibratingPart::Base(axis) => {
-                        ToolMotion::of(arm, seen, &Contribution::BaseTurn { turn: axis })
+                        ToolMotion::of(arm, evaluation, &Contribution::BaseTurn { turn: axis })
                     }
                 };
                 sum = sum.plus(&one.unwrap_or_default().scaled(by[pose]));

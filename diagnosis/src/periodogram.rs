@@ -35,7 +35,7 @@ pub(crate) struct BestPeriod {
 /// Contribution of one pose to the sums of one joint.
 struct PoseSums {
     position: f64,
-    own: f64,
+    information: f64,
     gradient: f64,
     projection: Vec<f64>,
 }
@@ -54,28 +54,33 @@ fn parts(fitted: &ScoreTest<'_>) -> Vec<Vec<PoseSums>> {
     let mut parts: Vec<Vec<PoseSums>> = (0..arm.count()).map(|_| Vec::new()).collect();
     let mut pose = usize::MAX;
     let mut motions: Vec<ToolMotion> = Vec::new();
-    fitted.linearisation.for_each_reading(|at, slopes| {
-        let scale = fitted.weighing.scale(at);
+    fitted.linearisation.for_each_reading(|reading, slopes| {
+        let scale = fitted.weighing.scale(reading);
         if scale == 0.0 {
             return;
         }
-        if at.pose != pose {
-            pose = at.pose;
+        if reading.pose != pose {
+            pose = reading.pose;
             let q = &fitted.campaign.poses[pose].inputs.q;
             let chain = Chain::nominal(arm, q);
             motions =
                 (0..arm.count()).map(|joint| ToolMotion::of_joint(arm, &chain, joint)).collect();
             for (parts, position) in parts.iter_mut().zip(q) {
                 let projection = vec![0.0; active.len()];
-                parts.push(PoseSums { position: *position, own: 0.0, gradient: 0.0, projection });
+                parts.push(PoseSums {
+                    position: *position,
+                    information: 0.0,
+                    gradient: 0.0,
+                    projection,
+                });
             }
         }
         for (parts, motion) in parts.iter_mut().zip(&motions) {
             let Some(part) = parts.last_mut() else { continue };
-            let column = at.rows.derivative_along(motion) * scale;
-            part.own += column.length_squared();
-            part.gradient += column.dot(at.rows.residual) * scale;
-            for k in 0..at.rows.count {
+            let column = reading.rows.derivative_along(motion) * scale;
+            part.information += column.length_squared();
+            part.gradient += column.dot(reading.rows.residual) * scale;
+            for k in 0..reading.rows.count {
                 let (share, full) = (scale * column[k], &slopes[k * width..]);
                 part.projection.iter_mut().zip(active).for_each(|(s, j)| *s += share * full[*j]);
             }
@@ -102,11 +107,11 @@ fn best_period(parts: &[PoseSums], joint: usize) -> Option<BestPeriod> {
     // Fewer than two different positions per cycle cannot distinguish a wave from a slower one.
     let most = CYCLES_MAX.min(TAU / range * different.len() as f64 / 2.0);
     let step = TAU / range / STEPS_PER_LINE;
-    let least = CYCLES_MIN * TAU / range;
-    let tried = ((most - least) / step).floor().max(0.0) as usize;
-    let mut turns = PhaseRotation::new(parts, least, step);
+    let lowest = CYCLES_MIN * TAU / range;
+    let tried = ((most - lowest) / step).floor().max(0.0) as usize;
+    let mut turns = PhaseRotation::new(parts, lowest, step);
     let gains = (0..tried.div_ceil(PERIODS_PER_BLOCK)).flat_map(|_| turns.next_gains(parts));
-    let all = gains.take(tried).enumerate().map(|(k, gain)| (least + step * k as f64, gain));
+    let all = gains.take(tried).enumerate().map(|(k, gain)| (lowest + step * k as f64, gain));
     let (cycles, _) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(BestPeriod { joint, cycles })
 }
@@ -116,7 +121,7 @@ struct PhaseRotation {
     now: Vec<(f64, f64)>,
     by: Vec<(f64, f64)>,
     /// Projection of each contribution on the fit's columns, one column per contribution.
-    seen: DMatrix<f64>,
+    projections: DMatrix<f64>,
     /// One row per contribution: its sines at [`PERIODS_PER_BLOCK`] periods, then its cosines.
     waves: DMatrix<f64>,
 }
@@ -124,10 +129,12 @@ struct PhaseRotation {
 impl PhaseRotation {
     fn new(parts: &[PoseSums], first: f64, step: f64) -> Self {
         let width = parts.first().map_or(0, |part| part.projection.len());
-        let at = |cycles: f64| parts.iter().map(|p| libm::sincos(cycles * p.position)).collect();
-        let seen = DMatrix::from_fn(width, parts.len(), |row, part| parts[part].projection[row]);
+        let phases_at =
+            |cycles: f64| parts.iter().map(|p| libm::sincos(cycles * p.position)).collect();
+        let projections =
+            DMatrix::from_fn(width, parts.len(), |row, part| parts[part].projection[row]);
         let waves = DMatrix::zeros(parts.len(), 2 * PERIODS_PER_BLOCK);
-        Self { now: at(first), by: at(step), seen, waves }
+        Self { now: phases_at(first), by: phases_at(step), projections, waves }
     }
 
     /// Decrease of the sum of squares by sine and cosine together, for each of the next periods.
@@ -143,8 +150,9 @@ impl PhaseRotation {
                 *now = (sin * by.1 + cos * by.0, cos * by.1 - sin * by.0);
             }
         }
-        let seen = &self.seen * &self.waves;
-        let column = |k: usize| &seen.as_slice()[k * seen.nrows()..(k + 1) * seen.nrows()];
+        let projected = &self.projections * &self.waves;
+        let column =
+            |k: usize| &projected.as_slice()[k * projected.nrows()..(k + 1) * projected.nrows()];
         std::array::from_fn(|k| sums[k].gain(column(k), column(PERIODS_PER_BLOCK + k)))
     }
 }
@@ -161,9 +169,9 @@ struct PeriodSums {
 
 impl PeriodSums {
     fn add(&mut self, part: &PoseSums, sin: f64, cos: f64) {
-        self.ss += sin * sin * part.own;
-        self.sc += sin * cos * part.own;
-        self.cc += cos * cos * part.own;
+        self.ss += sin * sin * part.information;
+        self.sc += sin * cos * part.information;
+        self.cc += cos * cos * part.information;
         self.bs += sin * part.gradient;
         self.bc += cos * part.gradient;
     }

@@ -116,28 +116,28 @@ pub enum PlanError {
 pub fn plan(
     task: &Task,
     known: Option<ExistingMeasurements<'_>>,
-    wish: &PlanSettings,
+    settings: &PlanSettings,
 ) -> Result<Plan, PlanError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(wish.seed);
-    let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+    let drawn = task.draw(&mut rng, settings.candidates, settings.count)?;
     let candidates = drawn.len();
-    let mut bank = CandidateJacobians::of(task, known, drawn)?;
-    let picks = if wish.criterion == Criterion::Random {
-        (0..wish.count).map(|place| place * candidates / wish.count).collect()
+    let mut jacobians = CandidateJacobians::of(task, known, drawn)?;
+    let picks = if settings.criterion == Criterion::Random {
+        (0..settings.count).map(|place| place * candidates / settings.count).collect()
     } else {
-        select_poses(task, &mut bank, wish, &mut rng)
+        select_poses(task, &mut jacobians, settings, &mut rng)
     };
     let start = match known.and_then(|known| known.campaign.poses.last()) {
         Some(pose) => pose.inputs.q,
         None => pose_order::home(&task.hypothesis.model.arm, &task.reach),
     };
-    let stops: Vec<Joints> = picks.iter().map(|pick| bank.candidates[*pick].q).collect();
+    let stops: Vec<Joints> = picks.iter().map(|pick| jacobians.candidates[*pick].q).collect();
     let order = pose_order::visit(&task.hypothesis.model.arm, &start, &stops);
     let picks: Vec<usize> = order.into_iter().map(|place| picks[place]).collect();
     Ok(Plan {
-        poses: contributions(task, &bank, &picks),
-        numbers: parameter_uncertainties(task, &bank, &picks),
-        undetermined: bank.undetermined.clone(),
+        poses: contributions(task, &jacobians, &picks),
+        numbers: parameter_uncertainties(task, &jacobians, &picks),
+        undetermined: jacobians.undetermined.clone(),
         candidates,
     })
 }
@@ -145,19 +145,19 @@ pub fn plan(
 /// The best of the candidates, improved by exchanges with neighbours of the selected poses.
 fn select_poses(
     task: &Task,
-    bank: &mut CandidateJacobians,
-    wish: &PlanSettings,
+    jacobians: &mut CandidateJacobians,
+    settings: &PlanSettings,
     rng: &mut ChaCha8Rng,
 ) -> Vec<usize> {
-    let design = PoseCriterion::of(bank, wish.criterion);
-    let mut picks = select_greedily(&|picks| design.improvements(picks), wish.count);
-    let chosen: Vec<Joints> = picks.iter().map(|pick| bank.candidates[*pick].q).collect();
-    let near: Vec<_> = chosen
+    let design = PoseCriterion::of(jacobians, settings.criterion);
+    let mut picks = select_greedily(&|picks| design.improvements(picks), settings.count);
+    let chosen: Vec<Joints> = picks.iter().map(|pick| jacobians.candidates[*pick].q).collect();
+    let neighbours: Vec<_> = chosen
         .iter()
         .flat_map(|q| task.neighbours(rng, q, NEIGHBOUR_DISTANCE, NEIGHBOURS))
         .collect();
-    bank.add(task, near);
-    let design = PoseCriterion::of(bank, wish.criterion);
+    jacobians.add(task, neighbours);
+    let design = PoseCriterion::of(jacobians, settings.criterion);
     exchange(&|picks| design.improvements(picks), &mut picks);
     picks
 }

@@ -178,12 +178,12 @@ impl<'a> StageProgress<'a> {
         (self.listener)(self.stage, Progress::Selected(count));
     }
 
-    /// Begins a loop of `of` steps.
-    pub(crate) fn steps(self, of: usize) -> Steps<'a> {
-        if of > 0 {
-            (self.listener)(self.stage, Progress::Steps { done: 0, of });
+    /// Begins a loop of `count` steps.
+    pub(crate) fn steps(self, count: usize) -> Steps<'a> {
+        if count > 0 {
+            (self.listener)(self.stage, Progress::Steps { done: 0, of: count });
         }
-        Steps { progress: self, done: Mutex::new(0), of }
+        Steps { progress: self, done: Mutex::new(0), of: count }
     }
 }
 
@@ -213,18 +213,19 @@ mod tests {
 
     #[test]
     fn a_diagnosis_reports_its_stages_in_order_and_every_loop_counts_to_its_end() {
-        let heard = Mutex::new(Vec::new());
+        let received = Mutex::new(Vec::new());
         let listener = |stage, progress| {
-            heard.lock().expect("no thread panicked").push((stage, progress));
+            received.lock().expect("no thread panicked").push((stage, progress));
         };
         // Enough poses for a validation set.
-        let bare = unmeasured_campaign(1, 220);
-        let campaign = simulate_readings(&bare, &thesis_robot(), &bare.surroundings, 1.0, 5);
+        let unmeasured = unmeasured_campaign(1, 220);
+        let campaign =
+            simulate_readings(&unmeasured, &thesis_robot(), &unmeasured.surroundings, 1.0, 5);
         drop(diagnose(campaign, &nominal_robot(), &[], None, 1, &listener));
-        let heard = heard.into_inner().expect("no thread panicked");
+        let received = received.into_inner().expect("no thread panicked");
         let mut begun = Vec::new();
         let mut open: Option<(usize, usize)> = None;
-        for (stage, progress) in &heard {
+        for (stage, progress) in &received {
             match *progress {
                 Progress::Begun => begun.push(*stage),
                 Progress::Selected(_) => {}
@@ -244,7 +245,7 @@ mod tests {
         // The recordings were screened before.
         assert_eq!(begun, Stage::POSITIONS[1..]);
         let has =
-            |stage, is: fn(&Progress) -> bool| heard.iter().any(|(s, p)| *s == stage && is(p));
+            |stage, is: fn(&Progress) -> bool| received.iter().any(|(s, p)| *s == stage && is(p));
         for stage in [Stage::FirstSearch, Stage::SecondSearch] {
             assert!(has(stage, |p| matches!(p, Progress::Selected(1..))), "{stage}");
         }

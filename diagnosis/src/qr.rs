@@ -56,11 +56,11 @@ impl QrFactor {
 
     /// Adds the row `row · x ≈ right`; entries beyond the width are ignored, missing ones are zero.
     pub fn push(&mut self, row: &[f64], right: f64) {
-        let at = self.waiting_rows;
+        let slot = self.waiting_rows;
         for (column, value) in row.iter().take(self.width).enumerate() {
-            self.waiting[column * BLOCK + at] = *value;
+            self.waiting[column * BLOCK + slot] = *value;
         }
-        self.waiting[self.width * BLOCK + at] = right;
+        self.waiting[self.width * BLOCK + slot] = right;
         self.waiting_rows += 1;
         self.rows += 1;
         if self.waiting_rows == BLOCK {

@@ -248,9 +248,10 @@ fn run(
     let dynamics = dynamics(model)?;
     // The measured motor motion already contains delay and lag.
     let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
-    let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
+    let is_same_segment =
+        |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
     let (mut states, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
-    for segment in rows.chunk_by(goes_on) {
+    for segment in rows.chunk_by(is_same_segment) {
         let mut inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
         match drive_motion {
             DriveMotion::NotSimulated => {}
@@ -260,7 +261,10 @@ fn run(
             DriveMotion::ClosedLoop => {
                 let followed = servo::path(&with_drives, &dynamics, &inputs)?;
                 torques.extend(followed.iter().map(|row| row.torque));
-                inputs.iter_mut().zip(followed).for_each(|(row, seen)| row.q = seen.motor);
+                inputs
+                    .iter_mut()
+                    .zip(followed)
+                    .for_each(|(row, simulated)| row.q = simulated.motor);
             }
         }
         let is_closed = drive_motion == DriveMotion::ClosedLoop;
@@ -274,7 +278,7 @@ fn run(
 fn dynamics(model: &RobotModel) -> Result<Dynamics, SimulationError> {
     let mut dynamics = Dynamics::default();
     let arm = &model.physics.arm;
-    for entry in model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at)) {
+    for entry in model.not_compensated.iter().filter_map(|index| model.file.effects.get(*index)) {
         let Some(numbers) = entry.to_si(arm) else { continue };
         let given: Vec<(&str, &[f64])> = numbers.iter().map(|(s, v)| (*s, v.as_slice())).collect();
         let joint = entry.joint.map(|joint| joint.saturating_sub(1));

@@ -59,15 +59,15 @@ pub(crate) struct ReadingResidual {
 }
 
 impl ReadingResidual {
-    /// Compares a measurement with the evaluation `seen` of the arm.
+    /// Compares a measurement with the evaluation of the arm.
     pub(crate) fn of(
         observation: &Observation,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         commanded: &Joints,
         surroundings: &Extrinsics,
         columns: &ExtrinsicColumns,
     ) -> Self {
-        let scene = ReadingPrediction { seen, surroundings, columns };
+        let scene = ReadingPrediction { evaluation, surroundings, columns };
         let mut rows = match observation.reading {
             Reading::Point { place, frame, at } => scene.point(place, frame, at),
             Reading::Orientation { frame, measuring_from_tool } => {
@@ -79,7 +79,7 @@ impl ReadingResidual {
             Reading::Plane { place, plane, radius_m } => scene.plane(place, plane, radius_m),
             Reading::Sphere { place, sphere, radius_m } => scene.sphere(place, sphere, radius_m),
             Reading::JointPosition { joint, position } => {
-                let predicted = commanded[joint] + seen.deviation.joints[joint];
+                let predicted = commanded[joint] + evaluation.deviation.joints[joint];
                 Self {
                     by_joint: Some(joint),
                     ..Self::without_derivatives(1, DVec3::X * (position - predicted))
@@ -158,7 +158,7 @@ impl ReadingResidual {
 }
 
 struct ReadingPrediction<'a> {
-    seen: &'a Evaluation,
+    evaluation: &'a Evaluation,
     surroundings: &'a Extrinsics,
     columns: &'a ExtrinsicColumns,
 }
@@ -166,7 +166,7 @@ struct ReadingPrediction<'a> {
 impl ReadingPrediction<'_> {
     /// Position of a point of the tool in base coordinates, and its lever arm from the TCP.
     fn place(&self, place: ToolPoint) -> (DVec3, DVec3) {
-        let tool = &self.seen.real.base_from_tool;
+        let tool = &self.evaluation.real.base_from_tool;
         let lever = match place {
             ToolPoint::Tcp => DVec3::ZERO,
             ToolPoint::Target(i) => tool.rotation * self.surroundings.targets[i].value,
@@ -190,18 +190,18 @@ impl ReadingPrediction<'_> {
         if let ToolPoint::Target(i) = place
             && let Some(first) = self.columns.first(1, i)
         {
-            let tool = self.seen.real.base_from_tool.rotation;
+            let tool = self.evaluation.real.base_from_tool.rotation;
             let block = DVec3::AXES.map(|axis| slope * (tool * axis));
             rows.local.push((first, block.to_vec()));
         }
         rows
     }
 
-    fn point(&self, place: ToolPoint, frame: usize, at: DVec3) -> ReadingResidual {
+    fn point(&self, place: ToolPoint, frame: usize, measured: DVec3) -> ReadingResidual {
         let station = &self.surroundings.frames[frame].value;
         let predicted = station.measuring_from_base.point(self.place(place).0);
         let slope = station.measuring_from_base.rotation;
-        let mut rows = self.of_point(3, at - predicted, slope, place);
+        let mut rows = self.of_point(3, measured - predicted, slope, place);
         if let Some(first) = self.columns.first(0, frame) {
             let turned = DVec3::AXES.map(|axis| axis.cross(predicted - station.pivot));
             rows.local.push((first, turned.into_iter().chain(DVec3::AXES).collect()));
@@ -211,7 +211,7 @@ impl ReadingPrediction<'_> {
 
     fn orientation(&self, frame: usize, measured: &DMat3) -> ReadingResidual {
         let turned = self.surroundings.frames[frame].value.measuring_from_base.rotation;
-        let predicted = turned * self.seen.real.base_from_tool.rotation;
+        let predicted = turned * self.evaluation.real.base_from_tool.rotation;
         let residual = vector_from_rotation(&(*measured * predicted.transpose()));
         let mut rows = ReadingResidual {
             by_turn: turned,
@@ -237,8 +237,8 @@ impl ReadingPrediction<'_> {
         let fixed = &self.surroundings.anchors[anchor];
         let away = self.place(place).0 - fixed.place.value;
         let direction = away.normalize_or_zero();
-        let said = away.length() + fixed.offset_m.value;
-        let mut rows = self.along(length_m - said, direction, place);
+        let predicted_m = away.length() + fixed.offset_m.value;
+        let mut rows = self.along(length_m - predicted_m, direction, place);
         if let Some(first) = self.columns.first(2, anchor) {
             let block = direction.to_array().map(|d| DVec3::X * -d);
             rows.local.push((first, block.to_vec()));

@@ -79,16 +79,16 @@ mod tests {
             }
             assert!((weight(Influence::Huber, count, 4.0 * knee) - 0.25).abs() < 1e-12);
             assert_eq!(weight(Influence::Redescending, count, 4.0 * knee), 0.0);
-            let near = weight(Influence::Redescending, count, 1.1 * knee);
-            assert!(near > 0.8 && near < 1.0, "{near}");
+            let beyond_knee = weight(Influence::Redescending, count, 1.1 * knee);
+            assert!(beyond_knee > 0.8 && beyond_knee < 1.0, "{beyond_knee}");
         }
     }
 
     #[test]
     fn a_third_of_wild_readings_hardly_moves_the_scale() {
         let clean = (0..200).map(|i| (3, norm_at_deviate(3, -2.0 + 0.02 * f64::from(i))));
-        let wild = (0..100).map(|_| (3, 1e6));
-        let found = robust_noise_factor(clean.chain(wild)).expect("readings");
+        let outliers = (0..100).map(|_| (3, 1e6));
+        let found = robust_noise_factor(clean.chain(outliers)).expect("readings");
         assert!((0.9..1.6).contains(&found), "{found}");
     }
 }

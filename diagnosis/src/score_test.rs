@@ -98,12 +98,12 @@ impl<'a> ScoreTest<'a> {
         while from < candidates.len() {
             let (batch, end) = self.batch(candidates, from);
             let motions = self.batch_motions(&batch);
-            let asked = ColumnGroups {
+            let groups = ColumnGroups {
                 column_counts: candidates[from..end].iter().map(|c| c.probes.len()).collect(),
                 sigmas: batch.free.iter().map(|free| free.sigma).collect(),
             };
-            let found = self.scores_along(&asked, |at, into| {
-                into.extend(motions.iter().map(|series| series.along(at.rows, at.pose)));
+            let found = self.scores_along(&groups, |reading, into| {
+                into.extend(motions.iter().map(|series| series.along(reading.rows, reading.pose)));
             });
             scores.extend(
                 found.into_iter().map(|s| CandidateScore { candidate: s.candidate + from, ..s }),
@@ -116,19 +116,19 @@ impl<'a> ScoreTest<'a> {
     /// Scores of groups of columns that are all multiples of one motion of the tool, given by their factors at each pose.
     pub(crate) fn scores_of_multiples(
         &self,
-        asked: &ColumnGroups,
+        groups: &ColumnGroups,
         mut motion: impl FnMut(usize) -> ToolMotion,
         mut multiples: impl FnMut(usize, &mut Vec<f64>),
     ) -> Vec<CandidateScore> {
         let (mut now, mut moved, mut times) = (usize::MAX, ToolMotion::default(), Vec::new());
-        self.scores_along(asked, |at, into| {
-            if now != at.pose {
-                now = at.pose;
+        self.scores_along(groups, |reading, into| {
+            if now != reading.pose {
+                now = reading.pose;
                 moved = motion(now);
                 times.clear();
                 multiples(now, &mut times);
             }
-            let along = at.rows.derivative_along(&moved);
+            let along = reading.rows.derivative_along(&moved);
             into.extend(times.iter().map(|times| along * *times));
         })
     }
@@ -136,17 +136,17 @@ impl<'a> ScoreTest<'a> {
     /// Scores of groups of columns, given by their derivatives at each measurement.
     pub(crate) fn scores_along(
         &self,
-        asked: &ColumnGroups,
+        groups: &ColumnGroups,
         columns: impl FnMut(&VisitedReading<'_>, &mut Vec<DVec3>),
     ) -> Vec<CandidateScore> {
-        let sums = self.sums(&asked.column_counts, columns);
+        let sums = self.sums(&groups.column_counts, columns);
         let mut column = 0;
         let group = |(index, count): (usize, &usize)| {
             let columns = column..column + count;
             column = columns.end;
-            sums.score(index, columns, &asked.sigmas)
+            sums.score(index, columns, &groups.sigmas)
         };
-        asked.column_counts.iter().enumerate().filter_map(group).collect()
+        groups.column_counts.iter().enumerate().filter_map(group).collect()
     }
 
     /// Effects of the model that interact with candidates: those that change loads or the path affect the candidates, and load-dependent ones respond
@@ -213,19 +213,19 @@ impl<'a> ScoreTest<'a> {
         let mut row = vec![0.0; width + count + 1];
         let mut filter = WhiteningFilter::new(self.campaign);
         let mut along: Vec<DVec3> = Vec::with_capacity(count);
-        self.linearisation.for_each_reading(|at, slopes| {
-            let scale = self.weighing.scale(at);
+        self.linearisation.for_each_reading(|reading, slopes| {
+            let scale = self.weighing.scale(reading);
             if scale == 0.0 {
                 return;
             }
             along.clear();
-            columns(at, &mut along);
-            for k in 0..at.rows.count {
+            columns(reading, &mut along);
+            for k in 0..reading.rows.count {
                 let full = &slopes[k * all..];
                 row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[*j]);
                 row[width..].iter_mut().zip(&along).for_each(|(slot, c)| *slot = scale * c[k]);
-                row[width + count] = scale * at.rows.residual[k];
-                filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
+                row[width + count] = scale * reading.rows.residual[k];
+                filter.pass(reading.pose, reading.instrument, reading.stream, k, &mut row);
                 let (fitted, rest) = row.split_at(width);
                 take(fitted, &rest[..count], rest[count]);
             }
@@ -280,7 +280,9 @@ impl<'a> ScoreTest<'a> {
         let mut filled = 0;
         self.rows_along(
             count,
-            |at, into| into.extend(series.iter().map(|one| one.along(at.rows, at.pose))),
+            |reading, into| {
+                into.extend(series.iter().map(|one| one.along(reading.rows, reading.pose)));
+            },
             |fitted, columns, right| {
                 let mut slot = block.column_mut(filled);
                 places.iter().enumerate().for_each(|(k, place)| slot[k] = fitted[*place]);
@@ -298,9 +300,9 @@ impl<'a> ScoreTest<'a> {
         sums.fill_lower_triangle_with_upper_triangle();
         let fixed = places.len();
         let mixed = sums.view((0, fixed), (fixed, count)).into_owned();
-        let own = sums.view((fixed, fixed), (count, count)).into_owned();
+        let squares = sums.view((fixed, fixed), (count, count)).into_owned();
         let pulls = (0..count).map(|k| sums[(fixed + k, wide - 1)]).collect();
-        (mixed, own, pulls)
+        (mixed, squares, pulls)
     }
 
     /// Tool motion of each probe as a series over the poses up to the last that takes part. The memory of the candidates is advanced with them.
@@ -314,13 +316,13 @@ impl<'a> ScoreTest<'a> {
         let slopes = rides.derivatives(batch, self.campaign);
         let mut at_pose = ToolJacobian::of_candidates(batch);
         let used = Some(self.weighing.used.as_slice());
-        let mut bare = Box::<Evaluation>::default();
+        let mut undeformed = Box::<Evaluation>::default();
         visit_memories(&batch.model, self.campaign, &rides, used, |pose, memories| {
             let inputs = rides.inputs(self.campaign, pose);
-            batch.model.load_into(inputs, memories, &mut bare);
-            bare.real = bare.nominal;
-            let mut motions = at_pose.at(inputs, memories, &bare);
-            slopes.fill(arm, &bare, pose, &mut motions);
+            batch.model.load_into(inputs, memories, &mut undeformed);
+            undeformed.real = undeformed.nominal;
+            let mut motions = at_pose.at(inputs, memories, &undeformed);
+            slopes.fill(arm, &undeformed, pose, &mut motions);
             all.iter_mut().zip(&motions).for_each(|(series, motion)| series.put(pose, motion));
         });
         all
@@ -348,12 +350,12 @@ fn pose_by_pose(
     mut motions: impl FnMut(usize, &mut Vec<ToolMotion>),
 ) -> impl FnMut(&VisitedReading<'_>, &mut Vec<DVec3>) {
     let (mut now, mut moved) = (usize::MAX, Vec::new());
-    move |at, into| {
-        if now != at.pose {
-            now = at.pose;
+    move |reading, into| {
+        if now != reading.pose {
+            now = reading.pose;
             motions(now, &mut moved);
         }
-        into.extend(moved.iter().map(|motion| at.rows.derivative_along(motion)));
+        into.extend(moved.iter().map(|motion| reading.rows.derivative_along(motion)));
     }
 }
 

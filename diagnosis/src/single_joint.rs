@@ -230,11 +230,12 @@ impl JointAxis {
             let moved = to_zero.rotation * (turn.cross(lever) + shift);
             [turned.dot(n1), turned.dot(n2), moved.dot(n1), moved.dot(n2)]
         });
-        let sigma = |of: usize| -> f64 {
+        let sigma = |component: usize| -> f64 {
             let rows = self.axis.covariance.iter().zip(&with);
-            let product =
-                |row: &[f64; 4]| -> f64 { row.iter().zip(&with).map(|(c, w)| c * w[of]).sum() };
-            rows.map(|(row, w)| w[of] * product(row)).sum::<f64>().sqrt()
+            let product = |row: &[f64; 4]| -> f64 {
+                row.iter().zip(&with).map(|(c, w)| c * w[component]).sum()
+            };
+            rows.map(|(row, w)| w[component] * product(row)).sum::<f64>().sqrt()
         };
         Some(AxisError {
             tilt_rad: [turn.dot(n1), turn.dot(n2)],

@@ -174,28 +174,28 @@ pub fn estimate_joint_by_joint(
     let mut found = Compliances::none();
     let (mut square, mut rows) = (0.0, 0_usize);
     for joint in 0..arm.count() {
-        let seen: Vec<JointRotation> = cases
+        let rotations: Vec<JointRotation> = cases
             .iter()
             .filter(|case| case.joint == joint)
             .map(|case| joint_rotation(arm, case, &found.value, noise_m))
             .collect();
-        let load: f64 = seen.iter().map(|s| s.torque * s.torque / s.variance).sum();
-        let mut shows = QrFactor::new(1);
-        shows.push_one(0, load.sqrt(), 0.0);
-        shows.reduce();
-        if split_identifiable(&shows, &[WIDEST]).0.is_empty() {
+        let load: f64 = rotations.iter().map(|s| s.torque * s.torque / s.variance).sum();
+        let mut loads = QrFactor::new(1);
+        loads.push_one(0, load.sqrt(), 0.0);
+        loads.reduce();
+        if split_identifiable(&loads, &[WIDEST]).0.is_empty() {
             found.undetermined.push(joint);
             continue;
         }
-        let mean = |of: &dyn Fn(&JointRotation) -> f64| -> f64 {
-            seen.iter().map(|s| s.torque * of(s) / s.variance).sum::<f64>() / load
+        let mean = |quantity: &dyn Fn(&JointRotation) -> f64| -> f64 {
+            rotations.iter().map(|s| s.torque * quantity(s) / s.variance).sum::<f64>() / load
         };
         let value = mean(&|s| s.angle);
         let by_before: [f64; JOINTS_MAX] = std::array::from_fn(|k| mean(&|s| s.by_before[k]));
         found.insert(joint, value, 1.0 / load, &by_before);
         let left = |s: &JointRotation| (s.angle - value * s.torque).powi(2) / s.variance;
-        square += seen.iter().map(left).sum::<f64>();
-        rows += seen.len();
+        square += rotations.iter().map(left).sum::<f64>();
+        rows += rotations.len();
     }
     let free = rows.saturating_sub(found.value.iter().flatten().count()).max(1);
     found.normalised_rms = (square / free as f64).sqrt();

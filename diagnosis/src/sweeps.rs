@@ -72,12 +72,12 @@ pub struct RelativeAxes {
 /// The sweeps of a campaign, in the order of its poses. Points are transformed to the base frame by the stations of `surroundings`.
 #[must_use]
 pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<LocatedSweep> {
-    let seen: Vec<&Pose> = campaign.poses.iter().filter(|pose| has_point(pose)).collect();
+    let measured: Vec<&Pose> = campaign.poses.iter().filter(|pose| has_point(pose)).collect();
     let mut found = Vec::new();
     let mut from = 0;
-    while from < seen.len() {
-        let (joint, end) = run(arm, &seen, from);
-        let poses = &seen[from..end];
+    while from < measured.len() {
+        let (joint, end) = run(arm, &measured, from);
+        let poses = &measured[from..end];
         let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
         let swept = joint.filter(turns).filter(|joint| is_sweep(poses, *joint));
         found.extend(swept.map(|joint| LocatedSweep {
@@ -87,7 +87,7 @@ pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<
         }));
         // The last pose of a run may be the first of the next.
         from = if end > from + 1 { end - 1 } else { end };
-        if end == seen.len() {
+        if end == measured.len() {
             break;
         }
     }
@@ -95,7 +95,7 @@ pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Extrinsics) -> Vec<
 }
 
 fn has_point(pose: &Pose) -> bool {
-    pose.seen.iter().any(|seen| matches!(seen.reading, Reading::Point { .. }))
+    pose.seen.iter().any(|observation| matches!(observation.reading, Reading::Point { .. }))
 }
 
 /// The only joint that moves from pose `from` on, and the end of its run.
@@ -131,8 +131,8 @@ fn sweep(poses: &[&Pose], joint: usize, surroundings: &Extrinsics) -> Sweep {
     let mut before: Option<f64> = None;
     let step = |pose: &&Pose| {
         let mut targets = vec![None; surroundings.targets.len() + 1];
-        for seen in &pose.seen {
-            if let Reading::Point { place, frame, at } = seen.reading {
+        for observation in &pose.seen {
+            if let Reading::Point { place, frame, at } = observation.reading {
                 let station = &surroundings.frames[frame].value.measuring_from_base;
                 let slot = match place {
                     ToolPoint::Tcp => 0,
@@ -173,10 +173,11 @@ pub fn analyse_sweeps(
 
 /// The thesis' model of each joint with sweeps, from all its sweeps.
 #[must_use]
-pub fn joint_models(arm: &Arm, said: &[SweepResult]) -> Vec<JointSweepModel> {
+pub fn joint_models(arm: &Arm, results: &[SweepResult]) -> Vec<JointSweepModel> {
     let one = |joint: usize| {
-        let own = said.iter().filter(|said| said.found.sweep.joint == joint);
-        let errors: Vec<JointErrors> = own.filter_map(|said| said.errors.clone()).collect();
+        let of_joint = results.iter().filter(|result| result.found.sweep.joint == joint);
+        let errors: Vec<JointErrors> =
+            of_joint.filter_map(|result| result.errors.clone()).collect();
         if errors.is_empty() {
             return None;
         }
@@ -188,11 +189,11 @@ pub fn joint_models(arm: &Arm, said: &[SweepResult]) -> Vec<JointSweepModel> {
 
 /// Relative positions of successive axes, for sweeps with the preceding joints at the same positions.
 #[must_use]
-pub fn relative_axes(said: &[SweepResult]) -> Vec<RelativeAxes> {
+pub fn relative_axes(results: &[SweepResult]) -> Vec<RelativeAxes> {
     let mut list = Vec::new();
-    for (k, first) in said.iter().enumerate() {
+    for (k, first) in results.iter().enumerate() {
         let joint = first.found.sweep.joint;
-        let next = said[k + 1..].iter().chain(&said[..k]).find(|next| {
+        let next = results[k + 1..].iter().chain(&results[..k]).find(|next| {
             next.found.sweep.joint == joint + 1
                 && next.found.recording == first.found.recording
                 && have_equal_preceding_joints(&first.found.sweep, &next.found.sweep, joint)

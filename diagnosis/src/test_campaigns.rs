@@ -34,7 +34,7 @@ pub(crate) fn unmeasured_campaign(targets: usize, count: u32) -> Campaign {
         targets: places[..targets].iter().map(|p| FitParameter::unknown(*p)).collect(),
         ..Extrinsics::default()
     };
-    let seen: Vec<Reading> = match targets {
+    let readings: Vec<Reading> = match targets {
         0 => vec![Reading::Point { place: ToolPoint::Tcp, frame: 0, at: DVec3::ZERO }],
         n => (0..n)
             .map(|t| Reading::Point { place: ToolPoint::Target(t), frame: 0, at: DVec3::ZERO })
@@ -57,7 +57,7 @@ pub(crate) fn unmeasured_campaign(targets: usize, count: u32) -> Campaign {
             arrival: Arrival::Settled,
             recording: 0,
             row: row as usize,
-            seen: seen.iter().map(observe).collect(),
+            seen: readings.iter().map(observe).collect(),
         }
     });
     Campaign {

@@ -14,8 +14,8 @@ use physics::Model;
 pub fn tool_displacements(hypothesis: &Hypothesis, campaign: &Campaign) -> Vec<f64> {
     let places = |model: &Model| {
         let mut places: Vec<DVec3> = Vec::with_capacity(campaign.poses.len());
-        visit_poses(model, campaign, None, |_, seen, _| {
-            places.push(seen.real.base_from_tool.origin);
+        visit_poses(model, campaign, None, |_, evaluation, _| {
+            places.push(evaluation.real.base_from_tool.origin);
         });
         places
     };

@@ -15,8 +15,8 @@ const STEP: f64 = 1e-4;
 
 /// Whether an effect changes the loads or depends on them.
 pub(crate) fn changes_or_uses_loads(spec: &Spec) -> bool {
-    let gives_way = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
-    spec.acts_on == ActsOn::Loads || gives_way
+    let needs_loads = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+    spec.acts_on == ActsOn::Loads || needs_loads
 }
 
 /// The free parameters of a hypothesis, prepared for evaluation at many poses.
@@ -47,21 +47,25 @@ impl<'a> ToolJacobian<'a> {
         Self { are_candidates: true, ..Self::of(hypothesis) }
     }
 
-    /// Motions at one pose, one per free parameter; `seen` is the evaluation of the model, or at least the result of [`Model::load_into`].
+    /// Motions at one pose, one per free parameter; `evaluation` is that of the model, or at least the result of [`Model::load_into`].
     pub(crate) fn at(
         &mut self,
         inputs: &Inputs,
         memories: &Memories,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) -> Vec<ToolMotion> {
         let mut motions = vec![ToolMotion::default(); self.wanted.len()];
         let mut on_loads = Vec::new();
-        self.model.derivatives_under(inputs, memories, seen, &self.wanted, |place, change| {
-            match ToolMotion::of(&self.model.arm, seen, change) {
+        self.model.derivatives_under(
+            inputs,
+            memories,
+            evaluation,
+            &self.wanted,
+            |place, change| match ToolMotion::of(&self.model.arm, evaluation, change) {
                 Some(motion) => motions[place] = motion,
                 None => on_loads.push((place, *change)),
-            }
-        });
+            },
+        );
         if !on_loads.is_empty() {
             let yielding = self.yielding.get_or_insert_with(|| {
                 // Gravity sag depends on the direction of gravity like no compliance; among candidates only compliances respond to loads.
@@ -71,9 +75,9 @@ impl<'a> ToolJacobian<'a> {
                 };
                 LoadResponse::of(self.model, follows)
             });
-            yielding.set_pose(memories, seen);
+            yielding.set_pose(memories, evaluation);
             let bent = self.are_candidates.then(|| yielding.deflected(inputs));
-            let seen = bent.as_ref().unwrap_or(seen);
+            let evaluation = bent.as_ref().unwrap_or(evaluation);
             // The response to a unit load is computed with the step of the largest change: others may be nearly zero here, as at the dead point of a
             // spring.
             let mut most = [0.0_f64; JOINTS_MAX];
@@ -83,7 +87,7 @@ impl<'a> ToolJacobian<'a> {
                 }
             }
             for (joint, size) in most.iter().enumerate().filter(|(_, size)| **size > 0.0) {
-                yielding.compute_joint_response(joint, STEP * size, inputs, seen);
+                yielding.compute_joint_response(joint, STEP * size, inputs, evaluation);
             }
             for (place, change) in &on_loads {
                 motions[*place] = match *change {
@@ -91,7 +95,9 @@ impl<'a> ToolJacobian<'a> {
                     Contribution::JointLoad { joint, load } => {
                         yielding.responses[joint].unwrap_or_default().scaled(load)
                     }
-                    _ => yielding.response_to(change, STEP * self.sizes[*place], inputs, seen),
+                    _ => {
+                        yielding.response_to(change, STEP * self.sizes[*place], inputs, evaluation)
+                    }
                 };
             }
         }
@@ -124,23 +130,23 @@ impl LoadResponse {
                     role == Some(Role::Linear) && effect.values()[value] != 0.0
                 });
             // Cannot fail: the whole model has room for it.
-            let stands = at_work && model.push(*effect).is_ok();
-            places.push(stands.then(|| model.effects().len() - 1));
+            let is_included = at_work && model.push(*effect).is_ok();
+            places.push(is_included.then(|| model.effects().len() - 1));
         }
         let (memories, loaded) = (Memories::default(), Box::default());
         let responses = [None; JOINTS_MAX];
         Self { model, memories, places, responses, loaded, below: Vec::new() }
     }
 
-    /// Moves to a pose; `seen` contains its chain and loads.
-    fn set_pose(&mut self, all: &Memories, seen: &Evaluation) {
+    /// Moves to a pose; `evaluation` contains its chain and loads.
+    fn set_pose(&mut self, all: &Memories, evaluation: &Evaluation) {
         for (from, to) in self.places.iter().enumerate() {
             if let Some(to) = to {
                 self.memories.take(*to, all, from);
             }
         }
         self.responses = [None; JOINTS_MAX];
-        (self.loaded.nominal, self.loaded.loads) = (seen.nominal, seen.loads);
+        (self.loaded.nominal, self.loaded.loads) = (evaluation.nominal, evaluation.loads);
     }
 
     /// The deflection under the present loads, and the arm with only that.
@@ -156,13 +162,13 @@ impl LoadResponse {
         joint: usize,
         step: f64,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) {
-        let here = seen.loads.gravity_torque[joint];
-        let response = self.response(inputs, seen, step, |yielding, by| {
-            yielding.loaded.loads.gravity_torque[joint] = here + by;
+        let loaded_torque = evaluation.loads.gravity_torque[joint];
+        let response = self.response(inputs, evaluation, step, |yielding, by| {
+            yielding.loaded.loads.gravity_torque[joint] = loaded_torque + by;
         });
-        self.loaded.loads.gravity_torque[joint] = here;
+        self.loaded.loads.gravity_torque[joint] = loaded_torque;
         self.responses[joint] = Some(response);
     }
 
@@ -172,20 +178,20 @@ impl LoadResponse {
         change: &Contribution,
         step: f64,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
     ) -> ToolMotion {
-        self.response(inputs, seen, step, |yielding, by| {
+        self.response(inputs, evaluation, step, |yielding, by| {
             let Self { model, memories, loaded, .. } = yielding;
             model.load_beside(inputs, memories, &change.times(by), loaded);
         })
     }
 
     /// Motion of the tool per unit of a change of the loads, which `load` applies by a given amount: difference of the contributions of all effects
-    /// under slightly smaller and larger loads, on the arm as evaluated in `seen`.
+    /// under slightly smaller and larger loads, on the arm as evaluated in `evaluation`.
     fn response(
         &mut self,
         inputs: &Inputs,
-        seen: &Evaluation,
+        evaluation: &Evaluation,
         step: f64,
         load: impl Fn(&mut Self, f64),
     ) -> ToolMotion {
@@ -199,7 +205,7 @@ impl LoadResponse {
         let mut moved = ToolMotion::default();
         model.contributions_under(inputs, memories, loaded, |place, above| {
             let change = above.minus(&below[place]).times(0.5 / step);
-            let of_one = ToolMotion::of(&model.arm, seen, &change);
+            let of_one = ToolMotion::of(&model.arm, evaluation, &change);
             moved = moved.plus(&of_one.unwrap_or_default());
         });
         self.below = below;

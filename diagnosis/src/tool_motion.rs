@@ -29,36 +29,38 @@ impl ToolMotion {
         self.shift + self.turn.cross(lever)
     }
 
-    /// The motion for the derivative of a contribution, on the arm as evaluated in `seen`; `None` for contributions to loads, torques or forces.
+    /// The motion for the derivative of a contribution, on the arm of `evaluation`; `None` for contributions to loads, torques or forces.
     #[must_use]
-    pub fn of(arm: &Arm, seen: &Evaluation, change: &Contribution) -> Option<Self> {
-        let tcp = seen.real.base_from_tool.origin;
+    pub fn of(arm: &Arm, evaluation: &Evaluation, change: &Contribution) -> Option<Self> {
+        let tcp = evaluation.real.base_from_tool.origin;
         match *change {
             Contribution::None => Some(Self::default()),
             Contribution::Joint { joint, delta } => {
-                Some(Self::of_joint(arm, &seen.real, joint).scaled(delta))
+                Some(Self::of_joint(arm, &evaluation.real, joint).scaled(delta))
             }
             Contribution::Axis { joint, turn, pivot } => {
-                let bent = seen.deviation.axis(joint).copied().unwrap_or_default();
+                let bent = evaluation.deviation.axis(joint).copied().unwrap_or_default();
                 Some(axis_displacement(
-                    seen,
+                    evaluation,
                     joint,
                     &apply_left_jacobian(&bent, &rotation_about(turn, pivot)),
                 ))
             }
             Contribution::LinkTurn { link, turn, pivot } => {
-                let bent = seen.deviation.link(link).map_or(Twist::default(), |link| link.twist);
+                let bent =
+                    evaluation.deviation.link(link).map_or(Twist::default(), |link| link.twist);
                 let moved = apply_left_jacobian(&bent, &rotation_about(turn, pivot));
-                Some(twist_as_tool_motion(&before_link(seen, link), tcp, &moved))
+                Some(twist_as_tool_motion(&before_link(evaluation, link), tcp, &moved))
             }
             Contribution::LinkShift { link, shift } => {
-                let carrier = before_link(seen, link).rotation;
-                let turned = seen.deviation.link(link).map(|link| link.twist.frame().rotation);
+                let carrier = before_link(evaluation, link).rotation;
+                let turned =
+                    evaluation.deviation.link(link).map(|link| link.twist.frame().rotation);
                 let turned = turned.map_or(shift, |turned| turned * shift);
                 Some(Self { shift: carrier * turned, ..Self::default() })
             }
             Contribution::BaseTurn { turn } => {
-                let bent = rotation_about(seen.deviation.base_turn, DVec3::ZERO);
+                let bent = rotation_about(evaluation.deviation.base_turn, DVec3::ZERO);
                 Some(twist_as_tool_motion(
                     &Frame::IDENTITY,
                     tcp,
@@ -67,8 +69,8 @@ impl ToolMotion {
             }
             Contribution::Tool { shift, turn } => {
                 let last = arm.count();
-                let carrier = after_link(seen, last).rotation * arm.tool.base_from_tool;
-                let bent = rotation_about(seen.deviation.tool_turn, DVec3::ZERO);
+                let carrier = after_link(evaluation, last).rotation * arm.tool.base_from_tool;
+                let bent = rotation_about(evaluation.deviation.tool_turn, DVec3::ZERO);
                 let turned = apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)).turn;
                 Some(Self { turn: carrier * turned, shift: carrier * shift, ..Self::default() })
             }
@@ -152,37 +154,38 @@ fn apply_left_jacobian(bent: &Twist, change: &Twist) -> Twist {
 }
 
 /// Frame that carries link `link`, before that link's own deviation.
-fn before_link(seen: &Evaluation, link: usize) -> Frame {
+fn before_link(evaluation: &Evaluation, link: usize) -> Frame {
     match link.checked_sub(1) {
-        Some(joint) => seen.real.body(joint),
-        None => {
-            Frame::new(physics::frame::rotation_from_vector(seen.deviation.base_turn), DVec3::ZERO)
-        }
+        Some(joint) => evaluation.real.body(joint),
+        None => Frame::new(
+            physics::frame::rotation_from_vector(evaluation.deviation.base_turn),
+            DVec3::ZERO,
+        ),
     }
 }
 
 /// Frame that carries joint `link`, after that link's own deviation.
-fn after_link(seen: &Evaluation, link: usize) -> Frame {
-    let before = before_link(seen, link);
-    seen.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
+fn after_link(evaluation: &Evaluation, link: usize) -> Frame {
+    let before = before_link(evaluation, link);
+    evaluation.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
 }
 
 /// A twist in the axes of `carrier` as a motion of the tool.
 fn twist_as_tool_motion(carrier: &Frame, tcp: DVec3, twist: &Twist) -> ToolMotion {
-    let at = carrier.inverse().point(tcp);
-    let shift = twist.turn.cross(at) + twist.velocity;
+    let tcp_in_carrier = carrier.inverse().point(tcp);
+    let shift = twist.turn.cross(tcp_in_carrier) + twist.velocity;
     let turn = carrier.rotation * twist.turn;
     ToolMotion { turn, shift: carrier.rotation * shift, ..ToolMotion::default() }
 }
 
 /// Displacement of a joint axis at constant joint position: the joint's motion `M` becomes `X M X⁻¹`, so what it carries moves by the difference of
 /// `moved` before and after it.
-fn axis_displacement(seen: &Evaluation, joint: usize, moved: &Twist) -> ToolMotion {
-    let carrier = after_link(seen, joint);
-    let motion = carrier.inverse().after(&seen.real.body(joint));
-    let at = carrier.inverse().point(seen.real.base_from_tool.origin);
-    let back = motion.inverse().point(at);
-    let first = moved.turn.cross(at) + moved.velocity;
+fn axis_displacement(evaluation: &Evaluation, joint: usize, moved: &Twist) -> ToolMotion {
+    let carrier = after_link(evaluation, joint);
+    let motion = carrier.inverse().after(&evaluation.real.body(joint));
+    let tcp_in_carrier = carrier.inverse().point(evaluation.real.base_from_tool.origin);
+    let back = motion.inverse().point(tcp_in_carrier);
+    let first = moved.turn.cross(tcp_in_carrier) + moved.velocity;
     let second = motion.rotation * (moved.turn.cross(back) + moved.velocity);
     let turn = moved.turn - motion.rotation * moved.turn;
     let shift = carrier.rotation * (first - second);

@@ -147,16 +147,16 @@ pub fn diagnose<'r>(
         &confirmed_by_validation(&case, &always, selection).terms,
     );
     begin(Stage::TorqueAlternatives);
-    let seen = case.row_sets.seen();
-    let products = case.products(&seen);
+    let used = case.row_sets.fitted();
+    let products = case.products(&used);
     let search = nonlinear_parameters::search(&case, &products, &always);
     let names = spring_as_asymmetry(&search, names);
     let selection = search.solve(&names);
-    nonlinear_parameters::search_parameters(&mut case, &selection, &always, &seen);
-    nonlinear_parameters::iterate_dependent_columns(&mut case, &selection.terms, &always, &seen);
+    nonlinear_parameters::search_parameters(&mut case, &selection, &always, &used);
+    nonlinear_parameters::iterate_dependent_columns(&mut case, &selection.terms, &always, &used);
     let names = with_likelier_alternatives(&case, &assess_effects(&case, &always, &names));
     let names = hysteresis_as_friction(&case, &always, names);
-    let names = without_warm_friction_alone(&mut case, stated, &always, &names, &seen);
+    let names = without_warm_friction_alone(&mut case, stated, &always, &names, &used);
     let weighed = assess_effects(&case, &always, &names);
     case.ignore_autocorrelation();
     refit_nonlinear(&mut case, stated, &always, &weighed);
@@ -172,15 +172,19 @@ fn refit_nonlinear(
     always: &[usize],
     weighed: &[AssessedEffect],
 ) {
-    let seen = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let names: Vec<usize> = weighed.iter().map(|one| one.candidate).collect();
-    let products = case.products(&seen);
+    let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(case, &products, always).solve(&names);
-    nonlinear_parameters::search_parameters(case, &selection, always, &seen);
-    nonlinear_parameters::iterate_dependent_columns(case, &names, always, &seen);
-    nonlinear_parameters::fit_temperature_coefficients(case, &names, always, &seen, &|joint| {
-        stated.first_value("viscous_friction", joint)
-    });
+    nonlinear_parameters::search_parameters(case, &selection, always, &fitted_rows);
+    nonlinear_parameters::iterate_dependent_columns(case, &names, always, &fitted_rows);
+    nonlinear_parameters::fit_temperature_coefficients(
+        case,
+        &names,
+        always,
+        &fitted_rows,
+        &|joint| stated.first_value("viscous_friction", joint),
+    );
 }
 
 /// Removes a temperature dependence of friction where the joint's viscous friction, stated plus found, is not positive.
@@ -226,10 +230,10 @@ fn with_likelier_alternatives(case: &Case, weighed: &[AssessedEffect]) -> Vec<us
     for one in weighed {
         let best = one.alternatives.first().filter(|rival| rival.confidence > one.confidence);
         let name = best.map_or(one.candidate, |rival| rival.candidate);
-        let stands =
+        let is_selected =
             |other: &usize| *other == name || families[*other].is_same_effect(&families[name]);
-        let is_there = names.iter().any(stands)
-            || weighed.iter().any(|w| w.candidate != one.candidate && stands(&w.candidate));
+        let is_there = names.iter().any(is_selected)
+            || weighed.iter().any(|w| w.candidate != one.candidate && is_selected(&w.candidate));
         if name == one.candidate || !is_there {
             names.push(name);
         }
@@ -238,7 +242,7 @@ fn with_likelier_alternatives(case: &Case, weighed: &[AssessedEffect]) -> Vec<us
 }
 
 fn assess_effects(case: &Case, always: &[usize], names: &[usize]) -> Vec<AssessedEffect> {
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
     let selection = search.solve(names);
     let one = |name: &usize| {
@@ -266,9 +270,9 @@ fn select_effects(
     let mut doubted = case.always_fitted.clone();
     doubted.extend(&case.stated_mass_columns);
     let mut best: Option<(f64, Vec<usize>, TermSelection)> = None;
-    let beliefs =
+    let column_sets =
         if case.stated_mass_columns.is_empty() { vec![exact] } else { vec![exact, doubted] };
-    for always in beliefs {
+    for always in column_sets {
         let mut names = start.to_vec();
         let mut selection = None;
         for round in 0..=RIPPLE_ROUNDS {
@@ -277,11 +281,11 @@ fn select_effects(
             let chosen = search.select(&names);
             progress.selected(chosen.terms.len());
             let moved = case.recentre_payloads(&chosen) | case.update_delay(&chosen);
-            let goes_on = round < RIPPLE_ROUNDS
+            let has_changed = round < RIPPLE_ROUNDS
                 && (nonlinear_parameters::find_ripple(case, &chosen, used) || moved);
             names.clone_from(&chosen.terms);
             selection = Some(chosen);
-            if !goes_on {
+            if !has_changed {
                 break;
             }
         }
@@ -290,9 +294,9 @@ fn select_effects(
         let products = case.products(used);
         let search = nonlinear_parameters::search(case, &products, &always);
         let selection = search.select(&selection.terms);
-        let doubts =
+        let masses_penalty =
             if always.len() > case.always_fitted.len() { FITTED_MASSES_PENALTY } else { 0.0 };
-        let score = search.score(&selection) - products.log_occam_factor(&always) - doubts;
+        let score = search.score(&selection) - products.log_occam_factor(&always) - masses_penalty;
         if best.as_ref().is_none_or(|(most, ..)| score > *most) {
             best = Some((score, always, selection));
         }
@@ -376,33 +380,33 @@ fn drop_unsupported(
     search: &TermSearch<'_>,
     selection: &mut TermSelection,
 ) -> Option<Vec<usize>> {
-    let look = &case.row_sets.validation;
+    let validation = &case.row_sets.validation;
     let left = |selection: &TermSelection| {
         [
-            fit_quality::rms_outside(case, &selection.solved, look),
-            fit_quality::innovation_rms(case, &selection.solved, look),
+            fit_quality::rms_outside(case, &selection.solved, validation),
+            fit_quality::innovation_rms(case, &selection.solved, validation),
         ]
     };
-    let both = case.products(&case.row_sets.seen());
-    let foretold = |selection: &TermSelection| {
+    let both = case.products(&case.row_sets.fitted());
+    let predictive_gain = |selection: &TermSelection| {
         let columns = &selection.solved.columns;
         both.log_marginal_likelihood(columns) - search.products.log_marginal_likelihood(columns)
     };
     let mut fell = Vec::new();
     loop {
         let whole = left(selection);
-        let told = foretold(selection);
-        let asked =
+        let predicted_gain = predictive_gain(selection);
+        let tested =
             selection.terms.iter().filter(|name| !case.is_exempt_from_test(**name, search.always));
-        let asked = asked.filter(|name| {
-            foretold(&search.solve(&without_term(&selection.terms, **name)))
-                > told - PREDICTIVE_GAIN_LEAST
+        let tested = tested.filter(|name| {
+            predictive_gain(&search.solve(&without_term(&selection.terms, **name)))
+                > predicted_gain - PREDICTIVE_GAIN_LEAST
         });
         let harm = |name: &usize| {
             let without = left(&search.solve(&without_term(&selection.terms, *name)));
             (without[0] / whole[0]).max(without[1] / whole[1]) - 1.0
         };
-        let worst = asked.map(|name| (*name, harm(name)));
+        let worst = tested.map(|name| (*name, harm(name)));
         match worst.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((name, harm)) if harm < RESIDUAL_INCREASE_LEAST => {
                 *selection = search.solve(&without_term(&selection.terms, name));

@@ -23,7 +23,7 @@ pub fn tool_uncertainty(found: &Fit, inputs: &[Inputs]) -> Vec<f64> {
         row,
         seen: Vec::new(),
     });
-    let asked = Campaign {
+    let campaign = Campaign {
         poses: poses.collect(),
         surroundings: Extrinsics::default(),
         instruments: Vec::new(),
@@ -32,8 +32,8 @@ pub fn tool_uncertainty(found: &Fit, inputs: &[Inputs]) -> Vec<f64> {
     let first = found.surroundings.parameters().len();
     let mut uncertainty = Vec::with_capacity(inputs.len());
     let mut at_pose = ToolJacobian::of(&found.hypothesis);
-    visit_poses(&found.hypothesis.model, &asked, None, |pose, seen, memories| {
-        let motions = at_pose.at(&inputs[pose], memories, seen);
+    visit_poses(&found.hypothesis.model, &campaign, None, |pose, evaluation, memories| {
+        let motions = at_pose.at(&inputs[pose], memories, evaluation);
         let share = |column: &usize, axis: usize| {
             let motion = column.checked_sub(first).and_then(|k| motions.get(k));
             motion.map_or(0.0, |motion: &ToolMotion| motion.shift[axis])
@@ -71,7 +71,7 @@ mod tests {
             from: None,
             effort: FitEffort::Full,
         };
-        let asked: Vec<Inputs> =
+        let poses: Vec<Inputs> =
             unmeasured_campaign(1, 70).poses[50..].iter().map(|pose| pose.inputs).collect();
         let (mut expected, mut erred) = (0.0, 0.0);
         for seed in 0..30 {
@@ -83,12 +83,12 @@ mod tests {
                 seed,
             );
             let found = fit(&made, &geometry(&truth, &[]), &settings);
-            expected += tool_uncertainty(&found, &asked).iter().map(|u| u * u).sum::<f64>();
-            for inputs in &asked {
-                let at = |model: &physics::Model| {
+            expected += tool_uncertainty(&found, &poses).iter().map(|u| u * u).sum::<f64>();
+            for inputs in &poses {
+                let position = |model: &physics::Model| {
                     model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
                 };
-                erred += (at(&found.hypothesis.model) - at(&truth)).length_squared();
+                erred += (position(&found.hypothesis.model) - position(&truth)).length_squared();
             }
         }
         // Thirty campaigns of a few dozen values each: random deviation about ten percent.

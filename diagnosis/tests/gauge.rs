@@ -27,11 +27,11 @@ const GRAVITY: DVec3 = DVec3::new(0.0, 0.0, -9.80665);
 type Link = (DVec3, DVec3, f64, DVec3);
 
 fn links(model: &Model) -> Vec<Link> {
-    let of = |joint: &physics::Joint| {
+    let link = |joint: &physics::Joint| {
         let body = joint.link.expect("the preset states masses");
         (joint.axis, joint.point, body.mass, body.centre)
     };
-    model.arm.joints().iter().map(of).collect()
+    model.arm.joints().iter().map(link).collect()
 }
 
 /// A simulated robot.
@@ -46,21 +46,21 @@ impl Robot {
     fn drawn(links: &[Link], chance: &mut ChaCha8Rng) -> Self {
         let mut normal = |size: f64| size * chance.sample::<f64, _>(StandardNormal);
         let mut vector = |size: f64| DVec3::new(normal(size), normal(size), normal(size));
-        let of = |(joint, (axis, ..)): (usize, &Link)| {
+        let error = |(joint, (axis, ..)): (usize, &Link)| {
             let across = |v: DVec3| v - *axis * axis.dot(v);
             let (tilt, shift) = (across(vector(5e-4)), across(vector(5e-4)));
             let soft = [0.0, 3e-7, 4e-7, 6e-7, 8e-7, 0.0][joint];
             (vector(1e-3).x, tilt, shift, soft * (1.0 + 0.5 * vector(0.5).x.clamp(-1.0, 1.0)))
         };
-        let errors = links.iter().enumerate().map(of).collect();
+        let errors = links.iter().enumerate().map(error).collect();
         let turned = DQuat::from_rotation_z(3.0 * vector(0.4).x) * DQuat::from_rotation_x(0.03);
         let targets = [[0.12, 0.0, 0.15], [-0.08, 0.1, 0.2], [-0.06, -0.11, 0.1]];
-        let targets = targets.map(|at| DVec3::from_array(at) + vector(0.01));
+        let targets = targets.map(|position| DVec3::from_array(position) + vector(0.01));
         Self { errors, measuring: (turned, vector(2.0)), targets }
     }
 
     /// Positions of the targets in the measuring frame, m.
-    fn seen(&self, links: &[Link], model: &Model, q: &[f64]) -> [DVec3; 3] {
+    fn target_positions(&self, links: &[Link], model: &Model, q: &[f64]) -> [DVec3; 3] {
         let loads = loads(links, q);
         let mut pose = RigidMotion::NONE;
         for (joint, (axis, point, ..)) in links.iter().enumerate() {
@@ -71,9 +71,9 @@ impl Robot {
             pose = pose.then_about(*point + shift, by);
         }
         let tool = &model.arm.tool;
-        let (measuring, there) = self.measuring;
+        let (measuring, offset) = self.measuring;
         self.targets
-            .map(|target| measuring * pose.of(tool.base_from_tool * target + tool.tcp) + there)
+            .map(|target| measuring * pose.of(tool.base_from_tool * target + tool.tcp) + offset)
     }
 }
 
@@ -109,7 +109,7 @@ fn loads(links: &[Link], q: &[f64]) -> Vec<f64> {
     }
     let load = |(joint, (axis, point)): (usize, &(DVec3, DVec3))| {
         let carried = links.iter().zip(&middles).skip(joint);
-        carried.map(|(link, at)| axis.dot((*at - *point).cross(GRAVITY * link.2))).sum()
+        carried.map(|(link, centre)| axis.dot((*centre - *point).cross(GRAVITY * link.2))).sum()
     };
     axes.iter().enumerate().map(load).collect()
 }
@@ -136,15 +136,22 @@ fn measured(model: &Model, robot: &Robot, noise_m: f64, chance: &mut ChaCha8Rng)
         for (slot, [low, high]) in q.iter_mut().zip(ranges) {
             *slot = chance.random_range(low..high);
         }
-        let points = robot.seen(&links, model, &q);
+        let points = robot.target_positions(&links, model, &q);
         let mut normal = || noise_m * chance.sample::<f64, _>(StandardNormal);
-        let seen = points.iter().enumerate().map(|(target, point)| {
-            let at = *point + DVec3::new(normal(), normal(), normal());
-            let reading = Reading::Point { place: ToolPoint::Target(target), frame: 0, at };
+        let observations = points.iter().enumerate().map(|(target, point)| {
+            let position = *point + DVec3::new(normal(), normal(), normal());
+            let reading =
+                Reading::Point { place: ToolPoint::Target(target), frame: 0, at: position };
             Observation { reading, whitening, instrument: 0 }
         });
-        let seen = seen.collect();
-        Pose { inputs: Inputs::at_rest(q), arrival: Arrival::Settled, recording: 0, row, seen }
+        let observations = observations.collect();
+        Pose {
+            inputs: Inputs::at_rest(q),
+            arrival: Arrival::Settled,
+            recording: 0,
+            row,
+            seen: observations,
+        }
     };
     let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
     Campaign {
@@ -185,7 +192,7 @@ fn calibrated(model: &Model, campaign: &Campaign, seed: u64) -> Calibration {
 }
 
 /// RMS error at poses that were not measured, with frame and targets fitted, m.
-fn off(found: &Fit, unseen: &Campaign) -> f64 {
+fn rms_error_m(found: &Fit, unseen: &Campaign) -> f64 {
     let used = vec![true; unseen.poses.len()];
     let settings = FitSettings {
         used: &used,
@@ -210,8 +217,12 @@ fn every_split_ends_at_the_noise_and_no_number_runs_away() {
                 "{number} {seed}: {:?}",
                 found.factors
             );
-            let off = off(&found, &unseen);
-            assert!(off < 0.6 * NOISE_M, "campaign {number}, seed {seed}: {} mm", off * 1e3);
+            let rms_error_m = rms_error_m(&found, &unseen);
+            assert!(
+                rms_error_m < 0.6 * NOISE_M,
+                "campaign {number}, seed {seed}: {} mm",
+                rms_error_m * 1e3
+            );
             let beyond = found.beyond_tolerance(1.0);
             assert!(beyond.is_empty(), "campaign {number}, seed {seed}: {beyond:?}");
         }
@@ -228,8 +239,8 @@ fn where_targets_are_known_the_tools_place_on_the_flange_is_fitted_too() {
         }
         let found = calibrated(&model, &campaign, 1).advanced.fit;
         assert!(found.factors == [1.0], "{number}: {:?}", found.factors);
-        let off = off(&found, &unseen);
-        assert!(off < 0.8 * NOISE_M, "campaign {number}: {} mm", off * 1e3);
+        let rms_error_m = rms_error_m(&found, &unseen);
+        assert!(rms_error_m < 0.8 * NOISE_M, "campaign {number}: {} mm", rms_error_m * 1e3);
     }
 }
 

@@ -30,8 +30,8 @@ fn of_a_million_rows_only_those_that_are_looked_at_become_poses() {
             .set(Channel::Position(axis), (0..ROWS).map(|k| libm::cos(rate * time(k))).collect());
     }
     let mut one = [recording];
-    let seen = screen_recordings(&arm, &mut one);
-    assert!(seen.doubts.is_empty(), "{seen:?}");
+    let report = screen_recordings(&arm, &mut one);
+    assert!(report.doubts.is_empty(), "{report:?}");
     let thinned = ThinnedRecordings::select(&arm, &one).expect("usable");
     assert!(thinned.moves && thinned.rows == ROWS, "{}", thinned.rows);
     let read = thinned.campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();

@@ -25,9 +25,9 @@ struct Problem(HashMap<&'static str, Vec<f64>>);
 impl Problem {
     fn of(name: &str) -> Self {
         let line = |line: &'static str| {
-            let mut words = line.split_whitespace();
-            let key = words.next()?.strip_prefix(name)?.strip_prefix('.')?;
-            Some((key, words.map(|word| word.parse().expect("a number")).collect()))
+            let mut tokens = line.split_whitespace();
+            let key = tokens.next()?.strip_prefix(name)?.strip_prefix('.')?;
+            Some((key, tokens.map(|token| token.parse().expect("a number")).collect()))
         };
         Self(include_str!("reference/scipy.txt").lines().filter_map(line).collect())
     }
@@ -35,7 +35,7 @@ impl Problem {
     /// The campaign of the problem: joint positions, forces, and measurements of these kinds at each pose.
     fn campaign(&self, surroundings: Extrinsics, kinds: &[Reading]) -> Campaign {
         let numbers: usize = kinds.iter().map(Reading::count).sum();
-        let (seen, noise) = (&self.0["seen"], &self.0["noise"]);
+        let (values, noise) = (&self.0["seen"], &self.0["noise"]);
         let rows = self.0["q"].chunks(6).zip(self.0["force"].chunks(3)).enumerate();
         let pose = |(row, (position, force)): (usize, (&[f64], &[f64]))| {
             let mut q = [0.0; JOINTS_MAX];
@@ -44,9 +44,9 @@ impl Problem {
             let inputs = Inputs { wrench_base, ..Inputs::at_rest(q) };
             let mut at = row * numbers;
             let observe = |kind: &Reading| {
-                let here = at;
+                let first = at;
                 at += kind.count();
-                observed(*kind, &seen[here..at], &noise[here..at])
+                observed(*kind, &values[first..at], &noise[first..at])
             };
             let seen = kinds.iter().map(observe).collect();
             Pose { inputs, arrival: Arrival::Settled, recording: 0, row, seen }
@@ -86,8 +86,11 @@ impl Problem {
     /// Asserts that `ours` agrees with element `place` of the solution.
     fn assert_near(&self, place: usize, what: &str, ours: f64) {
         let (theirs, sigma) = (self.0["found"][place], self.0["sigma"][place]);
-        let off = (ours - theirs).abs() / sigma;
-        assert!(off < SHARE, "{what}: {ours}, not {theirs}: {off:e} of its uncertainty");
+        let deviation = (ours - theirs).abs() / sigma;
+        assert!(
+            deviation < SHARE,
+            "{what}: {ours}, not {theirs}: {deviation:e} of its uncertainty"
+        );
     }
 
     fn assert_sigma(&self, place: usize, what: &str, ours: f64) {
@@ -107,19 +110,19 @@ impl Problem {
     }
 }
 
-fn observed(kind: Reading, seen: &[f64], noise: &[f64]) -> Observation {
+fn observed(kind: Reading, values: &[f64], noise: &[f64]) -> Observation {
     let sigma = match *noise {
         [one] => DVec3::splat(one),
         _ => DVec3::from_slice(noise),
     };
     let reading = match kind {
         Reading::Point { place, frame, .. } => {
-            Reading::Point { place, frame, at: DVec3::from_slice(seen) }
+            Reading::Point { place, frame, at: DVec3::from_slice(values) }
         }
         Reading::Distance { place, anchor, .. } => {
-            Reading::Distance { place, anchor, length_m: seen[0] }
+            Reading::Distance { place, anchor, length_m: values[0] }
         }
-        Reading::Plane { place, plane, .. } => Reading::Plane { place, plane, radius_m: seen[0] },
+        Reading::Plane { place, plane, .. } => Reading::Plane { place, plane, radius_m: values[0] },
         other => other,
     };
     let whitening = ReadingNoise::Axes(sigma).whitening(DVec3::ZERO).expect("sound");
@@ -162,7 +165,7 @@ fn points_in_an_unknown_frame_give_scipys_numbers() {
         targets: vec![FitParameter::unknown(TARGET)],
         ..Extrinsics::default()
     };
-    let seen = [Reading::Point { place: PLACE, frame: 0, at: DVec3::ZERO }];
+    let readings = [Reading::Point { place: PLACE, frame: 0, at: DVec3::ZERO }];
     let mut hypothesis = hypothesis(&[
         OFFSETS[0],
         OFFSETS[1],
@@ -175,7 +178,7 @@ fn points_in_an_unknown_frame_give_scipys_numbers() {
     ]);
     // Along its own axis no shift shows; along the arm the zeros of joints 2 and 3 do the same.
     hypothesis.free.retain(|free| free.effect != 4 || free.value == 2);
-    let found = problem.fit(&problem.campaign(around, &seen), &hypothesis);
+    let found = problem.fit(&problem.campaign(around, &readings), &hypothesis);
     problem.assert_robot(&found, &[0, 1, 2, 3, 4, 5, 6, 7, 8]);
     let ours = found.surroundings.frames[0].value.measuring_from_base;
     let theirs = rotation_from_vector(DVec3::from_slice(&problem.0["found"][9..]));
@@ -196,8 +199,8 @@ fn distances_from_unknown_points_give_scipys_numbers() {
     let unknown =
         |place| Anchor { place: FitParameter::unknown(place), offset_m: FitParameter::known(0.0) };
     let around = Extrinsics { anchors: anchors.map(unknown).collect(), ..known_target() };
-    let seen = [0, 1].map(|anchor| Reading::Distance { place: PLACE, anchor, length_m: 0.0 });
-    let found = problem.fit(&problem.campaign(around, &seen), &hypothesis(&OFFSETS));
+    let readings = [0, 1].map(|anchor| Reading::Distance { place: PLACE, anchor, length_m: 0.0 });
+    let found = problem.fit(&problem.campaign(around, &readings), &hypothesis(&OFFSETS));
     problem.assert_robot(&found, &[0, 1, 2, 3]);
     for k in 0..6 {
         let anchor = found.surroundings.anchors[k / 3].place.value;
@@ -212,8 +215,8 @@ fn contacts_with_unknown_planes_give_scipys_numbers() {
     let walls =
         [DVec3::X, DVec3::Z].map(|normal| FitParameter::unknown(Plane { normal, offset_m: 0.1 }));
     let around = Extrinsics { planes: walls.to_vec(), ..known_target() };
-    let seen = [0, 1].map(|plane| Reading::Plane { place: PLACE, plane, radius_m: 0.0 });
-    let found = problem.fit(&problem.campaign(around, &seen), &hypothesis(&OFFSETS));
+    let readings = [0, 1].map(|plane| Reading::Plane { place: PLACE, plane, radius_m: 0.0 });
+    let found = problem.fit(&problem.campaign(around, &readings), &hypothesis(&OFFSETS));
     problem.assert_robot(&found, &[0, 1, 2, 3]);
     let [x, z] = [0, 1].map(|plane| found.surroundings.planes[plane].value);
     for (place, ours) in [
@@ -233,9 +236,9 @@ fn known_loads_give_scipys_compliances() {
     let problem = Problem::of("compliance");
     let station = MeasuringFrame { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
     let around = Extrinsics { frames: vec![FitParameter::known(station)], ..known_target() };
-    let seen = [Reading::Point { place: PLACE, frame: 0, at: DVec3::ZERO }];
+    let readings = [Reading::Point { place: PLACE, frame: 0, at: DVec3::ZERO }];
     let mut effects = vec![OFFSETS[0], OFFSETS[1], OFFSETS[3]];
     effects.extend([2, 3, 4, 5].map(|joint| ("joint_compliance", "compliance", joint, 1)));
-    let found = problem.fit(&problem.campaign(around, &seen), &hypothesis(&effects));
+    let found = problem.fit(&problem.campaign(around, &readings), &hypothesis(&effects));
     problem.assert_robot(&found, &[0, 1, 2, 3, 4, 5, 6]);
 }

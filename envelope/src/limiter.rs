@@ -356,10 +356,10 @@ impl Limiter {
 
 /// Plan for the decay of an offset from a target that moves at `target_rate`.
 fn plan_to_target(offset: Motion, target_rate: f64, limits: &Limits, pace: LimitShares) -> Plan {
-    let (rate, least) = (PLANNED_RATE * limits.rate(), PLANNED_RATE_MIN * limits.rate());
+    let (rate, rate_min) = (PLANNED_RATE * limits.rate(), PLANNED_RATE_MIN * limits.rate());
     let most = pace.rate * rate;
-    let lowest = (-rate - target_rate).min(-least).max(-most);
-    let highest = (rate - target_rate).max(least).min(most);
+    let lowest = (-rate - target_rate).min(-rate_min).max(-most);
+    let highest = (rate - target_rate).max(rate_min).min(most);
     let (planned, most) = (pace.jerk * PLANNED_JERK * limits.jerk(), limits.jerk());
     // A stop at full jerk may leave more acceleration than a plan could remove without swinging
     // back.

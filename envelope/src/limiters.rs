@@ -135,10 +135,10 @@ impl<const N: usize> Limiters<N> {
         let fastest = |ways: &[f64; N]| {
             let bound =
                 (0..N).filter(|i| ways[*i] > 0.0).filter_map(|i| Some((limits(i)?, ways[i])));
-            bound.fold(LimitShares { rate: f64::MAX, jerk: f64::MAX }, |least, (limits, way)| {
+            bound.fold(LimitShares { rate: f64::MAX, jerk: f64::MAX }, |smallest, (limits, way)| {
                 LimitShares {
-                    rate: least.rate.min(limits.rate() / way),
-                    jerk: least.jerk.min(limits.jerk() / way),
+                    rate: smallest.rate.min(limits.rate() / way),
+                    jerk: smallest.jerk.min(limits.jerk() / way),
                 }
             })
         };
@@ -168,7 +168,7 @@ impl<const N: usize> Limiters<N> {
         let LimitShares { rate, jerk } = fastest(&ways);
         for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
             let Some(limits) = limits(i) else { continue };
-            let share = |of: f64, limit: f64| (of * ways[i] / limit).min(1.0);
+            let share = |requested: f64, limit: f64| (requested * ways[i] / limit).min(1.0);
             let pace = if distances[i] < no_ramp(i) {
                 LimitShares::FULL
             } else {

@@ -40,9 +40,9 @@ impl Transform {
     /// The spectrum of as many samples as stated in [`Transform::new`].
     pub(crate) fn spectrum(&self, samples: &[f64]) -> Vec<Complex64> {
         let (half, last) = (self.length() / 2, self.samples.saturating_sub(1));
-        let at = |k: usize| samples.get(k.saturating_sub(self.pad).min(last)).copied();
-        let there = (0..half).map(|k| at(k).unwrap_or(0.0));
-        let mut signal: Vec<f64> = there.clone().chain(there.rev()).collect();
+        let sample_at = |k: usize| samples.get(k.saturating_sub(self.pad).min(last)).copied();
+        let forward = (0..half).map(|k| sample_at(k).unwrap_or(0.0));
+        let mut signal: Vec<f64> = forward.clone().chain(forward.rev()).collect();
         let mut spectrum = self.forward.make_output_vec();
         // The lengths are those of the plan, so that it cannot return an error.
         let done = self.forward.process(&mut signal, &mut spectrum);

@@ -77,8 +77,8 @@ impl Run<'_> {
     fn residual(&self, plant: &Plant) -> Vec<Complex64> {
         let response: Vec<Complex64> = self.bins_hz.iter().map(|hz| plant.response(*hz)).collect();
         let by_plant = self.transform.samples(product(self.commanded, &response));
-        let off: Vec<f64> = by_plant.iter().zip(self.reached).map(|(p, r)| p - r).collect();
-        let bins = self.transform.spectrum(&off).into_iter().zip(self.bins_hz).skip(1);
+        let differences: Vec<f64> = by_plant.iter().zip(self.reached).map(|(p, r)| p - r).collect();
+        let bins = self.transform.spectrum(&differences).into_iter().zip(self.bins_hz).skip(1);
         let high_pass = |hz: f64| hz / (hz * hz + STATIC_HZ * STATIC_HZ).sqrt();
         bins.take_while(|(_, hz)| **hz <= self.band_hz)
             .map(|(bin, hz)| bin * high_pass(*hz))
@@ -90,13 +90,14 @@ impl Run<'_> {
         let mut best = plant.clone();
         let steps = (SEARCH_RANGE / SEARCH_STEP).ceil() as i32;
         for mode in 0..plant.modes.len() {
-            let at = |k: i32| {
+            let with_frequency = |k: i32| {
                 let mut tried = best.clone();
                 tried.modes[mode].frequency_hz.value *= 1.0 + SEARCH_STEP * f64::from(k);
                 tried
             };
-            let tried =
-                (-steps..=steps).map(at).map(|tried| (power(&self.residual(&tried)), tried));
+            let tried = (-steps..=steps)
+                .map(with_frequency)
+                .map(|tried| (power(&self.residual(&tried)), tried));
             if let Some((_, tried)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
                 best = tried;
             }
@@ -129,7 +130,7 @@ impl Run<'_> {
     ) -> (Normal, ParameterVector) {
         let count = plant.clone().parameters_mut().len();
         let columns: Vec<Vec<Complex64>> =
-            (0..count).map(|at| self.derivative(plant, at, residual)).collect();
+            (0..count).map(|index| self.derivative(plant, index, residual)).collect();
         let (mut normal, mut gradient) = (Normal::identity(), ParameterVector::zeros());
         let (values, priors) = (values(plant), values_and_sigmas(prior));
         for row in 0..count {
@@ -148,10 +149,10 @@ impl Run<'_> {
         (normal, gradient)
     }
 
-    fn derivative(&self, plant: &Plant, at: usize, residual: &[Complex64]) -> Vec<Complex64> {
+    fn derivative(&self, plant: &Plant, index: usize, residual: &[Complex64]) -> Vec<Complex64> {
         let mut moved = plant.clone();
         let mut step = 0.0;
-        if let Some(number) = moved.parameters_mut().into_iter().nth(at) {
+        if let Some(number) = moved.parameters_mut().into_iter().nth(index) {
             step = 1e-5 * number.value.abs().max(1e-6);
             number.value += step;
         }
@@ -162,8 +163,8 @@ impl Run<'_> {
         let residual = self.residual(&plant);
         let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
         let covariance = self.normal(&plant, prior, &residual, scale).0.try_inverse()?;
-        for (at, number) in plant.parameters_mut().into_iter().enumerate() {
-            let sigma = covariance[(at, at)].max(0.0).sqrt();
+        for (index, number) in plant.parameters_mut().into_iter().enumerate() {
+            let sigma = covariance[(index, index)].max(0.0).sqrt();
             number.sigma = sigma.max(MIN_RELATIVE_SIGMA * number.value.abs()).min(number.sigma);
         }
         Some(plant)
@@ -185,10 +186,10 @@ fn values(plant: &Plant) -> Vec<f64> {
 /// Deviation of the parameters from those of the model, in standard uncertainties, squared.
 fn prior_penalty(plant: &Plant, prior: &Plant) -> f64 {
     let pairs = values(plant).into_iter().zip(values_and_sigmas(prior));
-    let off = |(value, prior): (f64, UncertainValue)| {
+    let penalty_of = |(value, prior): (f64, UncertainValue)| {
         if value == prior.value { 0.0 } else { ((value - prior.value) / prior.sigma).powi(2) }
     };
-    pairs.map(off).sum()
+    pairs.map(penalty_of).sum()
 }
 
 /// The plant after a share of a step; no parameter falls below a tenth of its value.

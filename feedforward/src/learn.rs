@@ -81,17 +81,20 @@ pub fn learn(
     let transform = Transform::new(rows, runs.step_s, settle_s(plants));
     let mut next =
         NextRun { commanded: runs.commanded.to_vec(), joints: vec![None; runs.wanted.len()] };
-    for at in 0..runs.wanted.len() {
-        let (wanted, commanded) = (&runs.wanted[at], &runs.commanded[at]);
+    for joint_index in 0..runs.wanted.len() {
+        let (wanted, commanded) = (&runs.wanted[joint_index], &runs.commanded[joint_index]);
         let errors: Vec<&[f64]> = runs
             .measured
             .iter()
-            .filter_map(|run| run.joints.get(at)?.as_ref().map(|(_, errors)| errors.as_slice()))
+            .filter_map(|run| {
+                run.joints.get(joint_index)?.as_ref().map(|(_, errors)| errors.as_slice())
+            })
             .collect();
-        let quantity = runs.measured.iter().find_map(|run| Some(run.joints.get(at)?.as_ref()?.0));
-        let plant = &plants.joints[at];
-        let Some(quantity) =
-            quantity.filter(|seen| *seen != MeasuredQuantity::Motor || plant.modes.is_empty())
+        let quantity =
+            runs.measured.iter().find_map(|run| Some(run.joints.get(joint_index)?.as_ref()?.0));
+        let plant = &plants.joints[joint_index];
+        let Some(quantity) = quantity
+            .filter(|quantity| *quantity != MeasuredQuantity::Motor || plant.modes.is_empty())
         else {
             continue;
         };
@@ -118,9 +121,10 @@ pub fn learn(
         let source =
             StepInput::Run { path: identified.as_ref().map(|_| path.as_slice()), error: &trusted };
         let stepped = joint.step(&source, &before, &error);
-        next.commanded[at] = wanted.iter().zip(&stepped.correction).map(|(w, c)| w + c).collect();
+        next.commanded[joint_index] =
+            wanted.iter().zip(&stepped.correction).map(|(w, c)| w + c).collect();
         let repeatability = repeatability(&errors, &error);
-        next.joints[at] =
+        next.joints[joint_index] =
             Some(LearnedJoint { quantity, error, next: stepped, repeatability, identified });
     }
     if next.joints.iter().all(Option::is_none) {
@@ -151,9 +155,9 @@ pub fn expected_error(
 
 fn mean(errors: &[&[f64]]) -> Vec<f64> {
     let rows = errors.first().map_or(0, |errors| errors.len());
-    let at =
+    let mean_at =
         |row: usize| errors.iter().map(|errors| errors[row]).sum::<f64>() / errors.len() as f64;
-    (0..rows).map(at).collect()
+    (0..rows).map(mean_at).collect()
 }
 
 /// Standard deviation of one run from the mean of all.
@@ -180,8 +184,9 @@ fn signal_shares(
     let noise = if errors.len() > 1 {
         let mut noise = vec![0.0; of_mean.len()];
         for errors in errors {
-            let off: Vec<f64> = errors.iter().zip(mean).map(|(error, mean)| error - mean).collect();
-            noise.iter_mut().zip(power(&off)).for_each(|(sum, of_run)| *sum += of_run);
+            let deviations: Vec<f64> =
+                errors.iter().zip(mean).map(|(error, mean)| error - mean).collect();
+            noise.iter_mut().zip(power(&deviations)).for_each(|(sum, of_run)| *sum += of_run);
         }
         // Variance of the mean of the runs.
         noise.iter_mut().for_each(|sum| *sum /= runs * (runs - 1.0));

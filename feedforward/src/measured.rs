@@ -237,9 +237,13 @@ impl<'a> Run<'a> {
             let of_joint =
                 |(errors, expected): (&Option<(MeasuredQuantity, Vec<f64>)>, &Vec<f64>)| {
                     let Some((_, errors)) = errors else { return 0.0 };
-                    let off: Vec<f64> = errors.iter().zip(expected).map(|(e, x)| e - x).collect();
-                    let mean = off.iter().sum::<f64>() / off.len() as f64;
-                    off.iter().map(|off| (off - mean) * (off - mean)).sum::<f64>()
+                    let differences: Vec<f64> =
+                        errors.iter().zip(expected).map(|(e, x)| e - x).collect();
+                    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+                    differences
+                        .iter()
+                        .map(|difference| (difference - mean) * (difference - mean))
+                        .sum::<f64>()
                 };
             all.iter().zip(self.expected.error).map(of_joint).sum()
         };
@@ -262,10 +266,10 @@ impl<'a> Run<'a> {
         joints: &[Option<(MeasuredQuantity, Vec<f64>)>],
     ) -> Result<(), FeedforwardError> {
         let Expected { motors, links, arm, .. } = self.expected;
-        for (at, joint) in arm.joints().iter().enumerate() {
-            let (wanted, errors) = match joints.get(at) {
-                Some(Some((MeasuredQuantity::Link, errors))) => (&links[at], errors),
-                Some(Some((MeasuredQuantity::Motor, errors))) => (&motors[at], errors),
+        for (index, joint) in arm.joints().iter().enumerate() {
+            let (wanted, errors) = match joints.get(index) {
+                Some(Some((MeasuredQuantity::Link, errors))) => (&links[index], errors),
+                Some(Some((MeasuredQuantity::Motor, errors))) => (&motors[index], errors),
                 _ => continue,
             };
             let factor = motion_scale(wanted, errors).unwrap_or(1.0);
@@ -277,7 +281,7 @@ impl<'a> Run<'a> {
                 JointKind::Prismatic if is(1e3) => "millimetres in a column of metres",
                 _ => continue,
             };
-            return Err(FeedforwardError::OtherUnit { joint: at + 1, factor, mistaken });
+            return Err(FeedforwardError::OtherUnit { joint: index + 1, factor, mistaken });
         }
         Ok(())
     }

@@ -51,9 +51,9 @@ pub fn preview(
         with: wanted.to_vec(),
         joints: vec![None; wanted.len()],
     };
-    for (at, (plant, wanted)) in plants.joints.iter().zip(wanted).enumerate() {
-        let stands = wanted.iter().all(|q| *q == wanted[0]);
-        if plant.is_identity() || stands {
+    for (index, (plant, wanted)) in plants.joints.iter().zip(wanted).enumerate() {
+        let is_at_rest = wanted.iter().all(|q| *q == wanted[0]);
+        if plant.is_identity() || is_at_rest {
             continue;
         }
         let joint = joint_of(plant, &transform, step_s, settings);
@@ -62,11 +62,11 @@ pub fn preview(
         let spectrum = transform.spectrum(wanted);
         let stepped = joint.step(&StepInput::Path(&spectrum), &vec![0.0; rows], &error);
         let with = wanted.iter().zip(&stepped.residual).map(|(q, left)| q - left);
-        preview.with[at] = with.collect();
+        preview.with[index] = with.collect();
         let commanded = wanted.iter().zip(&stepped.correction).map(|(q, c)| q + c);
-        preview.commanded[at] = commanded.collect();
-        preview.without[at] = without;
-        preview.joints[at] = Some(stepped);
+        preview.commanded[index] = commanded.collect();
+        preview.without[index] = without;
+        preview.joints[index] = Some(stepped);
     }
     Ok(preview)
 }
@@ -81,10 +81,10 @@ pub fn check_joint_limits(
     times_s: &[f64],
     source: &SourceRows,
 ) -> Result<(), FeedforwardError> {
-    for (at, (joint, commanded)) in arm.joints().iter().zip(commanded).enumerate() {
+    for (index, (joint, commanded)) in arm.joints().iter().zip(commanded).enumerate() {
         let (lower, upper) = joint.limits;
         if let Some(row) = commanded.iter().position(|q| !(lower..=upper).contains(q)) {
-            let (joint, position) = (at + 1, commanded[row]);
+            let (joint, position) = (index + 1, commanded[row]);
             let at = source.at(times_s.get(row).copied().unwrap_or(f64::NAN));
             return Err(FeedforwardError::JointLimit { at, joint, position, lower, upper });
         }

@@ -33,13 +33,13 @@ pub struct JointCorrection {
 }
 
 impl JointCorrection {
-    /// Of the joint `at`, from 0.
+    /// Of the joint `index`, from 0.
     #[must_use]
-    pub fn of(at: usize, kind: JointKind, stepped: &CorrectionStep) -> Self {
+    pub fn of(index: usize, kind: JointKind, stepped: &CorrectionStep) -> Self {
         let CorrectionStep { correction, residual, bandwidth_hz, limited_rows } = stepped;
         let unit = if kind == JointKind::Revolute { "mrad" } else { "mm" };
         Self {
-            joint: at + 1,
+            joint: index + 1,
             unit,
             correction: MILLI * largest(correction),
             left: MILLI * largest(residual),

@@ -78,7 +78,7 @@ impl Joint<'_> {
                 let tried = self.within_limits(bandwidth_hz, &wanted, before, error, &response);
                 let squares = tried.residual.iter().map(|left| left * left).sum::<f64>();
                 is_free |= tried.limited_rows == 0;
-                if best.as_ref().is_none_or(|(least, _)| squares < *least) {
+                if best.as_ref().is_none_or(|(smallest, _)| squares < *smallest) {
                     best = Some((squares, tried));
                 }
             }

@@ -31,12 +31,12 @@ pub struct ToolError {
 #[must_use]
 pub fn points(arm: &Arm, joints: &[Vec<f64>]) -> Vec<DVec3> {
     let rows = joints.first().map_or(0, Vec::len);
-    let at = |row: usize| {
+    let point_at = |row: usize| {
         let mut q = Joints::default();
         q.iter_mut().zip(joints).for_each(|(q, joint)| *q = joint[row]);
         Chain::tool_at(arm, &q).origin
     };
-    (0..rows).map(at).collect()
+    (0..rows).map(point_at).collect()
 }
 
 /// The errors of a tool at `reached` with target `wanted`, every `step_s`.

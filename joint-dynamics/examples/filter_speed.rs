@@ -10,9 +10,17 @@ use std::time::Instant;
 const BATCH: u64 = 2000;
 
 fn main() {
-    let of = |value| UncertainValue { value, sigma: 0.02 * value };
-    let mode = Mode { frequency_hz: of(8.0), damping_ratio: of(0.02), participation: of(1.0) };
-    let plant = Plant { delays_s: vec![of(0.018)], lags_s: vec![of(0.012)], modes: vec![mode] };
+    let uncertain = |value| UncertainValue { value, sigma: 0.02 * value };
+    let mode = Mode {
+        frequency_hz: uncertain(8.0),
+        damping_ratio: uncertain(0.02),
+        participation: uncertain(1.0),
+    };
+    let plant = Plant {
+        delays_s: vec![uncertain(0.018)],
+        lags_s: vec![uncertain(0.012)],
+        modes: vec![mode],
+    };
     let plants = Plants { joints: vec![plant; 6], left_out: Vec::new() };
     let taps = FilterTaps::new(&plants, 0.001, &TapsSettings::default()).expect("taps");
     let mut filter = Filter::new(taps, [f64::INFINITY; JOINTS_MAX]);

@@ -171,9 +171,9 @@ impl Filter {
         let passed_ns = passed_ns.map_or(f64::INFINITY, |ns| ns as f64);
         let periods = passed_ns / period_ns;
         self.last_ns = Some(t_ns);
-        let goes_on = passed_ns > 0.0
+        let is_contiguous = passed_ns > 0.0
             && passed_ns <= SILENCE_S.max(SILENT_PERIODS * self.taps.period_s()) * 1e9;
-        if !goes_on || self.is_jump_in(periods.max(1.0), self.commanded_before(0), q) {
+        if !is_contiguous || self.is_jump_in(periods.max(1.0), self.commanded_before(0), q) {
             self.past.fill(*q);
             self.time_offset = 0.0;
             return;

@@ -84,7 +84,8 @@ impl Design<'_> {
         let g = self.plant.response(hz);
         // Each parameter is varied to both sides: half of the sum.
         let spread: f64 =
-            neighbours.iter().map(|near| (near.response(hz) - g).norm_sqr()).sum::<f64>() / 2.0;
+            neighbours.iter().map(|neighbour| (neighbour.response(hz) - g).norm_sqr()).sum::<f64>()
+                / 2.0;
         let effort = (hz / self.bandwidth_hz).powi(6);
         let denominator = g.norm_sqr() + spread + effort;
         match self.source {
@@ -125,10 +126,12 @@ impl Design<'_> {
 fn smoothed(shares: &[f64]) -> Vec<f64> {
     let half = (SMOOTH_HZ / SPACING_HZ / 2.0).round() as usize;
     let about = |k: usize| k.saturating_sub(half)..(k + half + 1).min(shares.len());
-    let least: Vec<f64> = (0..shares.len())
-        .map(|k| shares[about(k)].iter().fold(1.0_f64, |least, share| least.min(*share)))
+    let minima: Vec<f64> = (0..shares.len())
+        .map(|k| shares[about(k)].iter().fold(1.0_f64, |minimum, share| minimum.min(*share)))
         .collect();
-    (0..shares.len()).map(|k| least[about(k)].iter().sum::<f64>() / about(k).len() as f64).collect()
+    (0..shares.len())
+        .map(|k| minima[about(k)].iter().sum::<f64>() / about(k).len() as f64)
+        .collect()
 }
 
 fn share_at(shares: &[f64], hz: f64) -> f64 {

@@ -56,7 +56,8 @@ impl Plants {
     pub fn of(model: &RobotModel, unstated: f64) -> Self {
         let arm = &model.physics.arm;
         let mut plants = Self { joints: vec![Plant::default(); arm.count()], left_out: Vec::new() };
-        let entries = model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at));
+        let entries =
+            model.not_compensated.iter().filter_map(|index| model.file.effects.get(*index));
         entries.for_each(|entry| plants.add(arm, entry, unstated));
         plants
     }
@@ -74,7 +75,8 @@ impl Plants {
     /// Effects of a model that are not compensated, by name; `leads`: whether delay, lags and modes are.
     #[must_use]
     pub fn not_compensated(model: &RobotModel, leads: bool) -> Vec<String> {
-        let entries = model.not_compensated.iter().filter_map(|at| model.file.effects.get(*at));
+        let entries =
+            model.not_compensated.iter().filter_map(|index| model.file.effects.get(*index));
         entries
             .filter(|entry| !(leads && Self::is_supported(entry)))
             .map(EffectEntry::title)
@@ -187,14 +189,14 @@ impl Plant {
     /// The plant with each parameter in turn shifted by its standard uncertainty, up and down.
     pub fn perturbed_by_sigma(&self) -> Vec<Self> {
         let count = self.clone().parameters_mut().len();
-        let shifted = |at: usize, sign: f64| {
+        let shifted = |index: usize, sign: f64| {
             let mut plant = self.clone();
-            if let Some(number) = plant.parameters_mut().into_iter().nth(at) {
+            if let Some(number) = plant.parameters_mut().into_iter().nth(index) {
                 number.value += sign * number.sigma;
             }
             plant
         };
-        (0..count).flat_map(|at| [shifted(at, -1.0), shifted(at, 1.0)]).collect()
+        (0..count).flat_map(|index| [shifted(index, -1.0), shifted(index, 1.0)]).collect()
     }
 
     /// All its parameters.

@@ -201,13 +201,13 @@ fn taps(plant: &Plant, half: usize, step_s: f64, settings: &TapsSettings) -> Vec
     let mut response = vec![0.0; length];
     let done = RealFftPlanner::new().plan_fft_inverse(length).process(&mut gains, &mut response);
     debug_assert!(done.is_ok(), "the lengths are the plan's own");
-    let at = |k: isize| {
+    let tap = |k: isize| {
         // A tap of the future multiplies the acausal part of the response.
         let place = (-k).rem_euclid(length as isize) as usize;
         response[place] / length as f64 * fade_window(k.unsigned_abs(), half)
     };
     let half = half as isize;
-    let mut taps: Vec<f64> = (-half..=half).map(at).collect();
+    let mut taps: Vec<f64> = (-half..=half).map(tap).collect();
     correct_lead(&mut taps, step_s, lead_s(plant));
     taps
 }
@@ -231,12 +231,12 @@ fn fade_window(k: usize, half: usize) -> f64 {
 /// Adds a windowed term that is odd in `k` to the taps, so that the lead at constant speed equals `lead_s`.
 fn correct_lead(taps: &mut [f64], step_s: f64, lead_s: f64) {
     let half = (taps.len() / 2) as isize;
-    let place = |at: usize| at as isize - half;
+    let place = |index: usize| index as isize - half;
     let slope = |taps: &[f64]| -> f64 {
-        taps.iter().enumerate().map(|(at, tap)| tap * place(at) as f64 * step_s).sum()
+        taps.iter().enumerate().map(|(index, tap)| tap * place(index) as f64 * step_s).sum()
     };
     let odd: Vec<f64> = (0..taps.len())
-        .map(|at| place(at) as f64 * fade_window(place(at).unsigned_abs(), half as usize))
+        .map(|index| place(index) as f64 * fade_window(place(index).unsigned_abs(), half as usize))
         .collect();
     let share = (lead_s - slope(taps)) / slope(&odd);
     if share.is_finite() {

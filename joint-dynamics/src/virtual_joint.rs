@@ -135,6 +135,6 @@ pub(crate) fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
-pub(crate) fn off(wanted: &[f64], reached: &[f64]) -> Vec<f64> {
+pub(crate) fn differences(wanted: &[f64], reached: &[f64]) -> Vec<f64> {
     wanted.iter().zip(reached).map(|(w, r)| w - r).collect()
 }

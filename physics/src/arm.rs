@@ -221,8 +221,8 @@ fn checked(joint: Joint, number: usize) -> Result<Joint, ArmError> {
 
 fn check_tool(tool: &Tool) -> Result<(), ArmError> {
     let r = tool.base_from_tool;
-    let off = r.transpose() * r - DMat3::IDENTITY;
-    let orthonormal = off.to_cols_array().iter().all(|x| x.abs() <= 1e-6);
+    let deviation = r.transpose() * r - DMat3::IDENTITY;
+    let orthonormal = deviation.to_cols_array().iter().all(|x| x.abs() <= 1e-6);
     let sound = tool.body.as_ref().is_none_or(is_sound);
     let right_handed = r.determinant() > 0.0;
     if tool.tcp.is_finite() && orthonormal && right_handed && sound {

@@ -332,8 +332,8 @@ impl CutForce {
 
     /// Measured force, N, in the axes of the model's cut.
     pub fn measured_force(&self, acting: DVec3) -> DVec3 {
-        let felt = rotation_from_vector(self.turn).transpose() * acting;
-        self.bias.force + (DVec3::ONE + self.scale.force) * (felt + self.cross_talk * felt)
+        let turned = rotation_from_vector(self.turn).transpose() * acting;
+        self.bias.force + (DVec3::ONE + self.scale.force) * (turned + self.cross_talk * turned)
     }
 }
 

@@ -241,7 +241,7 @@ impl Model {
         change: &LoadChange,
         slope: &Contribution,
     ) -> Joints {
-        let at = |step: f64| {
+        let torques_at = |step: f64| {
             let mut change = *change;
             change.add(&slope.times(step));
             let Signals { arm, inputs, chain, .. } = *signals;
@@ -249,7 +249,7 @@ impl Model {
             loads.compute_inertia(arm, chain, inputs, &change);
             self.drive_of(&Signals { loads: &loads, ..*signals }, memories)
         };
-        let (more, less) = (at(STEP), at(-STEP));
+        let (more, less) = (torques_at(STEP), torques_at(-STEP));
         core::array::from_fn(|i| (more.recorded(i) - less.recorded(i)) / (2.0 * STEP))
     }
 }

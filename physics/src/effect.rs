@@ -266,8 +266,8 @@ impl<'a> BuildContext<'a> {
     pub fn pivot(&self) -> Result<DVec3, BuildError> {
         let joint = &self.arm.joints()[self.joint];
         let Some(pivot) = self.vector("pivot") else { return Ok(joint.point) };
-        let off = (pivot - joint.point).cross(joint.axis);
-        let distance_m = libm::sqrt(off.length_squared());
+        let distance = (pivot - joint.point).cross(joint.axis);
+        let distance_m = libm::sqrt(distance.length_squared());
         if distance_m > 1e-6 { Err(BuildError::PivotOffAxis { distance_m }) } else { Ok(pivot) }
     }
 }

@@ -223,10 +223,10 @@ fn large_vector(rotation: &DMat3, twice_sin: DVec3, twice_cos: f64) -> DVec3 {
 /// y, then z), `n1 = unit(k − (k·e)e)`, `n2 = e × n1`.
 pub fn normals(axis: DVec3) -> (DVec3, DVec3) {
     let along = axis.abs();
-    let least = along.min_element();
-    let k = if along.x <= least + 1e-9 {
+    let smallest = along.min_element();
+    let k = if along.x <= smallest + 1e-9 {
         DVec3::X
-    } else if along.y <= least + 1e-9 {
+    } else if along.y <= smallest + 1e-9 {
         DVec3::Y
     } else {
         DVec3::Z

@@ -67,8 +67,8 @@ pub(crate) fn inertial_loads(
             let (body, turned) = (&bodies[i], &chain.body(i).rotation);
             let pull = -mass * body.acceleration_of(centre);
             // In the body's own axes, so that the tensor need not be rotated.
-            let own = turned.transpose();
-            let (spin, spin_rate) = (own * body.spin, own * body.spin_rate);
+            let into_body = turned.transpose();
+            let (spin, spin_rate) = (into_body * body.spin, into_body * body.spin_rate);
             let twist = turned * (inertia * spin_rate + spin.cross(inertia * spin));
             force += pull;
             moment += centre.cross(pull) - twist;
@@ -164,14 +164,14 @@ pub(crate) mod tests {
     fn a_pendulum_resists_with_its_moment_of_inertia_and_no_speed_brakes_it() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.4; JOINTS_MAX]);
-        let seen = inertial_loads(
+        let loads = inertial_loads(
             &arm,
             &chain,
             &[1.7; JOINTS_MAX],
             &[0.5; JOINTS_MAX],
             &UnmodelledMass::default(),
         );
-        assert!((seen.torque[0] + 3.0 * 4.0 * 0.5).abs() < 1e-12);
+        assert!((loads.torque[0] + 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let extra = UnmodelledMass { mass: 1.0, first_moment: DVec3::X };
         let loaded = inertial_loads(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &extra);
         assert!((loaded.torque[0] + (12.0 + 1.0) * 0.5).abs() < 1e-12);
@@ -180,11 +180,11 @@ pub(crate) mod tests {
     /// Kinetic energy by differences of positions: no speed of a body is computed here.
     pub(crate) fn energy(arm: &Arm, q: &Joints, velocity: &Joints) -> f64 {
         let h = 1e-5;
-        let at = |sign: f64| {
+        let chain_at = |sign: f64| {
             let moved = std::array::from_fn(|i| q[i] + sign * h * velocity[i]);
             Chain::nominal(arm, &moved)
         };
-        let (before, after, now) = (at(-1.0), at(1.0), Chain::nominal(arm, q));
+        let (before, after, now) = (chain_at(-1.0), chain_at(1.0), Chain::nominal(arm, q));
         arm.bodies()
             .map(|(i, body)| {
                 let place = |chain: &Chain| chain.body(i).point(body.centre);
@@ -207,9 +207,9 @@ pub(crate) mod tests {
             let q = scene.inputs.q;
             let v: Joints = std::array::from_fn(|i| 0.3 + 0.2 * (i as f64).sin());
             let a: Joints = std::array::from_fn(|i| 0.7 - 0.4 * (i as f64).cos());
-            let seen =
+            let loads =
                 inertial_loads(&arm, &Chain::nominal(&arm, &q), &v, &a, &UnmodelledMass::default());
-            let power: f64 = (0..arm.count()).map(|i| seen.torque[i] * v[i]).sum();
+            let power: f64 = (0..arm.count()).map(|i| loads.torque[i] * v[i]).sum();
             let h = 1e-3;
             let later = |s: f64| {
                 let q = std::array::from_fn(|i| q[i] + s * v[i] + 0.5 * s * s * a[i]);
@@ -225,13 +225,13 @@ pub(crate) mod tests {
     fn a_mass_that_the_base_accelerates_pulls_the_base_back() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.0; JOINTS_MAX]);
-        let seen = inertial_loads(
+        let loads = inertial_loads(
             &arm,
             &chain,
             &[0.0; JOINTS_MAX],
             &[0.5; JOINTS_MAX],
             &UnmodelledMass::default(),
         );
-        assert!((seen.base_moment - DVec3::new(0.0, -6.0, 0.0)).length() < 1e-12);
+        assert!((loads.base_moment - DVec3::new(0.0, -6.0, 0.0)).length() < 1e-12);
     }
 }

@@ -122,10 +122,10 @@ impl<S: Lanes> LanePose<S> {
 
     /// A frame of this body.
     #[inline(always)]
-    pub(crate) fn frame(&self, of: &Frame) -> Frame {
-        let (lanes, [a, b, c]) = (self.lanes, self.rotate_columns_by(&of.rotation));
+    pub(crate) fn frame(&self, offset: &Frame) -> Frame {
+        let (lanes, [a, b, c]) = (self.lanes, self.rotate_columns_by(&offset.rotation));
         let rotation = DMat3::from_cols(lanes.to_vector(a), lanes.to_vector(b), lanes.to_vector(c));
-        Frame { rotation, origin: lanes.to_vector(self.at(of.origin)) }
+        Frame { rotation, origin: lanes.to_vector(self.at(offset.origin)) }
     }
 
     #[inline(always)]

@@ -58,7 +58,7 @@ pub trait Lanes: Copy {
     fn max(self, a: Self::Four, b: Self::Four) -> Self::Four;
 
     /// The sum of each of four.
-    fn row_sums(self, of: [Self::Four; WIDTH]) -> Self::Four;
+    fn row_sums(self, vectors: [Self::Four; WIDTH]) -> Self::Four;
 
     /// The first three columns of four rows.
     fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
@@ -87,8 +87,8 @@ pub trait Lanes: Copy {
 
     /// The numbers of four joints, `4 k` to `4 k + 3`.
     #[inline(always)]
-    fn part(self, of: &[f64; JOINTS_MAX], k: usize) -> Self::Four {
-        self.load(of.as_chunks().0[k])
+    fn part(self, list: &[f64; JOINTS_MAX], k: usize) -> Self::Four {
+        self.load(list.as_chunks().0[k])
     }
 
     /// The sum of the four.
@@ -307,8 +307,8 @@ impl<const PARTS: usize> Lanes for Avx2Lanes<PARTS> {
     }
 
     #[inline(always)]
-    fn row_sums(self, of: [f64x4; WIDTH]) -> f64x4 {
-        let (avx, [a, b, c, d]) = (self.0.avx, of.map(pulp::cast));
+    fn row_sums(self, vectors: [f64x4; WIDTH]) -> f64x4 {
+        let (avx, [a, b, c, d]) = (self.0.avx, vectors.map(pulp::cast));
         // Sums of pairs, those of lower lanes first.
         let (ab, cd) = (avx._mm256_hadd_pd(a, b), avx._mm256_hadd_pd(c, d));
         let low = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
@@ -335,7 +335,8 @@ impl<const PARTS: usize> Lanes for Avx2Lanes<PARTS> {
         // Tests the top bit: whether the quarter is odd, then whether the sign changes.
         let odd = pulp::cast(avx2._mm256_slli_epi64::<63>(bits));
         let next = avx2._mm256_add_epi64(bits, avx._mm256_set1_epi64x(1));
-        let [sign, next] = [bits, next].map(|of| pulp::cast(avx2._mm256_slli_epi64::<62>(of)));
+        let [sign, next] =
+            [bits, next].map(|quarter| pulp::cast(avx2._mm256_slli_epi64::<62>(quarter)));
         let (sign, next) = (avx._mm256_and_pd(sign, minus), avx._mm256_and_pd(next, minus));
         let first = avx._mm256_blendv_pd(sine, cosine, odd);
         let second = avx._mm256_blendv_pd(cosine, sine, odd);

@@ -164,8 +164,8 @@ impl Laws {
                 slope = lanes.mul_add(lanes.mul(amplitude, cycles), cosine, slope);
             }
             lanes.store(sum, &mut deviation.joints, k);
-            if let Some(told) = &mut slopes {
-                lanes.store(slope, &mut told.position, k);
+            if let Some(sums) = &mut slopes {
+                lanes.store(slope, &mut sums.position, k);
             }
         }
     }

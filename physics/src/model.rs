@@ -241,7 +241,7 @@ impl Model {
         self.contributions_under(inputs, memories, &evaluation, visit);
     }
 
-    /// [`Model::contributions`] for the geometry and loads in `seen`, computed by [`Model::load_into`] and possibly changed since.
+    /// [`Model::contributions`] for the geometry and loads in `evaluation`, computed by [`Model::load_into`] and possibly changed since.
     pub fn contributions_under(
         &self,
         inputs: &Inputs,
@@ -327,8 +327,8 @@ impl Model {
     fn load_out_of_range(&self, loads: &Loads) -> Option<LoadOutOfRange> {
         (0..self.arm.count()).find_map(|joint| {
             let sum = |wanted: fn(&AnyEffect) -> bool| -> f64 {
-                let here = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
-                here.map(|effect| effect.values()[0]).sum()
+                let at_joint = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
+                at_joint.map(|effect| effect.values()[0]).sum()
             };
             let cubic = sum(|e| matches!(e, AnyEffect::StiffnessHardening(_)));
             if cubic <= 0.0 {

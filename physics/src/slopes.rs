@@ -141,23 +141,23 @@ impl SlopeSums {
         (following, loads): (&LoadSlopes, &Loads),
         (i, k): (usize, usize),
     ) -> S::Four {
-        let (own, lane) = (i / WIDTH, i % WIDTH);
+        let (group, lane) = (i / WIDTH, i % WIDTH);
         let mut row = lanes.splat(0.0);
         if self.has_all_joints(i) {
             row = lanes.part(&self.positions[i], k);
         }
-        if own == k {
+        if group == k {
             row = lanes.mul_add(lanes.load(OWN_LANE[lane]), lanes.splat(self.position[i]), row);
         }
         if !self.is_coupled {
             return row;
         }
         let (mut before, mut beyond) = (row, row);
-        if k <= own {
+        if k <= group {
             let bent = Vec3Lanes::same(lanes, following.deflections.at(i));
             before = loads.motions.angular.part(lanes, k).dot_plus(bent, row);
         }
-        if k >= own {
+        if k >= group {
             let bends = Vec3Lanes::same(lanes, following.compliances[0].at(i));
             beyond = following.moment_slopes[0].part(lanes, k).dot_plus(bends, beyond);
             if !self.is_uniform {
@@ -165,10 +165,10 @@ impl SlopeSums {
                 beyond = following.moment_slopes[1].part(lanes, k).dot_plus(bends, beyond);
             }
         }
-        if k == own {
+        if k == group {
             let up_to = lanes.load(LANES_UP_TO[lane]);
             lanes.mul_add(up_to, lanes.sub(before, beyond), beyond)
-        } else if k < own {
+        } else if k < group {
             before
         } else {
             beyond

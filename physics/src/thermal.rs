@@ -203,8 +203,8 @@ mod tests {
         let model = drifting(scene.arm, &[("amplitude", &[2e-4]), ("time_constant", &[900.0])]);
         for (time_s, share) in [(0.0, 0.0), (900.0, 1.0 - f64::exp(-1.0)), (1e6, 1.0)] {
             let inputs = Inputs { time_s, ..scene.inputs };
-            let seen = drift(&model, &inputs, &Memories::default());
-            assert!((seen - 2e-4 * share).abs() < 1e-18, "{seen} at {time_s} s");
+            let found = drift(&model, &inputs, &Memories::default());
+            assert!((found - 2e-4 * share).abs() < 1e-18, "{found} at {time_s} s");
         }
     }
 

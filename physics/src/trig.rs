@@ -84,11 +84,11 @@ fn reduced_four<S: Lanes>(lanes: S, angle: S::Four) -> (S::Four, S::Four) {
     let cube = lanes.mul(rest, square);
     let sine = lanes.mul_add(cube, polynomial_four(lanes, square, &SINE), rest);
     let half = lanes.mul(lanes.splat(0.5), square);
-    let near = lanes.sub(one, half);
-    let lost = lanes.sub(lanes.sub(one, near), half);
+    let rounded = lanes.sub(one, half);
+    let lost = lanes.sub(lanes.sub(one, rounded), half);
     let fourth = lanes.mul(square, square);
     let lost = lanes.mul_add(fourth, polynomial_four(lanes, square, &COSINE), lost);
-    let cosine = lanes.add(near, lost);
+    let cosine = lanes.add(rounded, lost);
     lanes.rotate_quarter_turns(shifted, sine, cosine)
 }
 
@@ -110,8 +110,8 @@ fn reduced(angle: f64) -> (f64, f64) {
     let square = rest * rest;
     let sine = rest + rest * square * polynomial(square, &SINE);
     let half = 0.5 * square;
-    let near = 1.0 - half;
-    let cosine = near + ((1.0 - near) - half + square * square * polynomial(square, &COSINE));
+    let rounded = 1.0 - half;
+    let cosine = rounded + ((1.0 - rounded) - half + square * square * polynomial(square, &COSINE));
     quartered(shifted, sine, cosine)
 }
 
@@ -175,8 +175,8 @@ mod tests {
         }
 
         #[test]
-        fn many_at_once_are_those_of_libm(angles in prop::array::uniform16(-9.0..9.0_f64), far in any::<f64>()) {
-            for angles in [angles, [far; 16]] {
+        fn many_at_once_are_those_of_libm(angles in prop::array::uniform16(-9.0..9.0_f64), single in any::<f64>()) {
+            for angles in [angles, [single; 16]] {
                 let (mut sines, mut cosines) = ([0.0; 16], [0.0; 16]);
                 run_widest(16, Many(&angles, &mut sines, &mut cosines));
                 for (angle, found) in angles.iter().zip(sines.iter().zip(&cosines)) {

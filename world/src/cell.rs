@@ -90,8 +90,8 @@ pub struct Tick {
 impl Tick {
     /// Distance of the tool from its target, without and with correction, m.
     pub fn errors_m(&self) -> (f64, f64) {
-        let off = |is: &Frame| (is.origin - self.wanted.origin).length();
-        (off(&self.uncorrected), off(&self.corrected))
+        let error = |is: &Frame| (is.origin - self.wanted.origin).length();
+        (error(&self.uncorrected), error(&self.corrected))
     }
 }
 
@@ -204,12 +204,12 @@ impl Cell {
     /// Displacement of the structure by chatter at the end of the tick, base axes, m.
     fn chatter_displacement(&mut self, in_cut_s: f64) -> DVec3 {
         let span = self.setup.path.dt_s / FORCES_PER_TICK as f64;
-        let mut at = DVec3::ZERO;
+        let mut displacement = DVec3::ZERO;
         for i in 0..FORCES_PER_TICK {
             let force = self.chatter_force(in_cut_s + (i as f64 + 0.5) * span);
-            at = self.setup.mode.step(force, span);
+            displacement = self.setup.mode.step(force, span);
         }
-        at
+        displacement
     }
 }
 

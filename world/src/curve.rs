@@ -169,8 +169,8 @@ fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
     found
 }
 
-/// Slope and curvature at `at` of the parabola of least squares.
-fn parabola(at: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
+/// Slope and curvature at `centre` of the parabola of least squares.
+fn parabola(centre: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return (0.0, 0.0) };
     // At rest, rounding errors would give the velocity a sign.
     if y.iter().all(|value| *value == y[0]) {
@@ -184,7 +184,7 @@ fn parabola(at: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let mean = y.iter().sum::<f64>() / y.len() as f64;
     let (mut s, mut b) = ([0.0; 5], [0.0; 3]);
     for (t, y) in t.iter().zip(y) {
-        let x = (t - at) / scale;
+        let x = (t - centre) / scale;
         let mut power = 1.0;
         for (k, sum) in s.iter_mut().enumerate() {
             *sum += power;
@@ -216,8 +216,8 @@ mod tests {
         let t = times(500, 4e-3);
         let curve = Curve::through(&t, t.iter().map(|t| (6.0 * t).sin()).collect());
         for k in 10..4000_u32 {
-            let at = f64::from(k) * 4.7e-4;
-            assert!((curve.at(at) - (6.0 * at).sin()).abs() < 4e-7, "{at}");
+            let time = f64::from(k) * 4.7e-4;
+            assert!((curve.at(time) - (6.0 * time).sin()).abs() < 4e-7, "{time}");
         }
     }
 
@@ -248,8 +248,8 @@ mod tests {
     fn a_motion_without_rounding_stops_where_it_stops() {
         // Speed decreases linearly to zero at 0.3 s.
         let t = times(1000, 5e-4);
-        let at = |t: f64| if t < 0.3 { 2.0 * t - t * t / 0.3 } else { 0.3 };
-        let y: Vec<f64> = t.iter().map(|t| at(*t)).collect();
+        let position = |t: f64| if t < 0.3 { 2.0 * t - t * t / 0.3 } else { 0.3 };
+        let y: Vec<f64> = t.iter().map(|t| position(*t)).collect();
         for (k, (speed, acceleration)) in derivatives(&t, &y).into_iter().enumerate() {
             if k >= 600 {
                 assert_eq!(speed, 0.0, "{k}");
@@ -264,7 +264,7 @@ mod tests {
     proptest! {
         #[test]
         fn parabolas_are_met_exactly(
-            steps in prop::collection::vec(1e-3..5e-2_f64, 3..20), c in prop::array::uniform3(-2.0..2.0_f64), at in 0.0..1.0_f64,
+            steps in prop::collection::vec(1e-3..5e-2_f64, 3..20), c in prop::array::uniform3(-2.0..2.0_f64), share in 0.0..1.0_f64,
         ) {
             let t: Vec<f64> = steps.iter().scan(0.0, |t, step| { *t += step; Some(*t) }).collect();
             let y = |t: f64| c[0] + c[1] * t + c[2] * t * t;
@@ -274,7 +274,7 @@ mod tests {
                 prop_assert!((acceleration - 2.0 * c[2]).abs() < 1e-6);
             }
             let curve = Curve::through(&t, values);
-            let inside = t[0] + at * (t[t.len() - 1] - t[0]);
+            let inside = t[0] + share * (t[t.len() - 1] - t[0]);
             prop_assert!((curve.at(inside) - y(inside)).abs() < 1e-12);
         }
     }

@@ -137,8 +137,8 @@ mod tests {
             let sum: DVec3 = (0..n)
                 .map(|k| at(&cutter, feed, t + span * (f64::from(k) + 0.5) / f64::from(n)))
                 .sum();
-            let off = cutter.force_over(feed, t, span) - sum / f64::from(n);
-            prop_assert!(off.length() < 0.02, "{off}");
+            let error = cutter.force_over(feed, t, span) - sum / f64::from(n);
+            prop_assert!(error.length() < 0.02, "{error}");
         }
 
         #[test]

@@ -178,8 +178,8 @@ mod tests {
             let truth = draw(&calibration, seed).expect("sound");
             let pairs = truth.model.effects().zip(model.effects());
             for (i, (drawn, stated)) in pairs.enumerate() {
-                let off = (drawn.values()[0] - stated.values()[0]) / sigmas[i][0];
-                squares[i] += off * off / n as f64;
+                let ratio = (drawn.values()[0] - stated.values()[0]) / sigmas[i][0];
+                squares[i] += ratio * ratio / n as f64;
                 assert!(i != 4 || drawn.values()[0] >= 0.0, "a gap is never negative");
             }
         }

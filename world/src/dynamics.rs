@@ -168,7 +168,7 @@ fn lagged(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
     }
     let curve = Curve::through(times_s, samples.clone());
     let mut y = samples[0] - lag_s * curve.slope(0);
-    let mut seen = vec![y];
+    let mut lagged = vec![y];
     for (k, t) in times_s.windows(2).enumerate() {
         let [u0, u1, u2, u3] = curve.piece(k);
         let p2 = u2 - 3.0 * lag_s * u3;
@@ -176,9 +176,9 @@ fn lagged(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
         let particular: Cubic = [u0 - lag_s * p1, p1, p2, u3];
         let s = t[1] - t[0];
         y = value(&particular, s) + (y - particular[0]) * exp(-s / lag_s);
-        seen.push(y);
+        lagged.push(y);
     }
-    seen
+    lagged
 }
 
 impl Mode {
@@ -207,7 +207,7 @@ impl Mode {
             let [_, _, c2, c3] = curve.piece(k);
             (2.0 * c2, 2.0 * c2 + 6.0 * c3 * s)
         };
-        let mut seen = Vec::with_capacity(times_s.len());
+        let mut deflections = Vec::with_capacity(times_s.len());
         let (mut x, mut speed) = (0.0, 0.0);
         // For even samples, sine, cosine and decay of the last step are reused.
         let (mut last, mut turned) = (0.0, (1.0, 0.0, 1.0));
@@ -218,7 +218,7 @@ impl Mode {
             let u1 = (push(k + 1) - self.participation * to - u0) / s;
             if k == 0 {
                 x = u0 / square;
-                seen.push(x);
+                deflections.push(x);
             }
             // Steady-state response to a linear input, plus decaying vibration.
             let (p1, p0) = (u1 / square, (u0 - 2.0 * decay * u1 / square) / square);
@@ -229,10 +229,10 @@ impl Mode {
             let (c, d, rest) = turned;
             x = p0 + p1 * s + rest * (a * c + b * d);
             speed = p1 + rest * ((ringing * b - decay * a) * c - (ringing * a + decay * b) * d);
-            seen.push(x);
+            deflections.push(x);
         }
-        seen.resize(times_s.len(), 0.0);
-        seen
+        deflections.resize(times_s.len(), 0.0);
+        deflections
     }
 }
 
@@ -241,7 +241,7 @@ impl Spike {
     /// `direction` is the sign of the motion before the first sample, 0 if unknown.
     pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], direction: f64) -> Vec<f64> {
         let (mut d, mut turned_s, mut before) = (direction, None, None);
-        let mut seen = Vec::with_capacity(motor.len());
+        let mut deflections = Vec::with_capacity(motor.len());
         for (t, q) in times_s.iter().zip(motor) {
             if let Some((t_before, q_before)) = before
                 && q != q_before
@@ -255,9 +255,9 @@ impl Spike {
             before = Some((*t, q));
             let since =
                 |turned: f64| -self.amplitude * d * exp(-(t - turned) / self.time_constant_s);
-            seen.push(turned_s.map_or(0.0, since));
+            deflections.push(turned_s.map_or(0.0, since));
         }
-        seen
+        deflections
     }
 }
 

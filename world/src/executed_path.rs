@@ -60,13 +60,13 @@ impl ExecutedPath {
     /// Position of a joint or the base at a row without static effects, rad or m: the motor plus
     /// all modes and spikes there.
     #[must_use]
-    pub fn position(&self, of: VibratingPart, row: usize) -> f64 {
-        let motor = match of {
+    pub fn position(&self, part: VibratingPart, row: usize) -> f64 {
+        let motor = match part {
             VibratingPart::Joint(joint) => self.motors[joint][row],
             VibratingPart::Base(_) => 0.0,
         };
-        let here = self.deflections.iter().filter(|(rings, _)| *rings == of);
-        motor + here.map(|(_, by)| by[row]).sum::<f64>()
+        let of_part = self.deflections.iter().filter(|(rings, _)| *rings == part);
+        motor + of_part.map(|(_, by)| by[row]).sum::<f64>()
     }
 
     /// Contribution of one mode or spike on this path; `None` for delays. `model`: the model of the
@@ -88,10 +88,10 @@ impl ExecutedPath {
     fn mode_deflection(&self, model: &Model, mode: &Mode) -> Vec<f64> {
         let loads: Vec<f64> = if mode.compliance > 0.0 {
             let all = self.loads.get_or_init(|| {
-                let mut seen = Box::<Evaluation>::default();
+                let mut evaluation = Box::<Evaluation>::default();
                 let pulled = |inputs: &Inputs| {
-                    model.load_into(inputs, &Memories::default(), &mut seen);
-                    seen.loads
+                    model.load_into(inputs, &Memories::default(), &mut evaluation);
+                    evaluation.loads
                 };
                 self.inputs.iter().map(pulled).collect()
             });

@@ -64,9 +64,9 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<ArmState
     if dynamics.link_delay_s != 0.0 {
         let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
         for joint in 0..model.arm.count() {
-            let links = all.iter().map(|seen| seen.link[joint]).collect();
+            let links = all.iter().map(|state| state.link[joint]).collect();
             let links = delayed_samples(&times_s, links, dynamics.link_delay_s);
-            all.iter_mut().zip(links).for_each(|(seen, link)| seen.link[joint] = link);
+            all.iter_mut().zip(links).for_each(|(state, link)| state.link[joint] = link);
         }
     }
     all

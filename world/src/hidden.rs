@@ -134,10 +134,10 @@ fn rms_distance(one: &[Frame], other: &[Frame]) -> f64 {
 
 /// The same of the reflectors' single coordinates.
 fn rms_reflector_distance(one: &[Frame], other: &[Frame]) -> f64 {
-    let of = |(a, b): (&Frame, &Frame)| {
+    let sum_of_squares = |(a, b): (&Frame, &Frame)| {
         REFLECTORS_TOOL.iter().map(|p| (a.point(*p) - b.point(*p)).length_squared()).sum::<f64>()
     };
-    let squares: f64 = one.iter().zip(other).map(of).sum();
+    let squares: f64 = one.iter().zip(other).map(sum_of_squares).sum();
     libm::sqrt(squares / (3.0 * REFLECTORS_TOOL.len() as f64 * one.len().max(1) as f64))
 }
 
@@ -149,8 +149,8 @@ fn is_same_phenomenon(other: &AnyEffect, hidden: &AnyEffect) -> bool {
         kind => kind,
     };
     let waves = matches!(hidden, AnyEffect::TransmissionError(_));
-    let near = || (other.values()[1] - hidden.values()[1]).abs() < MIN_CYCLES_DIFFERENCE;
-    other.joint() == hidden.joint() && family(other) == family(hidden) && (!waves || near())
+    let are_close = || (other.values()[1] - hidden.values()[1]).abs() < MIN_CYCLES_DIFFERENCE;
+    other.joint() == hidden.joint() && family(other) == family(hidden) && (!waves || are_close())
 }
 
 #[cfg(test)]

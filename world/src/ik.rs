@@ -45,15 +45,15 @@ pub enum IkError {
     },
 }
 
-/// Joint positions with the tool at `wanted` (base frame), starting from `near`.
+/// Joint positions with the tool at `wanted` (base frame), starting from `start`.
 ///
 /// # Errors
 /// See [`IkError`].
-pub fn solve(arm: &Arm, wanted: &Frame, near: &Joints) -> Result<Joints, IkError> {
+pub fn solve(arm: &Arm, wanted: &Frame, start: &Joints) -> Result<Joints, IkError> {
     if arm.count() < 6 {
         return Err(IkError::TooFewJoints(arm.count()));
     }
-    let mut q = *near;
+    let mut q = *start;
     for _ in 0..ITERATIONS {
         let chain = Chain::nominal(arm, &q);
         let (position, angle) = error(wanted, &chain.base_from_tool);
@@ -78,8 +78,8 @@ pub fn start_pose(arm: &Arm, wanted: &Frame) -> Result<Joints, IkError> {
     for k in 0..SEEDS {
         match solve(arm, wanted, &seed(arm, k)) {
             Ok(q) => {
-                let far: f64 = q.iter().map(|x| x * x).sum();
-                found.push((clearance(arm, &q), far, q));
+                let distance: f64 = q.iter().map(|x| x * x).sum();
+                found.push((clearance(arm, &q), distance, q));
             }
             Err(error) => failure = error,
         }
@@ -93,8 +93,8 @@ pub fn start_pose(arm: &Arm, wanted: &Frame) -> Result<Joints, IkError> {
 /// rad (m) of a limit.
 pub fn clearance(arm: &Arm, q: &Joints) -> f64 {
     let margins = arm.joints().iter().zip(q).map(|(j, q)| (q - j.limits.0).min(j.limits.1 - q));
-    let least = margins.fold(f64::INFINITY, f64::min).max(0.0);
-    manipulability(arm, q) * (least / 0.2).min(1.0)
+    let margin_min = margins.fold(f64::INFINITY, f64::min).max(0.0);
+    manipulability(arm, q) * (margin_min / 0.2).min(1.0)
 }
 
 /// `sqrt(det(J Jᵀ))` (Yoshikawa 1985), in mixed units: only for comparing poses of one arm.
@@ -179,9 +179,9 @@ mod tests {
                 prop_assert!(closes(&arm, &wanted, &q));
                 prop_assume!(clearance(&arm, &q) > 0.01);
                 let moved = Frame::new(rotation, wanted.origin + DVec3::new(1e-3, -2e-3, 5e-4));
-                let near = solve(&arm, &moved, &q).expect("a step away");
-                prop_assert!(closes(&arm, &moved, &near));
-                prop_assert!((0..arm.count()).all(|i| (near[i] - q[i]).abs() < 0.1));
+                let solution = solve(&arm, &moved, &q).expect("a step away");
+                prop_assert!(closes(&arm, &moved, &solution));
+                prop_assert!((0..arm.count()).all(|i| (solution[i] - q[i]).abs() < 0.1));
             }
         }
     }

@@ -110,7 +110,7 @@ impl Instrument<'_> {
         }
         recording.metadata.measured_in_base = self.in_base;
         let columns = wanted.iter().map(|channel| channel.base()).collect();
-        let rows_beyond = run.states.iter().filter(|seen| seen.beyond).count();
+        let rows_beyond = run.states.iter().filter(|state| state.beyond).count();
         let recorded_rms_m = squares.rms();
         Readings { recording, columns, left_out, understated, recorded_rms_m, rows_beyond }
     }
@@ -128,12 +128,12 @@ impl Instrument<'_> {
                 wanted.len()
             ];
         let mut before = DQuat::IDENTITY;
-        for (row, seen) in run.states.iter().enumerate() {
+        for (row, state) in run.states.iter().enumerate() {
             let mut of_torque = normals(self.seed, Purpose::Torque, row as u32);
             let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
             let mut draw = || self.noise * normal();
             let turned = DVec3::from_array(std::array::from_fn(|_| draw()));
-            let measuring_from_tool = (self.measuring_from_base)(row).after(&seen.base_from_tool);
+            let measuring_from_tool = (self.measuring_from_base)(row).after(&state.base_from_tool);
             let exact = quaternion(&measuring_from_tool.rotation, recorded(recording, row), before);
             let read = rotation_from_vector(turned) * measuring_from_tool.rotation;
             let read = quaternion(&read, None, exact);
@@ -148,8 +148,8 @@ impl Instrument<'_> {
                     Channel::Orientation(part) => {
                         (parts(exact)[part], parts(read)[part] - parts(exact)[part])
                     }
-                    Channel::Motor(joint) => (seen.motor[joint], draw()),
-                    Channel::Link(joint) => (seen.link[joint], draw()),
+                    Channel::Motor(joint) => (state.motor[joint], draw()),
+                    Channel::Link(joint) => (state.link[joint], draw()),
                     Channel::Torque(joint) => {
                         let torque = run.torques.as_ref().map_or(f64::NAN, |all| all[row][joint]);
                         (torque, self.torque_noise * of_torque())

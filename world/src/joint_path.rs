@@ -58,7 +58,7 @@ pub enum PlanError {
 }
 
 impl JointPath {
-    /// The commands of `path` every `dt_s` (above zero), starting near `near` or, if not given, at
+    /// The commands of `path` every `dt_s` (above zero), starting near `start_near` or, if not given, at
     /// [`ik::start_pose`].
     ///
     /// # Errors
@@ -67,11 +67,11 @@ impl JointPath {
         arm: &Arm,
         path: &ToolPath,
         dt_s: f64,
-        near: Option<&Joints>,
+        start_near: Option<&Joints>,
     ) -> Result<Self, PlanError> {
         let first = path.at(0.0).base_from_tool;
-        let start = match near {
-            Some(near) => ik::solve(arm, &first, near),
+        let start = match start_near {
+            Some(start_near) => ik::solve(arm, &first, start_near),
             None => ik::start_pose(arm, &first),
         };
         let mut q = start.map_err(|error| PlanError::Unreachable { t_s: 0.0, error })?;
@@ -150,8 +150,8 @@ mod tests {
             let path = quick(&arm, start).expect("within reach");
             for sample in &path.samples {
                 let reached = Chain::nominal(&arm, &sample.q).base_from_tool;
-                let off = reached.origin - sample.wanted.base_from_tool.origin;
-                assert!(off.length() < 1e-12, "{off} at {} s", sample.t_s);
+                let error = reached.origin - sample.wanted.base_from_tool.origin;
+                assert!(error.length() < 1e-12, "{error} at {} s", sample.t_s);
             }
         }
     }

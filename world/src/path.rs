@@ -56,7 +56,7 @@ pub enum PathError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToolPath {
     rotation: DMat3,
-    here: DVec3,
+    position_base: DVec3,
     strokes: Vec<Stroke>,
 }
 
@@ -99,7 +99,7 @@ pub fn tool_along(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
 impl ToolPath {
     /// A path that starts at `start_base` (m) with the orientation `base_from_tool`.
     pub const fn new(start_base: DVec3, base_from_tool: DMat3) -> Self {
-        Self { rotation: base_from_tool, here: start_base, strokes: Vec::new() }
+        Self { rotation: base_from_tool, position_base: start_base, strokes: Vec::new() }
     }
 
     /// Adds a stroke from the end of the path, through `waypoints`, from rest to rest at
@@ -116,7 +116,7 @@ impl ToolPath {
         limits: Limits,
     ) -> Result<(), PathError> {
         let stroke = self.strokes.len();
-        let pieces = rounded(self.here, waypoints, blend_m, stroke)?;
+        let pieces = rounded(self.position_base, waypoints, blend_m, stroke)?;
         let length: f64 = pieces.iter().map(|piece| piece.length).sum();
         let numbers = [feed_m_s, blend_m, length, limits.acceleration_m_s2, limits.jerk_m_s3];
         let Some(last) = waypoints.last() else { return Err(PathError::Numbers { stroke }) };
@@ -124,7 +124,7 @@ impl ToolPath {
             return Err(PathError::Numbers { stroke });
         }
         self.strokes.push(Stroke { pieces, profile: Profile::new(length, feed_m_s, limits) });
-        self.here = last.to_base;
+        self.position_base = last.to_base;
         Ok(())
     }
 
@@ -143,11 +143,11 @@ impl ToolPath {
             }
             t -= stroke.profile.duration_s();
         }
-        self.point(self.here, DVec3::X, 0.0, None)
+        self.point(self.position_base, DVec3::X, 0.0, None)
     }
 
-    fn point(&self, at: DVec3, along: DVec3, feed: f64, cut: Option<usize>) -> PathPoint {
-        let base_from_tool = Frame::new(self.rotation, at);
+    fn point(&self, origin: DVec3, along: DVec3, feed: f64, cut: Option<usize>) -> PathPoint {
+        let base_from_tool = Frame::new(self.rotation, origin);
         PathPoint { base_from_tool, direction_base: along, feed_m_s: feed, cut }
     }
 }
@@ -260,18 +260,20 @@ mod tests {
     fn a_blended_corner_keeps_speed_and_bounds_acceleration() {
         let path = corner();
         let (dt, feed) = (1e-3, 0.01);
-        let at = |t: f64| path.at(t).base_from_tool.origin;
+        let position_at = |t: f64| path.at(t).base_from_tool.origin;
         let bound = Limits::default().acceleration_m_s2 + feed * feed / 0.002;
         let mut t = dt;
         while t < path.duration_s() {
-            let speed = ((at(t + dt) - at(t - dt)) / (2.0 * dt)).length();
-            let acceleration = ((at(t + dt) - 2.0 * at(t) + at(t - dt)) / (dt * dt)).length();
+            let speed = ((position_at(t + dt) - position_at(t - dt)) / (2.0 * dt)).length();
+            let acceleration = ((position_at(t + dt) - 2.0 * position_at(t) + position_at(t - dt))
+                / (dt * dt))
+                .length();
             assert!(speed <= feed * (1.0 + 1e-9), "{speed} at {t}");
             assert!(acceleration <= bound * (1.0 + 1e-3), "{acceleration} at {t}");
             assert!((speed - path.at(t).feed_m_s).abs() < 1e-5);
             t += dt;
         }
-        assert!((at(path.duration_s()) - DVec3::new(0.02, 0.01, 0.0)).length() < 1e-15);
+        assert!((position_at(path.duration_s()) - DVec3::new(0.02, 0.01, 0.0)).length() < 1e-15);
     }
 
     #[test]

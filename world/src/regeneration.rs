@@ -188,8 +188,8 @@ mod tests {
         for k in 0..steps {
             let push = if k == 0 { DVec2::Y * 1e-3 } else { DVec2::ZERO };
             let step = cut.next(1.0, push);
-            let own = (step.tool - step.forced).length_squared();
-            sums[usize::from(k > 3 * steps / 4)] += if k > steps / 2 { own } else { 0.0 };
+            let regenerative = (step.tool - step.forced).length_squared();
+            sums[usize::from(k > 3 * steps / 4)] += if k > steps / 2 { regenerative } else { 0.0 };
         }
         sums[1] > 0.8 * sums[0]
     }
@@ -228,8 +228,8 @@ mod tests {
             cut.next(1.0, DVec2::ZERO);
         }
         let mean = (0..steps).map(|_| cut.next(1.0, DVec2::ZERO).force).sum::<DVec3>();
-        let off = mean / f64::from(steps) - cutter.mean_force(0.01);
-        assert!(off.length() < 0.01 * cutter.mean_force(0.01).length(), "{off}");
+        let error = mean / f64::from(steps) - cutter.mean_force(0.01);
+        assert!(error.length() < 0.01 * cutter.mean_force(0.01).length(), "{error}");
     }
 
     #[test]

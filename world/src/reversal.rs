@@ -34,10 +34,10 @@ pub fn advance(model: &Model, about: [Option<&Inputs>; 4], memories: &mut Memori
 fn reversals(joints: usize, about: [Option<&Inputs>; 4], between_s: Range<f64>) -> Vec<Inputs> {
     let mut turns = Vec::new();
     for three in about.windows(3) {
-        let [Some(before), Some(at), Some(after)] = *three else { continue };
-        let reverses = |joint: &usize| at.direction[*joint] * after.direction[*joint] < 0.0;
+        let [Some(before), Some(middle), Some(after)] = *three else { continue };
+        let reverses = |joint: &usize| middle.direction[*joint] * after.direction[*joint] < 0.0;
         let found =
-            (0..joints).filter(reverses).filter_map(|k| reversal_at([before, at, after], k));
+            (0..joints).filter(reverses).filter_map(|k| reversal_at([before, middle, after], k));
         turns.extend(found.filter(|turn| between_s.contains(&turn.time_s)));
     }
     turns.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
@@ -47,17 +47,17 @@ fn reversals(joints: usize, about: [Option<&Inputs>; 4], between_s: Range<f64>) 
 /// The inputs at a reversal of a joint about the middle of three rows, by the parabola through
 /// them; `None` if it did not reverse, or did so at the row.
 #[must_use]
-fn reversal_at([before, at, after]: [&Inputs; 3], joint: usize) -> Option<Inputs> {
-    let [there, back] = [before, after].map(|other| other.q[joint] - at.q[joint]);
-    if there * back <= 0.0 {
+fn reversal_at([before, middle, after]: [&Inputs; 3], joint: usize) -> Option<Inputs> {
+    let [before_turn, back] = [before, after].map(|other| other.q[joint] - middle.q[joint]);
+    if before_turn * back <= 0.0 {
         return None;
     }
-    let [from_s, to_s] = [before, after].map(|other| other.time_s - at.time_s);
-    let along = |[there, back]: [f64; 2]| {
-        let bend = (back / to_s - there / from_s) / (to_s - from_s);
-        [there / from_s - bend * from_s, bend]
+    let [from_s, to_s] = [before, after].map(|other| other.time_s - middle.time_s);
+    let along = |[before_turn, back]: [f64; 2]| {
+        let bend = (back / to_s - before_turn / from_s) / (to_s - from_s);
+        [before_turn / from_s - bend * from_s, bend]
     };
-    let [slope, bend] = along([there, back]);
+    let [slope, bend] = along([before_turn, back]);
     let by_s = -0.5 * slope / bend;
     let share = by_s / if by_s < 0.0 { from_s } else { to_s };
     if !(MIN_STEP_FRACTION..=1.0 - MIN_STEP_FRACTION).contains(&share)
@@ -65,12 +65,12 @@ fn reversal_at([before, at, after]: [&Inputs; 3], joint: usize) -> Option<Inputs
     {
         return None;
     }
-    let value = |of: &dyn Fn(&Inputs) -> f64| {
-        let [slope, bend] = along([before, after].map(|other| of(other) - of(at)));
-        of(at) + (slope + bend * by_s) * by_s
+    let value = |quantity: &dyn Fn(&Inputs) -> f64| {
+        let [slope, bend] = along([before, after].map(|other| quantity(other) - quantity(middle)));
+        quantity(middle) + (slope + bend * by_s) * by_s
     };
-    let mut turned = *at;
-    turned.time_s = at.time_s + by_s;
+    let mut turned = *middle;
+    turned.time_s = middle.time_s + by_s;
     for k in 0..turned.q.len() {
         turned.q[k] = value(&|inputs| inputs.q[k]);
         turned.velocity[k] = value(&|inputs| inputs.velocity[k]);

@@ -154,9 +154,9 @@ impl<'a> Servo<'a> {
     fn speed_errors(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
         let mut slip = Joints::default();
         for (i, command) in commands.iter().enumerate() {
-            let asked = command.rate_at(time_s)
+            let requested = command.rate_at(time_s)
                 + OUTER_LOOP_RATIO * SPEED_LOOP * (command.at(time_s) - self.inputs.q[i]);
-            slip[i] = asked - self.inputs.velocity[i];
+            slip[i] = requested - self.inputs.velocity[i];
         }
         slip
     }
@@ -204,16 +204,16 @@ impl<'a> Servo<'a> {
         let push = Column::from_fn(|i, _| exerted[i] - free[i] - self.friction[i]);
         let mut speed = Column::from(self.inputs.velocity) + inverse * push * step_s;
         for _ in 0..MAX_SWEEPS {
-            let mut stands = true;
+            let mut is_converged = true;
             for (i, bound) in bound.iter().enumerate().take(self.model.arm.count()) {
                 let stopping = self.friction[i] + speed[i] / (step_s * inverse[(i, i)]);
                 let friction = stopping.clamp(-bound, *bound);
                 let change = friction - self.friction[i];
                 speed -= inverse.column(i) * (change * step_s);
                 self.friction[i] = friction;
-                stands &= change.abs() <= FRICTION_TOLERANCE * bound;
+                is_converged &= change.abs() <= FRICTION_TOLERANCE * bound;
             }
-            if stands {
+            if is_converged {
                 break;
             }
         }
@@ -229,16 +229,17 @@ impl<'a> Servo<'a> {
     /// present speeds.
     fn resistance(&self) -> (Joints, Joints) {
         let moving = self.inputs.velocity.map(|v| if v == 0.0 { DIRECTION_SPEED } else { v });
-        let at = |velocity: Joints, acceleration: Joints| {
+        let drives_with = |velocity: Joints, acceleration: Joints| {
             let inputs = Inputs { velocity, acceleration, ..self.inputs };
             self.model.drive(&inputs, &self.memories)
         };
         let acceleration = self.inputs.acceleration;
-        let (there, back) = (at(moving, acceleration), at(moving.map(|v| -v), acceleration));
-        let rigid = at(moving, Joints::default()).rigid;
+        let (forward, back) =
+            (drives_with(moving, acceleration), drives_with(moving.map(|v| -v), acceleration));
+        let rigid = drives_with(moving, Joints::default()).rigid;
         let (mut free, mut bound) = (rigid, Joints::default());
         for i in 0..self.model.arm.count() {
-            let beside = [&there, &back].map(|drive| drive.acting(i) - drive.rigid[i]);
+            let beside = [&forward, &back].map(|drive| drive.acting(i) - drive.rigid[i]);
             free[i] +=
                 0.5 * (beside[0] + beside[1]) - self.mass.effect_inertia[i] * acceleration[i];
             bound[i] = (0.5 * (beside[0] - beside[1]) * moving[i].signum()).max(0.0);

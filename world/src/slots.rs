@@ -118,8 +118,8 @@ mod tests {
             t += 1e-3;
         }
         for (cut, feed) in longest.iter().enumerate() {
-            let asked = slots.slots[cut / 3].feed_m_s;
-            assert!((feed - asked).abs() < 1e-12, "{} ran at {feed}", Slots::cut_name(cut));
+            let stated = slots.slots[cut / 3].feed_m_s;
+            assert!((feed - stated).abs() < 1e-12, "{} ran at {feed}", Slots::cut_name(cut));
         }
         assert!((35.0..50.0).contains(&path.duration_s()), "takes {} s", path.duration_s());
         let quick = Slots::quick(start).tool_path(DMat3::IDENTITY).expect("a sound path");

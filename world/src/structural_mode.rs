@@ -166,10 +166,10 @@ mod tests {
     #[test]
     fn a_steady_force_bends_a_mode_by_its_compliance() {
         let mut mode = Mode::at_72_hz();
-        let mut at = DVec3::ZERO;
+        let mut displacement = DVec3::ZERO;
         for _ in 0..5000 {
-            at = mode.step(DVec3::Z * 10.0, 1e-3);
+            displacement = mode.step(DVec3::Z * 10.0, 1e-3);
         }
-        assert!((at.z - 0.5e-6).abs() < 1e-12);
+        assert!((displacement.z - 0.5e-6).abs() < 1e-12);
     }
 }

@@ -115,8 +115,9 @@ mod tests {
                 let turns =
                     rows.windows(2).filter(|two| two[0].direction[i] * two[1].direction[i] < 0.0);
                 assert!(turns.count() >= 10, "joint {i}");
-                let spread =
-                    |of: fn(f64, f64) -> f64| rows.iter().map(|row| row.q[i]).fold(0.0, of);
+                let spread = |extreme: fn(f64, f64) -> f64| {
+                    rows.iter().map(|row| row.q[i]).fold(0.0, extreme)
+                };
                 assert!(spread(f64::max) - spread(f64::min) > 1.0, "joint {i} goes far");
             }
         }
@@ -125,13 +126,14 @@ mod tests {
     #[test]
     fn loads_and_warmth_follow_no_joint() {
         let rows = survey(&irb1600());
-        let against = |of: &dyn Fn(&Inputs) -> f64, other: &dyn Fn(&Inputs) -> f64| {
+        let against = |quantity: &dyn Fn(&Inputs) -> f64, other: &dyn Fn(&Inputs) -> f64| {
             let n = rows.len() as f64;
-            let mean = |of: &dyn Fn(&Inputs) -> f64| rows.iter().map(of).sum::<f64>() / n;
-            let (a, b) = (mean(of), mean(other));
-            let both = |x: &Inputs, y: &Inputs| (of(x) - a) * (other(y) - b);
+            let mean =
+                |quantity: &dyn Fn(&Inputs) -> f64| rows.iter().map(quantity).sum::<f64>() / n;
+            let (a, b) = (mean(quantity), mean(other));
+            let both = |x: &Inputs, y: &Inputs| (quantity(x) - a) * (other(y) - b);
             let sum: f64 = rows.iter().map(|row| both(row, row)).sum();
-            let one: f64 = rows.iter().map(|row| (of(row) - a).powi(2)).sum();
+            let one: f64 = rows.iter().map(|row| (quantity(row) - a).powi(2)).sum();
             let two: f64 = rows.iter().map(|row| (other(row) - b).powi(2)).sum();
             (sum / sqrt(one * two)).abs()
         };

@@ -50,10 +50,10 @@ impl Tracker {
         let mut rng = stream(self.seed, Purpose::Tracker, number);
         let mut draw = || rng.sample::<f64, _>(StandardNormal);
         let noise = self.sigma_m * DVec3::new(draw(), draw(), draw());
-        let seen = self.measuring_from_base.point(tcp_base) + noise;
+        let measured = self.measuring_from_base.point(tcp_base) + noise;
         let rounded = |x: f64| libm::rint(x / self.resolution_m) * self.resolution_m;
-        let coarse = || DVec3::new(rounded(seen.x), rounded(seen.y), rounded(seen.z));
-        Some(if self.resolution_m > 0.0 { coarse() } else { seen })
+        let coarse = || DVec3::new(rounded(measured.x), rounded(measured.y), rounded(measured.z));
+        Some(if self.resolution_m > 0.0 { coarse() } else { measured })
     }
 }
 

@@ -31,13 +31,13 @@ pub fn workplace(arm: &Arm, base_from_tool: DMat3) -> Result<Workplace, IkError>
         let point_base = DVec3::new(shoulder.x + ahead * reach, 0.0, shoulder.z + up * reach);
         let wanted = Frame::new(base_from_tool, point_base);
         let found = match &best {
-            Some((_, near)) => ik::solve(arm, &wanted, &near.q),
+            Some((_, previous)) => ik::solve(arm, &wanted, &previous.q),
             None => ik::start_pose(arm, &wanted),
         };
         match found {
             Ok(q) => {
                 let clear = ik::clearance(arm, &q);
-                if best.is_none_or(|(least, _)| clear > least) {
+                if best.is_none_or(|(clearance_max, _)| clear > clearance_max) {
                     best = Some((clear, Workplace { point_base, q }));
                 }
             }
@@ -70,8 +70,12 @@ mod tests {
             let slots = Slots::quick(place.point_base);
             let path = slots.tool_path(down).expect("a sound path");
             let plan = JointPath::plan(&arm, &path, 1e-3, Some(&place.q)).expect("within reach");
-            let least = plan.samples.iter().map(|s| ik::clearance(&arm, &s.q)).fold(1.0, f64::min);
-            assert!(least > 0.5 * ik::clearance(&arm, &place.q), "clear all along: {least}");
+            let clearance_min =
+                plan.samples.iter().map(|s| ik::clearance(&arm, &s.q)).fold(1.0, f64::min);
+            assert!(
+                clearance_min > 0.5 * ik::clearance(&arm, &place.q),
+                "clear all along: {clearance_min}"
+            );
             assert!(place.point_base.x > 0.2, "in front: {}", place.point_base);
         }
     }

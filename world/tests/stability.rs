@@ -93,10 +93,10 @@ impl Drawn {
         for k in 0..PASSINGS * STEPS_PER_TOOTH {
             let push = if k < STEPS_PER_TOOTH { DVec2::new(0.02, 0.03) } else { DVec2::ZERO };
             let step = cut.next(1.0, push);
-            let own = (step.tool - step.forced).length_squared();
+            let regenerative = (step.tool - step.forced).length_squared();
             match 4 * k / (PASSINGS * STEPS_PER_TOOTH) {
-                1 => sums[0] += own,
-                3 => sums[1] += own,
+                1 => sums[0] += regenerative,
+                3 => sums[1] += regenerative,
                 _ => {}
             }
         }

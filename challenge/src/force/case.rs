@@ -85,18 +85,21 @@ impl ForceCase {
             Measurements { forces: ride.measured_forces(&self.true_effects()), recorded };
         let (mut memory, mut drift, mut pass) = ([0.0; 3], [0.0; 3], usize::MAX);
         for (row, force) in ride.rows.iter().zip(&mut measured.forces) {
-            let anew = row.pass != pass;
+            let is_pass_start = row.pass != pass;
             pass = row.pass;
             for axis in 0..3 {
                 let draw = rng.normal();
-                memory[axis] =
-                    if anew { draw } else { noise.autocorrelation * memory[axis] + fresh * draw };
-                if anew {
+                memory[axis] = if is_pass_start {
+                    draw
+                } else {
+                    noise.autocorrelation * memory[axis] + fresh * draw
+                };
+                if is_pass_start {
                     drift[axis] = noise.drift * rng.truncated_normal();
                 }
-                let off = memory[axis] + drift[axis] * relative_time(ride.scene, row);
+                let deviation = memory[axis] + drift[axis] * relative_time(ride.scene, row);
                 let digit = noise.quantum[axis];
-                let read = force[axis] + noise.sigma[axis] * off;
+                let read = force[axis] + noise.sigma[axis] * deviation;
                 force[axis] = if digit > 0.0 { (read / digit).round() * digit } else { read };
             }
         }
@@ -126,13 +129,13 @@ impl BlindCase for ForceCase {
     }
 
     fn covariates(&self, effect: &Effect) -> Vec<String> {
-        let word = match effect.kind {
+        let covariate = match effect.kind {
             // The spindle angle has no covariate of its own; its speed is used.
             Kind::BrokenTooth | Kind::PloughingSpeed => "spindle_rpm",
             Kind::BuiltUpEdge | Kind::SensorCreep => "t_s",
             Kind::TableFriction => "feed_mm_s",
             _ => return Vec::new(),
         };
-        vec![word.to_owned()]
+        vec![covariate.to_owned()]
     }
 }

@@ -51,15 +51,15 @@ pub fn noise_scaled(case: &ForceCase, forces: &[Vector3]) -> Vec<f64> {
 }
 
 impl<'a> LinearisedCase<'a> {
-    /// The columns of recorded rows for which the force laws are defined; `asked`: index of the hidden effect under evaluation.
+    /// The columns of recorded rows for which the force laws are defined; `examined`: index of the hidden effect under evaluation.
     #[must_use]
     pub fn of(
         case: &'a ForceCase,
         simulated: &'a SimulatedPasses<'a>,
         recorded: &[bool],
-        asked: Option<usize>,
+        examined: Option<usize>,
     ) -> Self {
-        let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != asked);
+        let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != examined);
         let base_effects: Vec<Effect> =
             case.nominal().into_iter().chain(others.map(|(_, effect)| effect.clone())).collect();
         let base_forces = simulated.measured_forces(&base_effects);
@@ -122,8 +122,8 @@ impl<'a> LinearisedCase<'a> {
                 force
             };
             let mut column = self.whiten(&of_pass(number, &ramp));
-            let at = column.len() - prior_count(self.case) - self.drift_count + drift;
-            column[at] = 1.0 / (self.case.noise.drift * self.case.noise.sigma[axis]);
+            let prior_row = column.len() - prior_count(self.case) - self.drift_count + drift;
+            column[prior_row] = 1.0 / (self.case.noise.drift * self.case.noise.sigma[axis]);
             basis.add_column(column);
         }
         add_model_nuisances(&mut basis, self.case, &[except], |effect| self.column(effect));

@@ -140,9 +140,9 @@ fn chip_formulation_difference(case: &ForceCase) -> f64 {
 fn random_noise(case: &ForceCase, rng: &mut Rng) -> Noise {
     let autocorrelation = if rng.bernoulli(0.5) { rng.uniform_between(0.2, 0.7) } else { 0.0 };
     let whitening = f64::sqrt((1.0 + autocorrelation) / (1.0 - autocorrelation));
-    let least = chip_formulation_difference(case) * whitening / SAME_Z;
+    let sigma_min = chip_formulation_difference(case) * whitening / SAME_Z;
     let share = rng.log_uniform_between(0.02, 0.1);
-    let base = (share * nominal_force_rms(case)).max(least);
+    let base = (share * nominal_force_rms(case)).max(sigma_min);
     let sigma = std::array::from_fn(|_| base * rng.uniform_between(1.0, 1.4));
     let coarse = [0.02, 0.2, 0.8][rng.uniform_index(3)];
     Noise {
@@ -164,15 +164,19 @@ fn add_modelled_effects(case: &mut ForceCase, rng: &mut Rng) {
     if rng.bernoulli(0.4) {
         modelled.push((Kind::CuttingForce, chip, 0.1));
     }
-    for (kind, told, share) in modelled {
+    for (kind, stated, share) in modelled {
         let nominal: Vec<f64> =
-            told.iter().map(|x| share * x * rng.uniform_between(-1.0, 1.0)).collect();
+            stated.iter().map(|x| share * x * rng.uniform_between(-1.0, 1.0)).collect();
         let relative_sigma = rng.uniform_between(0.01, 0.05);
-        let sigma: Vec<f64> = told.iter().map(|x| relative_sigma * x).collect();
+        let sigma: Vec<f64> = stated.iter().map(|x| relative_sigma * x).collect();
         let real: Vec<f64> =
             nominal.iter().zip(&sigma).map(|(x, s)| x + s * rng.truncated_normal()).collect();
-        let of = |parameters: &[f64]| Effect::of(kind, 0, parameters);
-        case.modelled.push(ModelledEffect { nominal: of(&nominal), true_effect: of(&real), sigma });
+        let effect = |parameters: &[f64]| Effect::of(kind, 0, parameters);
+        case.modelled.push(ModelledEffect {
+            nominal: effect(&nominal),
+            true_effect: effect(&real),
+            sigma,
+        });
     }
 }
 
@@ -217,8 +221,8 @@ fn random_chatter_frequency_hz(case: &ForceCase, rng: &mut Rng) -> f64 {
         scene.passes.iter().all(|pass| {
             let orders = hz / pass.spindle_hz;
             let halves = 2.0 * orders / case.cut.teeth as f64;
-            let off = |orders: f64| (orders - orders.round()).abs();
-            off(orders) > 0.12 && off(halves) > 0.04
+            let distance_from_integer = |orders: f64| (orders - orders.round()).abs();
+            distance_from_integer(orders) > 0.12 && distance_from_integer(halves) > 0.04
         })
     };
     let mut hz = rng.uniform_between(low, high);
@@ -232,7 +236,7 @@ fn random_chatter_frequency_hz(case: &ForceCase, rng: &mut Rng) -> f64 {
 }
 
 /// Largest physically possible leading parameter of a cut.
-fn max_linear_parameter(case: &ForceCase, hidden: &Effect, loud: f64) -> f64 {
+fn max_linear_parameter(case: &ForceCase, hidden: &Effect, force_rms: f64) -> f64 {
     let (cut, kind) = (&case.cut, hidden.kind);
     let passes = case.passes.passes.iter();
     let way = passes.map(|pass| pass.feed_position_m(pass.times_s.last().copied().unwrap_or(0.0)));
@@ -252,7 +256,7 @@ fn max_linear_parameter(case: &ForceCase, hidden: &Effect, loud: f64) -> f64 {
         Kind::BrokenTooth => 0.8,
         Kind::PloughingSpeed => 4.0,
         Kind::BuiltUpEdge => 0.8,
-        _ => loud,
+        _ => force_rms,
     }
 }
 
@@ -263,10 +267,10 @@ fn scale_to_target_z(
     recorded: &[bool],
     rng: &mut Rng,
 ) -> Option<()> {
-    let loud = nominal_force_rms(case);
+    let force_rms = nominal_force_rms(case);
     for which in 0..case.hidden.len() {
         let wanted = random_target_z(case.tier, rng);
-        let most = max_linear_parameter(case, &case.hidden[which], loud);
+        let most = max_linear_parameter(case, &case.hidden[which], force_rms);
         let lead = case.hidden[which].linear_magnitude().max(1e-300);
         case.hidden[which] = case.hidden[which].scaled(1e-2 * most / lead);
         let linearised = LinearisedCase::of(case, ride, recorded, Some(which));
@@ -344,14 +348,14 @@ mod tests {
         let edges = cases.filter(|case| case.hidden.iter().any(|h| h.kind == Kind::EdgeForce));
         let mut count = 0;
         for case in edges {
-            let off = case
+            let change = case
                 .true_effects()
                 .iter()
                 .filter(|e| e.kind == Kind::EdgeForce)
                 .map(|e| e.parameters[0])
                 .sum::<f64>();
-            assert!(case.cut.edge[0] + off > 0.0, "{off} of {}", case.cut.edge[0]);
-            count += usize::from(off < 0.0);
+            assert!(case.cut.edge[0] + change > 0.0, "{change} of {}", case.cut.edge[0]);
+            count += usize::from(change < 0.0);
         }
         assert!(count > 10, "{count}");
     }

@@ -43,7 +43,7 @@ impl<'a> SimulatedPasses<'a> {
     }
 
     fn cached_tooth_forces(&self, shape: ToolShape) -> Rc<Vec<ToothForces>> {
-        if let Some((_, known)) = self.cache.borrow().iter().find(|(of, _)| *of == shape) {
+        if let Some((_, known)) = self.cache.borrow().iter().find(|(cached, _)| *cached == shape) {
             return Rc::clone(known);
         }
         let made = Rc::new(tooth_forces(self.cut, self.scene, &self.rows, shape));
@@ -162,10 +162,10 @@ impl Sensor {
 
     fn read(&self, force: Vector3) -> Vector3 {
         // A misaligned sensor measures forces rotated by the inverse.
-        let felt = rotate_inverse(&self.turn, force);
-        let leaks = |row: &Vector3| row.iter().zip(&felt).map(|(m, f)| m * f).sum::<f64>();
+        let turned = rotate_inverse(&self.turn, force);
+        let leaks = |row: &Vector3| row.iter().zip(&turned).map(|(m, f)| m * f).sum::<f64>();
         std::array::from_fn(|k| {
-            self.bias[k] + self.scale[k] * (felt[k] + leaks(&self.cross_talk[k]))
+            self.bias[k] + self.scale[k] * (turned[k] + leaks(&self.cross_talk[k]))
         })
     }
 }

@@ -83,7 +83,9 @@ impl Pass {
     /// Fraction of the nominal depth that is cut at this feed position.
     #[must_use]
     pub fn depth_fraction(&self, way_m: f64) -> f64 {
-        let rises = |far: f64| if far == f64::INFINITY { 1.0 } else { far / self.bevel_m };
+        let rises = |distance_m: f64| {
+            if distance_m == f64::INFINITY { 1.0 } else { distance_m / self.bevel_m }
+        };
         rises(way_m - self.work_m[0]).min(rises(self.work_m[1] - way_m)).clamp(0.0, 1.0)
     }
 
@@ -162,9 +164,9 @@ impl Passes {
         };
         let mut length_s = cut_m / feed_m_s;
         if enters {
-            let stands = rng.bernoulli(0.6);
-            let gap_m = if stands { 0.5 * turn_m } else { feed_m_s * air_s };
-            pass.start_s = if stands { air_s } else { 0.0 };
+            let starts_in_air = rng.bernoulli(0.6);
+            let gap_m = if starts_in_air { 0.5 * turn_m } else { feed_m_s * air_s };
+            pass.start_s = if starts_in_air { air_s } else { 0.0 };
             pass.work_m[0] = gap_m;
             length_s += pass.start_s + (gap_m + bevel_m) / feed_m_s;
         }

@@ -100,14 +100,14 @@ impl CuttingEdges<'_> {
         let turned = TAU * self.pass.spindle_hz * t_s + self.shape.turned;
         let (sin, cos) = (turned + place).sin_cos();
         let moved = self.pass.feed_position_m(t_s) - way_m;
-        let mut at = [moved + self.cut.radius_m * sin, self.cut.radius_m * cos];
+        let mut position = [moved + self.cut.radius_m * sin, self.cut.radius_m * cos];
         if self.shape.runout != [0.0; 2] {
             let [along, across] = self.shape.runout;
             let (sin, cos) = turned.sin_cos();
-            at[0] += along * sin + across * cos;
-            at[1] += along * cos - across * sin;
+            position[0] += along * sin + across * cos;
+            position[1] += along * cos - across * sin;
         }
-        at
+        position
     }
 
     /// Distance from the centre at which the edge `back` teeth ahead crossed this ray.
@@ -121,12 +121,12 @@ impl CuttingEdges<'_> {
         let pitch = TAU / self.cut.teeth as f64 * back as f64;
         let rate = TAU * self.pass.spindle_hz;
         let mut t_s = row.t_s - pitch / rate;
-        let mut seen = [0.0; 2];
+        let mut tooth = [0.0; 2];
         for _ in 0..STEPS {
-            seen = self.at(t_s, place + pitch, row.feed_position_m);
-            t_s -= (seen[0] * cos - seen[1] * sin) / (rate * self.cut.radius_m);
+            tooth = self.at(t_s, place + pitch, row.feed_position_m);
+            t_s -= (tooth[0] * cos - tooth[1] * sin) / (rate * self.cut.radius_m);
         }
-        seen[0] * sin + seen[1] * cos
+        tooth[0] * sin + tooth[1] * cos
     }
 }
 
@@ -170,11 +170,11 @@ fn milling_forces(
             if inside <= 0.0 {
                 continue;
             }
-            let far = x.hypot(y);
-            let ray = [x / far, y / far];
+            let radius = x.hypot(y);
+            let ray = [x / radius, y / radius];
             let broken = (shape.broken * slices - slice as f64).clamp(0.0, 1.0);
             let beyond =
-                |back: usize| (far - edges.crossing_distance(row, place, back, ray)).max(0.0);
+                |back: usize| (radius - edges.crossing_distance(row, place, back, ray)).max(0.0);
             let whole = if shape.circular_paths {
                 feed_m * ray[0]
             } else if shape.runout == [0.0; 2] {

@@ -201,11 +201,11 @@ fn fraction(cases: &[&Outcome], is: impl Fn(&Outcome) -> bool) -> Option<f64> {
     ratio(cases.iter().filter(|o| is(o)).count(), cases.len())
 }
 
-fn quantile(values: &[f64], at: f64) -> Option<f64> {
+fn quantile(values: &[f64], share: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let last = sorted.len().checked_sub(1)?;
-    let place = at * last as f64;
+    let place = share * last as f64;
     let (low, high) = (place.floor() as usize, place.ceil() as usize);
     Some(sorted[low] + (sorted[high] - sorted[low]) * (place - low as f64))
 }
@@ -214,20 +214,20 @@ fn doubling_edges(from: f64, count: i32) -> Vec<f64> {
     (0..count).map(|k| from * 2.0_f64.powi(k)).collect()
 }
 
-fn bins(cases: &[&Outcome], edges: &[f64], of: impl Fn(&Outcome) -> f64 + Copy) -> Vec<Bin> {
+fn bins(cases: &[&Outcome], edges: &[f64], quantity: impl Fn(&Outcome) -> f64 + Copy) -> Vec<Bin> {
     let ends = edges.iter().skip(1).copied().map(Some).chain([None]);
-    edges.iter().zip(ends).map(|(from, to)| bin(cases, *from, to, of)).collect()
+    edges.iter().zip(ends).map(|(from, to)| bin(cases, *from, to, quantity)).collect()
 }
 
-fn bin(cases: &[&Outcome], from: f64, to: Option<f64>, of: impl Fn(&Outcome) -> f64) -> Bin {
-    let within = |o: &&&Outcome| of(o) >= from && to.is_none_or(|to| of(o) < to);
-    let here: Vec<&Outcome> = cases.iter().filter(within).copied().collect();
+fn bin(cases: &[&Outcome], from: f64, to: Option<f64>, quantity: impl Fn(&Outcome) -> f64) -> Bin {
+    let within = |o: &&&Outcome| quantity(o) >= from && to.is_none_or(|to| quantity(o) < to);
+    let members: Vec<&Outcome> = cases.iter().filter(within).copied().collect();
     Bin {
         from,
         to,
-        cases: here.len(),
-        first_right: fraction(&here, Outcome::is_first_correct),
-        first_three_right: fraction(&here, Outcome::is_among_first_three),
+        cases: members.len(),
+        first_right: fraction(&members, Outcome::is_first_correct),
+        first_three_right: fraction(&members, Outcome::is_among_first_three),
     }
 }
 
@@ -252,33 +252,33 @@ fn all_named(counting: &[&Outcome]) -> Option<f64> {
 }
 
 fn calibration(all: &[Outcome]) -> (Vec<ConfidenceBin>, Option<f64>) {
-    let said = |o: &Outcome| {
+    let claims_of = |o: &Outcome| {
         let claims = o.claims().iter();
         claims
             .filter_map(|claim| Some((claim.confidence?, o.is_correct(claim))))
             .collect::<Vec<_>>()
     };
-    let claims: Vec<(f64, bool)> = all.iter().flat_map(said).collect();
-    let mut off = 0.0;
+    let claims: Vec<(f64, bool)> = all.iter().flat_map(claims_of).collect();
+    let mut deviation = 0.0;
     let mut bins = Vec::new();
     for pair in [0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.000_001].windows(2) {
-        let here: Vec<&(f64, bool)> =
+        let members: Vec<&(f64, bool)> =
             claims.iter().filter(|(c, _)| *c >= pair[0] && *c < pair[1]).collect();
-        let right = ratio(here.iter().filter(|(_, right)| *right).count(), here.len());
-        let said = (!here.is_empty())
-            .then(|| here.iter().map(|(c, _)| c).sum::<f64>() / here.len() as f64);
-        if let (Some(right), Some(said)) = (right, said) {
-            off += (right - said).abs() * here.len() as f64;
+        let right = ratio(members.iter().filter(|(_, right)| *right).count(), members.len());
+        let stated = (!members.is_empty())
+            .then(|| members.iter().map(|(c, _)| c).sum::<f64>() / members.len() as f64);
+        if let (Some(right), Some(stated)) = (right, stated) {
+            deviation += (right - stated).abs() * members.len() as f64;
         }
         bins.push(ConfidenceBin {
             from: pair[0],
             to: pair[1].min(1.0),
-            claims: here.len(),
-            said,
+            claims: members.len(),
+            said: stated,
             right,
         });
     }
-    let error = (!claims.is_empty()).then(|| off / claims.len() as f64);
+    let error = (!claims.is_empty()).then(|| deviation / claims.len() as f64);
     (bins, error)
 }
 
@@ -286,30 +286,31 @@ fn by_effect(counting: &[&Outcome]) -> Vec<EffectStatistics> {
     let mut all: Vec<EffectStatistics> = Vec::new();
     for outcome in counting.iter().filter(|o| o.truth.hidden.len() == 1) {
         let Some(effect) = outcome.truth.hidden[0].effect else { continue };
-        let at = all.iter().position(|modelled| modelled.effect == effect).unwrap_or_else(|| {
-            all.push(EffectStatistics { effect, cases: 0, right: 0, instead: Vec::new() });
-            all.len() - 1
-        });
-        let entry = &mut all[at];
+        let index =
+            all.iter().position(|modelled| modelled.effect == effect).unwrap_or_else(|| {
+                all.push(EffectStatistics { effect, cases: 0, right: 0, instead: Vec::new() });
+                all.len() - 1
+            });
+        let entry = &mut all[index];
         entry.cases += 1;
         if outcome.is_first_correct() {
             entry.right += 1;
             continue;
         }
-        let said = match (&outcome.answer, outcome.claims().first()) {
+        let answered = match (&outcome.answer, outcome.claims().first()) {
             (None, _) => "no answer".to_owned(),
             (_, Some(first)) if first.effect.name == effect => "another joint".to_owned(),
             (_, Some(first)) => first.effect.name.clone(),
             (Some(answer), None) => format!("{:?}", answer.verdict),
         };
-        match entry.instead.iter_mut().find(|(word, _)| *word == said) {
+        match entry.instead.iter_mut().find(|(kind, _)| *kind == answered) {
             Some((_, count)) => *count += 1,
-            None => entry.instead.push((said, 1)),
+            None => entry.instead.push((answered, 1)),
         }
     }
     all.sort_by_key(|entry| entry.effect);
     all.iter_mut().for_each(|entry| {
-        entry.instead.sort_by_key(|(word, count)| (usize::MAX - count, word.clone()));
+        entry.instead.sort_by_key(|(kind, count)| (usize::MAX - count, kind.clone()));
     });
     all
 }

@@ -102,10 +102,10 @@ impl TorqueCase {
         let recorded = random_recorded_rows(ride.times.len(), self.noise.gaps, &mut rng);
         let mut measured = Measurements { torques: exact, encoder_positions: Vec::new(), recorded };
         for (row, torques) in measured.torques.iter_mut().enumerate() {
-            let anew = row == 0 || ride.times[row - 1].0 != ride.times[row].0;
+            let is_segment_start = row == 0 || ride.times[row - 1].0 != ride.times[row].0;
             for i in 0..count {
                 let draw = rng.normal();
-                memory[i] = if anew { draw } else { keep * memory[i] + fresh * draw };
+                memory[i] = if is_segment_start { draw } else { keep * memory[i] + fresh * draw };
                 let read = torques[i] + self.noise.sigma[i] * memory[i];
                 torques[i] = quantised(read, self.noise.quantum[i]);
             }
@@ -151,11 +151,11 @@ impl BlindCase for TorqueCase {
     }
 
     fn covariates(&self, effect: &Effect) -> Vec<String> {
-        let (own, other) = (effect.joint + 1, effect.other_joint + 1);
+        let (joint, other) = (effect.joint + 1, effect.other_joint + 1);
         match effect.kind {
-            Kind::SpeedCube => vec![format!("v{own}")],
-            Kind::PlaceFriction => vec![format!("q{own}"), format!("direction_{own}")],
-            Kind::PlaceDamping => vec![format!("q{own}"), format!("v{own}")],
+            Kind::SpeedCube => vec![format!("v{joint}")],
+            Kind::PlaceFriction => vec![format!("q{joint}"), format!("direction_{joint}")],
+            Kind::PlaceDamping => vec![format!("q{joint}"), format!("v{joint}")],
             Kind::CrossTorque => vec![format!("q{other}")],
             Kind::Wander => vec!["t_s".to_owned()],
             _ => Vec::new(),

@@ -56,16 +56,16 @@ pub fn unit_mass_torques(rig: &Rig, ride: &SampledMotion) -> Vec<Vec<Joints>> {
 }
 
 impl<'a> LinearisedCase<'a> {
-    /// The columns of the recorded rows. `asked`: index of the hidden effect under evaluation, which is excluded from the base point; `None`: all
+    /// The columns of the recorded rows. `examined`: index of the hidden effect under evaluation, which is excluded from the base point; `None`: all
     /// hidden effects are included.
     #[must_use]
     pub fn of(
         case: &'a TorqueCase,
         (motion, sampled): (&'a Motion, &'a SampledMotion),
         recorded: &[bool],
-        asked: Option<usize>,
+        examined: Option<usize>,
     ) -> Self {
-        let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != asked);
+        let others = case.hidden.iter().enumerate().filter(|(k, _)| Some(*k) != examined);
         let base_effects: Vec<Effect> =
             case.nominal().into_iter().chain(others.map(|(_, effect)| effect.clone())).collect();
         let base_torques = recorded_torques(&case.rig, motion, sampled, &base_effects);
@@ -135,9 +135,11 @@ impl<'a> LinearisedCase<'a> {
             effect: &rest,
             value_count: self.whitener.count(),
         };
-        let kin = |name: &str| truth.kind.name().is_some_and(|own| are_mass_effects(own, name));
+        let is_related = |name: &str| {
+            truth.kind.name().is_some_and(|true_name| are_mass_effects(true_name, name))
+        };
         let mut detectability =
-            question.compare(&candidates(self.case), |effect| self.column(effect), kin);
+            question.compare(&candidates(self.case), |effect| self.column(effect), is_related);
         detectability.determined =
             identifiable_parameters(truth, &basis, |effect| self.column(effect));
         detectability

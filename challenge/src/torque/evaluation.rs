@@ -33,11 +33,11 @@ impl<'a> Evaluation<'a> {
         let part = |number: usize| {
             let ride = &samples[number];
             let measured = case.simulate_measurements(motions[number], ride, number as u64);
-            let unsaid = unit_mass_torques(&case.rig, ride);
+            let unit_torques = unit_mass_torques(&case.rig, ride);
             MeasuredRecording {
                 measured: noise_scaled(case, &measured.torques),
                 whitener: whitener(case, ride, &measured.recorded),
-                nuisance_columns: unsaid
+                nuisance_columns: unit_torques
                     .iter()
                     .map(|torques| noise_scaled(case, torques))
                     .collect(),

@@ -146,8 +146,8 @@ fn joint_scales(case: &TorqueCase) -> Vec<JointScale> {
     let ride = SampledMotion::from_motion(&case.rig, &case.motion, 0.0);
     let torques = recorded_torques(&case.rig, &case.motion, &ride, &[]);
     let rows = torques.len() as f64;
-    let rms = |of: &dyn Fn(usize) -> f64| {
-        ((0..torques.len()).map(|row| of(row).powi(2)).sum::<f64>() / rows).sqrt()
+    let rms = |quantity: &dyn Fn(usize) -> f64| {
+        ((0..torques.len()).map(|row| quantity(row).powi(2)).sum::<f64>() / rows).sqrt()
     };
     let all: Vec<f64> = (0..case.rig.count()).map(|i| rms(&|row| torques[row][i])).collect();
     let most = all.iter().fold(0.1, |most: f64, x| most.max(*x));
@@ -231,12 +231,12 @@ fn random_effect(
             .any(|other| other.kind.name() == kind.name() && (!of_joint || other.joint == joint))
     };
     // A new spring would be confounded with a known one.
-    let stands = |joint: &usize| {
+    let is_suitable = |joint: &usize| {
         is_observable(case, kind, *joint)
             && !clashes(*joint)
             && !(kind == Kind::Spring && case.modelled_effect(kind, *joint).is_some())
     };
-    let joints: Vec<usize> = (0..case.rig.count()).filter(stands).collect();
+    let joints: Vec<usize> = (0..case.rig.count()).filter(is_suitable).collect();
     if joints.is_empty() {
         return None;
     }

@@ -68,28 +68,28 @@ impl PreparedRecording {
         let step_s = step_s(rows)?;
         let half = ((FIT_HALF_WINDOW_S / step_s).round() as usize).max(3);
         let runs = runs(rows, step_s, 4 * half + 1);
-        let mut at = Vec::new();
+        let mut run_times = Vec::new();
         let (mut states, mut smooth, mut torques) = (Vec::new(), Vec::new(), Vec::new());
         let (mut kept, mut sources) = (Vec::new(), Vec::new());
         for (number, run) in runs.into_iter().enumerate() {
-            let from = at.len();
+            let from = run_times.len();
             for row in run.clone() {
                 let (now, torque) = local_cubic_fit(rows, &run, row, half, rig.count());
-                at.push((number, rows[row].1));
+                run_times.push((number, rows[row].1));
                 states.push(now);
                 smooth.push(torque);
                 torques.push(rows[row].3);
                 sources.push(row);
             }
-            kept.push(from..at.len());
+            kept.push(from..run_times.len());
         }
-        if at.is_empty() {
+        if run_times.is_empty() {
             return None;
         }
         rig.masses.clear();
         rig.ranges = (0..rig.count()).map(|i| joint_range(&states, i)).collect();
-        let celsius = vec![[20.0; JOINTS]; at.len()];
-        let mut sampled = SampledMotion::from_states(&rig, at, states, celsius);
+        let celsius = vec![[20.0; JOINTS]; run_times.len()];
+        let mut sampled = SampledMotion::from_states(&rig, run_times, states, celsius);
         let scales = joint_scales(&rig, &sampled, &torques);
         let (rigid, left) = fit_masses_and_friction(&rig, &sampled, &torques, &scales);
         let besides = difference(&smooth, &rigid);
@@ -156,11 +156,11 @@ impl PreparedRecording {
         for _ in 0..2 {
             let column = self.column(&effect);
             let rest = self.nuisances.residual(&column);
-            let shows = dot(&rest, &rest).sqrt();
-            if shows < MIN_REMAINING_FRACTION * dot(&column, &column).sqrt() || shows == 0.0 {
+            let length = dot(&rest, &rest).sqrt();
+            if length < MIN_REMAINING_FRACTION * dot(&column, &column).sqrt() || length == 0.0 {
                 return None;
             }
-            effect = effect.scaled(z / shows);
+            effect = effect.scaled(z / length);
             if effect.linear_magnitude() > most {
                 return None;
             }
@@ -174,9 +174,10 @@ impl PreparedRecording {
             effect: &rest,
             value_count: rest.len(),
         };
-        let kin = |name: &str| kind.name().is_some_and(|own| are_mass_effects(own, name));
+        let is_related =
+            |name: &str| kind.name().is_some_and(|true_name| are_mass_effects(true_name, name));
         let detectability =
-            question.compare(&candidates(&self.case), |other| self.column(other), kin);
+            question.compare(&candidates(&self.case), |other| self.column(other), is_related);
         let sum = |(a, b): (&Joints, &Joints)| std::array::from_fn(|i| a[i] + b[i]);
         let torques = self.torques.iter().zip(&changed).map(sum).collect();
         Some(InjectedEffect { effect, detectability, torques })
@@ -214,20 +215,20 @@ impl PreparedRecording {
     }
 }
 
-/// Ranges of rows without a pause, with at least `least` rows each.
-fn runs(rows: &[RecordedRow], step_s: f64, least: usize) -> Vec<std::ops::Range<usize>> {
+/// Ranges of rows without a pause, with at least `rows_min` rows each.
+fn runs(rows: &[RecordedRow], step_s: f64, rows_min: usize) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for row in 0..rows.len() {
-        let goes_on = row > 0
+        let is_contiguous = row > 0
             && rows[row].0 == rows[row - 1].0
             && rows[row].1 - rows[row - 1].1 < PAUSE_STEPS * step_s
             && rows[row].1 > rows[row - 1].1;
         match runs.last_mut() {
-            Some(run) if goes_on => run.end = row + 1,
+            Some(run) if is_contiguous => run.end = row + 1,
             _ => runs.push(row..row + 1),
         }
     }
-    runs.retain(|run| run.len() >= least);
+    runs.retain(|run| run.len() >= rows_min);
     runs
 }
 
@@ -273,8 +274,9 @@ fn joint_range(states: &[[JointState; JOINTS]], joint: usize) -> JointRange {
 }
 
 fn joint_scales(rig: &Rig, ride: &SampledMotion, torques: &[Joints]) -> Vec<JointScale> {
-    let rms = |of: &dyn Fn(usize) -> f64| {
-        ((0..torques.len()).map(|row| of(row).powi(2)).sum::<f64>() / torques.len() as f64).sqrt()
+    let rms = |quantity: &dyn Fn(usize) -> f64| {
+        ((0..torques.len()).map(|row| quantity(row).powi(2)).sum::<f64>() / torques.len() as f64)
+            .sqrt()
     };
     let of_joint = |i: usize| JointScale {
         torque: rms(&|row| torques[row][i]).max(1e-6),

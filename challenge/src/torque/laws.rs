@@ -36,15 +36,15 @@ impl SampledMotion {
     /// The motion at `late_s` before each sampling time.
     #[must_use]
     pub fn from_motion(rig: &Rig, motion: &Motion, late_s: f64) -> Self {
-        let (mut at, mut states, mut celsius) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut segment_times, mut states, mut celsius) = (Vec::new(), Vec::new(), Vec::new());
         for (number, segment) in motion.segments.iter().enumerate() {
             for t_s in &segment.times_s {
-                at.push((number, t_s - late_s));
+                segment_times.push((number, t_s - late_s));
                 states.push(segment.at(t_s - late_s));
                 celsius.push(std::array::from_fn(|joint| segment.temperature_c(joint, *t_s)));
             }
         }
-        Self::from_states(rig, at, states, celsius)
+        Self::from_states(rig, segment_times, states, celsius)
     }
 
     /// From states that are given row by row.
@@ -140,8 +140,8 @@ pub fn recorded_torques(
 
 /// Sum of the first parameters of a kind on a joint.
 fn sum_of_kind(effects: &[Effect], kind: Kind, joint: usize) -> f64 {
-    let own = effects.iter().filter(|effect| effect.kind == kind && effect.joint == joint);
-    own.map(|effect| effect.parameters[0]).sum()
+    let of_kind = effects.iter().filter(|effect| effect.kind == kind && effect.joint == joint);
+    of_kind.map(|effect| effect.parameters[0]).sum()
 }
 
 /// Torques at the instants of a ride.

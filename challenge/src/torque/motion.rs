@@ -266,14 +266,14 @@ mod tests {
             let track = full_excitation(&range, 6.0, style, &mut Rng::new(4, style as u64));
             for k in 1..590 {
                 let (t, h) = (0.01 * f64::from(k), 1e-5);
-                let ([before, now, after], mut off) =
+                let ([before, now, after], mut error) =
                     ([track.at(t - h), track.at(t), track.at(t + h)], 0.0_f64);
                 for order in 0..2 {
                     let slope = (after[order] - before[order]) / (2.0 * h);
-                    off = off.max((slope - now[order + 1]).abs());
+                    error = error.max((slope - now[order + 1]).abs());
                 }
                 // At the beginning and end of a ramp, the derivative of the acceleration is discontinuous.
-                assert!(off < 2e-2, "style {style} at {t}: {off}");
+                assert!(error < 2e-2, "style {style} at {t}: {error}");
                 assert!((now[0] - 0.2).abs() < 1.1 && now[1].abs() < 4.0);
             }
         }

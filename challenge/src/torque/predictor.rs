@@ -18,10 +18,10 @@ impl Predictor {
     pub fn of(noise: &[Vec<f64>]) -> Self {
         let count: usize = noise.iter().map(Vec::len).sum();
         let product = |lag: usize| -> f64 {
-            let of = |piece: &Vec<f64>| -> f64 {
+            let lagged_product = |piece: &Vec<f64>| -> f64 {
                 piece.iter().skip(lag).zip(piece).map(|(a, b)| a * b).sum()
             };
-            noise.iter().map(of).sum::<f64>() / count.max(1) as f64
+            noise.iter().map(lagged_product).sum::<f64>() / count.max(1) as f64
         };
         let products: Vec<f64> = (0..=ORDER).map(product).collect();
         let mut coefficients: Vec<f64> = Vec::new();
@@ -45,9 +45,9 @@ impl Predictor {
         let mut all = Vec::new();
         for piece in pieces {
             for k in ORDER..piece.len() {
-                let said: f64 =
+                let predicted: f64 =
                     self.coefficients.iter().enumerate().map(|(j, a)| a * piece[k - 1 - j]).sum();
-                all.push((piece[k] - said) / self.sigma);
+                all.push((piece[k] - predicted) / self.sigma);
             }
         }
         all

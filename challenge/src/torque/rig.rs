@@ -58,12 +58,13 @@ impl Rig {
     pub fn pendulum(stated: bool, rng: &mut Rng) -> Self {
         let level = rotation([-std::f64::consts::FRAC_PI_2, 0.0, 0.0]);
         let kg = rng.log_uniform_between(1.0, 20.0);
-        let far = rng.uniform_between(0.1, 0.5);
-        let body = Mass { joint: 0, kg, position: [0.2 * far, far, 0.01], tool: false };
+        let distance_m = rng.uniform_between(0.1, 0.5);
+        let body =
+            Mass { joint: 0, kg, position: [0.2 * distance_m, distance_m, 0.01], tool: false };
         let half_range = rng.uniform_between(0.6, 1.5);
         let max_speed = rng.uniform_between(1.5, 5.0);
         Self {
-            arm: arm_without_masses("pendulum", vec![level, translation([0.0, far, 0.0])]),
+            arm: arm_without_masses("pendulum", vec![level, translation([0.0, distance_m, 0.0])]),
             is_prismatic: false,
             masses: spread_masses(&[body]),
             masses_stated: stated,
@@ -99,8 +100,8 @@ impl Rig {
     ) -> Self {
         let mut links = Vec::with_capacity(axes.len() + 1);
         let mut before = IDENTITY;
-        for (axis, at) in axes {
-            let frame = mul(&translation(*at), &rotation_to_z(*axis));
+        for (axis, point) in axes {
+            let frame = mul(&translation(*point), &rotation_to_z(*axis));
             links.push(mul(&inverse(&before), &frame));
             before = frame;
         }
@@ -133,8 +134,8 @@ impl Rig {
     /// Frames on the parabola of a state.
     #[must_use]
     pub fn frames_nearby(&self, states: &[JointState; JOINTS]) -> NearbyFrames {
-        let at = |h: f64| states.map(|[q, v, a]| q + h * v + 0.5 * h * h * a);
-        NearbyFrames([-H_S, 0.0, H_S].map(|h| self.frames(&at(h))))
+        let positions_at = |h: f64| states.map(|[q, v, a]| q + h * v + 0.5 * h * h * a);
+        NearbyFrames([-H_S, 0.0, H_S].map(|h| self.frames(&positions_at(h))))
     }
 
     /// Adds the joint torques required by a point mass, Nm or N.
@@ -162,8 +163,8 @@ impl Rig {
         moment: Vector3,
         torques: &mut Joints,
     ) {
-        let own = self.arm.joint_from_base(joint, moment);
-        let weight = cross(rotate(&places.0[1][joint], own), self.arm.gravity);
+        let in_joint = self.arm.joint_from_base(joint, moment);
+        let weight = cross(rotate(&places.0[1][joint], in_joint), self.arm.gravity);
         for (i, frame) in places.0[1].iter().enumerate().take(joint + 1) {
             torques[i] -= dot(column(frame, 2), weight);
         }
@@ -171,10 +172,10 @@ impl Rig {
 
     /// A point mass at the last joint, given in base axes at the zero configuration.
     #[must_use]
-    pub fn mass_at_flange(&self, kg: f64, at: Vector3) -> Mass {
+    pub fn mass_at_flange(&self, kg: f64, point: Vector3) -> Mass {
         let joint = self.count() - 1;
         let zero = self.frames(&[0.0; JOINTS])[joint];
-        Mass { joint, kg, position: transform_point(&inverse(&zero), at), tool: true }
+        Mass { joint, kg, position: transform_point(&inverse(&zero), point), tool: true }
     }
 
     /// The tool centre point at the zero configuration, m.
@@ -187,16 +188,16 @@ impl Rig {
     #[must_use]
     pub fn body(&self, joint: usize, tool: bool) -> Option<(f64, Vector3, [f64; 6])> {
         let zero = self.frames(&[0.0; JOINTS])[joint];
-        let own = self.masses.iter().filter(|m| m.joint == joint && m.tool == tool);
-        let own: Vec<(f64, Vector3)> =
-            own.map(|m| (m.kg, transform_point(&zero, m.position))).collect();
-        let kg: f64 = own.iter().map(|(kg, _)| kg).sum();
+        let bodies = self.masses.iter().filter(|m| m.joint == joint && m.tool == tool);
+        let bodies: Vec<(f64, Vector3)> =
+            bodies.map(|m| (m.kg, transform_point(&zero, m.position))).collect();
+        let kg: f64 = bodies.iter().map(|(kg, _)| kg).sum();
         if kg == 0.0 {
             return None;
         }
-        let centre = own.iter().fold([0.0; 3], |sum, (m, p)| add(sum, scaled(*p, m / kg)));
+        let centre = bodies.iter().fold([0.0; 3], |sum, (m, p)| add(sum, scaled(*p, m / kg)));
         let mut inertia = [0.0; 6];
-        for (m, p) in &own {
+        for (m, p) in &bodies {
             let [x, y, z] = sub(*p, centre);
             let parts = [y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z];
             inertia.iter_mut().zip(parts).for_each(|(sum, part)| *sum += m * part);
@@ -295,9 +296,9 @@ mod tests {
             ([0.0, 0.0, -1.0], [0.5, 0.1, 0.3]),
         ];
         let rig = Rig::from_axes(&axes, false, [0.6, 0.0, 0.2], [0.0, 0.0, -9.8]);
-        for ((axis, at), frame) in axes.iter().zip(rig.frames(&[0.0; JOINTS])) {
+        for ((axis, point), frame) in axes.iter().zip(rig.frames(&[0.0; JOINTS])) {
             assert!(norm(sub(column(&frame, 2), *axis)) < 1e-12);
-            assert!(norm(sub(origin(&frame), *at)) < 1e-12);
+            assert!(norm(sub(origin(&frame), *point)) < 1e-12);
         }
         assert!(norm(sub(rig.tcp(), [0.6, 0.0, 0.2])) < 1e-12);
     }
@@ -314,14 +315,14 @@ mod tests {
         };
         let energy = |t: f64| {
             let h = 1e-5;
-            let at = |t: f64| rig.frames(&states(t).map(|state| state[0]));
-            let (before, now, after) = (at(t - h), at(t), at(t + h));
-            let of = |m: &Mass| {
+            let frames_at = |t: f64| rig.frames(&states(t).map(|state| state[0]));
+            let (before, now, after) = (frames_at(t - h), frames_at(t), frames_at(t + h));
+            let kinetic = |m: &Mass| {
                 let p = |frames: &[Transform]| transform_point(&frames[m.joint], m.position);
                 let v = scaled(sub(p(&after), p(&before)), 0.5 / h);
                 m.kg * (0.5 * dot(v, v) - dot(rig.arm.gravity, p(&now)))
             };
-            rig.masses.iter().map(of).sum::<f64>()
+            rig.masses.iter().map(kinetic).sum::<f64>()
         };
         for k in 0..20 {
             let t = 0.3 * f64::from(k);

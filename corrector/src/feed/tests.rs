@@ -177,10 +177,10 @@ fn no_delay_up_to_twice_the_stated_one_makes_it_oscillate() {
         bench.ticks(6000, 250.0);
         // Half the depth again, below the threshold of relief: only the estimate acts.
         let after = bench.ticks(6000, 300.0);
-        let least = after.iter().fold(1.0_f64, |least, o| least.min(*o));
+        let lowest = after.iter().fold(1.0_f64, |lowest, o| lowest.min(*o));
         let wanted = 100.0 / 300.0;
-        println!("{delay_ms} ms: undershoot {:.1} %", 100.0 * (1.0 - least / wanted));
-        assert!(least > 0.9 * wanted, "{delay_ms}: {least}");
+        println!("{delay_ms} ms: undershoot {:.1} %", 100.0 * (1.0 - lowest / wanted));
+        assert!(lowest > 0.9 * wanted, "{delay_ms}: {lowest}");
         let late = &after[3000..];
         assert!(late.iter().all(|o| (o - wanted).abs() < 2e-3), "{delay_ms}: {:?}", &late[..5]);
     }
@@ -216,11 +216,11 @@ fn whatever_is_wrong_with_the_wrench_is_named_and_counted_where_it_is_no_number(
         age_ns: 0,
         faulty: false,
     };
-    let of = |force| WrenchSample { wrench: Wrench { force, ..Wrench::ZERO }, ..good };
+    let sample_of = |force| WrenchSample { wrench: Wrench { force, ..Wrench::ZERO }, ..good };
     for (sample, reason, refused) in [
-        (of(DVec3::NAN), FeedReason::NotFinite, 1),
-        (of(DVec3::X * f64::INFINITY), FeedReason::NotFinite, 2),
-        (of(DVec3::X * 1e9), FeedReason::NotFinite, 3),
+        (sample_of(DVec3::NAN), FeedReason::NotFinite, 1),
+        (sample_of(DVec3::X * f64::INFINITY), FeedReason::NotFinite, 2),
+        (sample_of(DVec3::X * 1e9), FeedReason::NotFinite, 3),
         (WrenchSample { faulty: true, ..good }, FeedReason::SensorFault, 3),
         (WrenchSample { age_ns: 101 * MS, ..good }, FeedReason::Stale, 3),
     ] {
@@ -309,7 +309,7 @@ fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_lim
         bench.at_m += 1e-3 * bench.programmed_m_s * o;
         let wrench = Wrench { force: DVec3::X * 250.0 * o, ..Wrench::ZERO };
         most_n = most_n.max(250.0 * o);
-        let asked = bench.feed.step(&FeedInput {
+        let requested = bench.feed.step(&FeedInput {
             now_ns: bench.now_ns,
             wrench: Some(WrenchSample { wrench, in_base: true, age_ns: 0, faulty: false }),
             tool_m: Some(DVec3::X * bench.at_m),
@@ -317,7 +317,7 @@ fn a_client_that_starts_anew_below_what_was_sent_gets_no_more_force_than_the_lim
             corrects: true,
             client_override: Some(client_override),
         });
-        client_override = asked.clamp(client_override - 2e-3, client_override + 2e-4);
+        client_override = requested.clamp(client_override - 2e-3, client_override + 2e-4);
         in_force.push_back(client_override);
     }
     assert!(most_n < 1.02 * LIMIT_N, "{most_n} N");
@@ -403,9 +403,9 @@ proptest! {
         more in 1.0..3.0_f64,
     ) {
         // If nothing is sent, both see the same cut.
-        let of = |n| FeedSettings { is_sent: false, limit: FeedLimit::Force(n), ..settings() };
-        let mut lower = Bench::new(of(limit), 60);
-        let mut higher = Bench::new(of(limit * more), 60);
+        let with_limit = |n| FeedSettings { is_sent: false, limit: FeedLimit::Force(n), ..settings() };
+        let mut lower = Bench::new(with_limit(limit), 60);
+        let mut higher = Bench::new(with_limit(limit * more), 60);
         for force in forces {
             lower.tick(force);
             higher.tick(force);

@@ -150,7 +150,7 @@ impl Bench {
         (0..ms).map(|_| self.cycle(DVec3::ZERO, DVec3::X * error_m).x).collect()
     }
 
-    fn said(&self) -> (TrimState, TrimReason) {
+    fn state_and_reason(&self) -> (TrimState, TrimReason) {
         (self.trim.report().state, self.trim.report().reason)
     }
 }
@@ -187,11 +187,11 @@ fn gain_margin(time_constant: f64, delay: f64) -> f64 {
     };
     let (mut most, mut before) = (0.0_f64, response(1e-3));
     for k in 2..200_000 {
-        let here = response(1e-3 * f64::from(k));
-        if before.1 * here.1 < 0.0 && here.0 < 0.0 {
-            most = most.max(-here.0);
+        let current = response(1e-3 * f64::from(k));
+        if before.1 * current.1 < 0.0 && current.0 < 0.0 {
+            most = most.max(-current.0);
         }
-        before = here;
+        before = current;
     }
     1.0 / most
 }
@@ -202,9 +202,9 @@ fn the_gain_margin_is_two_at_every_delay_up_to_twice_the_stated_one() {
         let margins: Vec<f64> =
             (0..=8).map(|k| gain_margin(time_constant, 0.25 * f64::from(k))).collect();
         println!("T = {time_constant} delays: gain margins {margins:.2?} at 0 to 2 delays");
-        let least = margins.iter().fold(f64::INFINITY, |least, x| least.min(*x));
+        let smallest = margins.iter().fold(f64::INFINITY, |smallest, x| smallest.min(*x));
         assert!(
-            least >= if time_constant == TRIM_TIME_CONSTANT_DELAYS { 3.6 } else { 2.0 },
+            smallest >= if time_constant == TRIM_TIME_CONSTANT_DELAYS { 3.6 } else { 2.0 },
             "{margins:?}"
         );
         assert!(margins[4] >= 3.6, "at the stated delay {margins:?}");
@@ -281,43 +281,43 @@ fn noise_leaves_in_the_trim_what_its_formula_says() {
 fn nothing_winds_up_while_the_trim_is_not_sent_or_is_bounded() {
     let mut bench = Bench { corrects: false, ..Bench::new(settings()) };
     assert!(bench.rest(60_000, 1e-3).iter().all(|x| *x == 1e-3), "shadow sends nothing");
-    assert_eq!(bench.said(), (TrimState::Observing, TrimReason::None));
+    assert_eq!(bench.state_and_reason(), (TrimState::Observing, TrimReason::None));
     assert!((bench.trim.report().model_error_m.x - 1e-3).abs() < 1e-9);
     bench.corrects = true;
     let errors = bench.rest(2000, 1e-3);
     assert!(errors.iter().all(|x| *x > -1e-6), "no overshoot after a minute of shadow");
     assert!(largest(&errors[1200..]) < 1e-6);
 
-    let mut far = Bench::new(TrimSettings { limit_m: 5e-4, ..settings() });
-    let errors = far.rest(60_000, 1.5e-3);
+    let mut bounded = Bench::new(TrimSettings { limit_m: 5e-4, ..settings() });
+    let errors = bounded.rest(60_000, 1.5e-3);
     assert!((errors[59_999] - 1e-3).abs() < 1e-9, "the bound, and the rest is left");
-    assert_eq!(far.said(), (TrimState::Trimming, TrimReason::Bounded));
+    assert_eq!(bounded.state_and_reason(), (TrimState::Trimming, TrimReason::Bounded));
     // The error disappears in increments smaller than a jump: the trim follows at once.
     for k in 0..1500_u32 {
-        far.cycle(DVec3::ZERO, DVec3::X * (1.5e-3 - 1e-6 * f64::from(k)));
+        bounded.cycle(DVec3::ZERO, DVec3::X * (1.5e-3 - 1e-6 * f64::from(k)));
     }
-    assert!(largest(&far.rest(2000, 0.0)[1200..]) < 1e-6);
+    assert!(largest(&bounded.rest(2000, 0.0)[1200..]) < 1e-6);
 }
 
 #[test]
 fn a_lost_beam_holds_then_ramps_out_and_its_return_ramps_in() {
     let mut bench = Bench::new(settings());
     bench.rest(3000, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Trimming, TrimReason::None));
+    assert_eq!(bench.state_and_reason(), (TrimState::Trimming, TrimReason::None));
     bench.is_blind = true;
     let errors = bench.rest(450, 1e-3);
     assert!(largest(&errors) < 1e-6, "it holds");
-    assert_eq!(bench.said(), (TrimState::Holding, TrimReason::NoMeasurement));
+    assert_eq!(bench.state_and_reason(), (TrimState::Holding, TrimReason::NoMeasurement));
     let out = bench.rest(300, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Ramping, TrimReason::NoMeasurement));
-    let gone = bench.rest(1000, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Waiting, TrimReason::NoMeasurement));
-    assert_eq!(gone[999], 1e-3, "nothing is trimmed");
+    assert_eq!(bench.state_and_reason(), (TrimState::Ramping, TrimReason::NoMeasurement));
+    let without_beam = bench.rest(1000, 1e-3);
+    assert_eq!(bench.state_and_reason(), (TrimState::Waiting, TrimReason::NoMeasurement));
+    assert_eq!(without_beam[999], 1e-3, "nothing is trimmed");
     bench.is_blind = false;
     let back = bench.rest(2000, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Trimming, TrimReason::None));
+    assert_eq!(bench.state_and_reason(), (TrimState::Trimming, TrimReason::None));
     assert!(largest(&back[1500..]) < 1e-6);
-    let all = [errors, out, gone, back].concat();
+    let all = [errors, out, without_beam, back].concat();
     let step = all.windows(2).fold(0.0_f64, |most, two| most.max((two[1] - two[0]).abs()));
     assert!(step < 2e-6, "1 mm in a second, no step: {step:e}");
 }
@@ -328,26 +328,30 @@ fn an_instrument_that_jumps_is_not_followed_but_named_until_it_is_looked_after()
     bench.rest(3000, 1e-3);
     bench.shift_m = DVec3::Y * 1e-3;
     assert!(largest(&bench.rest(400, 1e-3)) < 1e-6, "it holds");
-    assert_eq!(bench.said(), (TrimState::Holding, TrimReason::Jumped));
+    assert_eq!(bench.state_and_reason(), (TrimState::Holding, TrimReason::Jumped));
     bench.rest(10_000, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Waiting, TrimReason::Jumped));
+    assert_eq!(bench.state_and_reason(), (TrimState::Waiting, TrimReason::Jumped));
     assert_eq!(bench.trim.report().trim_m, DVec3::ZERO);
     bench.trim.rearm();
     bench.rest(3000, 1e-3);
-    assert_eq!(bench.said(), (TrimState::Trimming, TrimReason::None));
+    assert_eq!(bench.state_and_reason(), (TrimState::Trimming, TrimReason::None));
     assert!((bench.trim.report().trim_m.y + 1e-3).abs() < 1e-6, "the new registration is right");
     bench.shift_m = DVec3::ZERO;
     bench.rest(200, 1e-3);
     bench.shift_m = DVec3::Y * 1e-3;
     bench.rest(400, 1e-3);
-    assert_eq!(bench.said().0, TrimState::Trimming, "one that comes back is believed again");
+    assert_eq!(
+        bench.state_and_reason().0,
+        TrimState::Trimming,
+        "one that comes back is believed again"
+    );
 }
 
 #[test]
 fn observing_finds_the_error_and_sends_nothing() {
     let mut bench = Bench::new(TrimSettings { is_sent: false, ..settings() });
     assert!(bench.rest(3000, 1e-3).iter().all(|x| *x == 1e-3));
-    assert_eq!(bench.said(), (TrimState::Observing, TrimReason::None));
+    assert_eq!(bench.state_and_reason(), (TrimState::Observing, TrimReason::None));
     assert!((bench.trim.report().model_error_m.x - 1e-3).abs() < 1e-6);
 }
 
@@ -357,7 +361,10 @@ fn another_model_begins_anew() {
     bench.rest(3000, 1e-3);
     bench.trim.model_changed();
     bench.trim.step(bench.now_ns + MS, true);
-    assert_eq!((bench.trim.report().trim_m, bench.said().0), (DVec3::ZERO, TrimState::Waiting));
+    assert_eq!(
+        (bench.trim.report().trim_m, bench.state_and_reason().0),
+        (DVec3::ZERO, TrimState::Waiting)
+    );
 }
 
 #[test]

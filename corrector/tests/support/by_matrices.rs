@@ -48,7 +48,7 @@ fn moved(m: &M4, p: [f64; 3]) -> [f64; 3] {
 
 /// Pose of each body for joint positions `q`.
 fn bodies(arm: &Arm, q: &[f64]) -> Vec<M4> {
-    let mut here = UNIT;
+    let mut frame = UNIT;
     let place = |(joint, &q): (&physics::Joint, &f64)| {
         let (axis, point) = (joint.axis.to_array(), joint.point.to_array());
         let motion = match joint.kind {
@@ -57,8 +57,8 @@ fn bodies(arm: &Arm, q: &[f64]) -> Vec<M4> {
                 times(&times(&shift(point), &turn(axis, q)), &shift(point.map(|c| -c)))
             }
         };
-        here = times(&here, &motion);
-        here
+        frame = times(&frame, &motion);
+        frame
     };
     arm.joints().iter().zip(q).map(place).collect()
 }

@@ -53,9 +53,9 @@ pub(crate) fn erring(arm: Arm, (joints, whole): &Errors, size: f64) -> Model {
 
 /// A pose in the middle eight tenths of the joints' ranges.
 pub(crate) fn pose(arm: &Arm, places: &[f64]) -> Vec<f64> {
-    let within = |(joint, at): (&physics::Joint, &f64)| {
+    let within = |(joint, share): (&physics::Joint, &f64)| {
         let (low, high) = joint.limits;
-        low + (high - low) * (0.1 + 0.8 * at)
+        low + (high - low) * (0.1 + 0.8 * share)
     };
     arm.joints().iter().zip(places).map(within).collect()
 }

@@ -79,10 +79,10 @@ pub(super) fn fit_warnings(
             ));
         }
     }
-    for (what, off) in last.beyond_tolerance(settings.implausible_sigmas) {
+    for (what, deviation) in last.beyond_tolerance(settings.implausible_sigmas) {
         warnings.push(format!(
             "{what} is {} standard deviations of its tolerance from the prior; check the model's geometry, and whether these poses determine it",
-            fixed(off, 1)
+            fixed(deviation, 1)
         ));
     }
     let condition = last.conditioning().condition;

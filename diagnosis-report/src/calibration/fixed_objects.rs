@@ -38,7 +38,7 @@ fn object_parameter(
     use extrinsics::ExtrinsicParameter as Place;
     let around = &fit.surroundings;
     let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or_default();
-    let (thing, at, what, value_m) = match number {
+    let (thing, index, what, value_m) = match number {
         Place::Frame(..) | Place::Target(..) => return None,
         Place::Anchor(i, 3) => ("distance", i, "offset", Some(around.anchors[i].offset_m.value)),
         Place::Anchor(i, k) => {
@@ -54,7 +54,7 @@ fn object_parameter(
     let sigma = fit.sigma(column).map(|sigma| sigma * MILLI);
     Some(ObjectParameter {
         thing,
-        number: at + 1,
+        number: index + 1,
         what,
         value_mm: value_m.map(|m| m * MILLI),
         sigma,
@@ -64,12 +64,12 @@ fn object_parameter(
 /// One line per object: `sphere 1: x 800.123 ± 0.004, …`.
 pub(super) fn lines(numbers: &[ObjectParameter]) -> Vec<String> {
     let whole = numbers.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
-    let number = |thing: &ObjectParameter| {
-        let value = format!("{:.3}", thing.value_mm?);
-        let sigma = thing.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
+    let number = |parameter: &ObjectParameter| {
+        let value = format!("{:.3}", parameter.value_mm?);
+        let sigma = parameter.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
         Some(format!(
             "{} {value}{}",
-            thing.what,
+            parameter.what,
             sigma.unwrap_or_else(|| " (not determined)".to_owned())
         ))
     };

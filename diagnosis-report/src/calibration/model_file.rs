@@ -35,8 +35,8 @@ fn add_origin(file: &mut ModelFile, found: &CalibrationResult) {
     let mm = |metres: f64| fixed(metres * 1e3, 4);
     let errors = MODELS.iter().zip(&found.errors);
     let means: Vec<String> = errors.map(|(name, e)| format!("{name} {}", mm(e.mean()))).collect();
-    let mut say = |key: &str, words: String| {
-        file.meta.insert(key.to_owned(), words.into());
+    let mut say = |key: &str, text: String| {
+        file.meta.insert(key.to_owned(), text.into());
     };
     say("calibrated_by", format!("trued calibrate {}", env!("CARGO_PKG_VERSION")));
     say(

@@ -141,11 +141,11 @@ impl FittedModels {
         // Poses that were held out at random are used in the resulting model, which is selected and fitted again on all poses and so does not depend
         // on the seed. Poses that a recording reserves for validation are used in no fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
-        let anew = |used: &[bool]| {
+        let recalibrated = |used: &[bool]| {
             hold_out::calibrate(campaign, &base.physics, &base.sigma, used, &ignore).advanced
         };
         let (calibration, written) = std::thread::scope(|scope| {
-            let written = seed.is_some().then(|| scope.spawn(|| anew(&used)));
+            let written = seed.is_some().then(|| scope.spawn(|| recalibrated(&used)));
             let proven =
                 hold_out::calibrate(campaign, &base.physics, &base.sigma, training, listener);
             listener(Stage::CalibrationAllPoses, Progress::Begun);
@@ -154,7 +154,7 @@ impl FittedModels {
         let written = match written {
             None => calibration.advanced.clone(),
             Some(Ok(written)) => written,
-            Some(Err(_)) => anew(&used),
+            Some(Err(_)) => recalibrated(&used),
         };
         Self { calibration, written, used }
     }
@@ -261,10 +261,11 @@ impl CalibrationResult {
 }
 
 fn outliers(campaign: &Campaign, last: &Fit) -> Vec<Outlier> {
-    let off = last.residuals(campaign);
+    let residuals = last.residuals(campaign);
     let worst = |pose: usize| {
-        let lengths = off.iter().filter(|off| off.pose == pose && off.is_length);
-        lengths.map(|off| off.residual.length()).fold(0.0, f64::max)
+        let lengths =
+            residuals.iter().filter(|residual| residual.pose == pose && residual.is_length);
+        lengths.map(|residual| residual.residual.length()).fold(0.0, f64::max)
     };
     let outlier = |place: usize| {
         let pose = &campaign.poses[place];
@@ -284,14 +285,14 @@ fn recording_errors(
     held: &[bool],
     still: f64,
 ) -> Vec<RecordingErrors> {
-    let of = |recording: usize| {
+    let errors_of = |recording: usize| {
         let poses = campaign.poses.iter().zip(held);
         let wanted: Vec<bool> = poses.map(|(p, held)| *held && p.recording == recording).collect();
         let errors = fits(calibration).map(|fit| PositionErrors::of(fit, campaign, &wanted));
         let planar = is_planar(&calibration.nominal.hypothesis.model.arm, campaign, &wanted, still);
         RecordingErrors { recording, planar, errors }
     };
-    let all = (0..campaign.recordings.len()).map(of);
+    let all = (0..campaign.recordings.len()).map(errors_of);
     all.filter(|one| !one.errors[0].sorted_m.is_empty()).collect()
 }
 
@@ -308,10 +309,10 @@ fn is_planar(arm: &Arm, campaign: &Campaign, wanted: &[bool], still: f64) -> boo
 
 fn station_errors(campaign: &Campaign, fits: [&Fit; 3], held: &[bool]) -> Vec<StationErrors> {
     let of_frame = |frame: usize| {
-        let seen = |pose: &Pose| pose.frame() == Some(frame);
-        let recording = campaign.poses.iter().find(|pose| seen(pose))?.recording;
+        let is_from_station = |pose: &Pose| pose.frame() == Some(frame);
+        let recording = campaign.poses.iter().find(|pose| is_from_station(pose))?.recording;
         let poses = campaign.poses.iter().zip(held);
-        let wanted: Vec<bool> = poses.map(|(pose, held)| *held && seen(pose)).collect();
+        let wanted: Vec<bool> = poses.map(|(pose, held)| *held && is_from_station(pose)).collect();
         let errors = fits.map(|fit| PositionErrors::of(fit, campaign, &wanted));
         Some(StationErrors { frame, recording, errors })
     };

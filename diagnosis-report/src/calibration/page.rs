@@ -99,12 +99,12 @@ fn verdict(page: Page, found: &CalibrationResult, written: Option<&Path>) -> Pag
                 page.verdict(Tone::Good, "calibrated and validated on held-out poses", &sentence)
             }
             Some(tolerance) => {
-                let (tone, word) = match tolerance.met {
+                let (tone, headline) = match tolerance.met {
                     true => (Tone::Good, "calibrated, within the tolerance"),
                     false => (Tone::Bad, "calibrated, but outside the tolerance"),
                 };
                 let against = tolerance_text(tolerance);
-                page.verdict(tone, word, &format!("Tolerance of {against}. {sentence}"))
+                page.verdict(tone, headline, &format!("Tolerance of {against}. {sentence}"))
             }
         },
         [reason, ..] => {
@@ -212,13 +212,13 @@ fn objections_and_warnings(mut page: Page, found: &CalibrationResult) -> Page {
 
 /// Key figures without a tone: an improvement is not necessarily sufficient.
 fn key_figures(found: &CalibrationResult) -> Vec<Number> {
-    let of = |k: usize| {
+    let figure = |k: usize| {
         let errors = &found.errors[k];
         let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
         Number::new(format!("Mean error, {}", MODELS[k]), mm(errors.mean()), "mm").note(note)
     };
     let effects = found.entries.iter().filter(|entry| !entry.is_empty()).count();
-    vec![of(0), of(1), of(2), Number::text("Effects in the model", effects.to_string())]
+    vec![figure(0), figure(1), figure(2), Number::text("Effects in the model", effects.to_string())]
 }
 
 fn error_table(found: &CalibrationResult) -> Table {
@@ -348,10 +348,10 @@ fn undetermined_section(mut page: Page, found: &CalibrationResult) -> Page {
     }
     if !found.outliers.is_empty() {
         let heads = ["Recording", "Row", "Error (mm)"];
-        let words =
+        let title =
             format!("{} with a weight below one half", pluralise(found.outliers.len(), "pose"));
         let outliers = found.outliers.iter().take(OUTLIERS);
-        let table = outliers.fold(Table::new(words, heads), |table, outlier| {
+        let table = outliers.fold(Table::new(title, heads), |table, outlier| {
             table.row([
                 found.recording_name(outlier.recording).into(),
                 (outlier.row as f64).into(),

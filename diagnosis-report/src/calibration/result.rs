@@ -242,16 +242,20 @@ impl CalibrationResult {
 fn residual_reports(found: &CalibrationResult) -> Vec<ResidualReport> {
     let CalibrationResult { campaign, fit, .. } = found;
     let reads = |place: usize| {
-        campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| seen.instrument == place)
+        campaign
+            .poses
+            .iter()
+            .flat_map(|pose| &pose.seen)
+            .any(|observation| observation.instrument == place)
     };
-    let of = campaign.instruments.iter().zip(&fit.factors).enumerate();
+    let instruments = campaign.instruments.iter().zip(&fit.factors).enumerate();
     let report =
         |(_, (instrument, factor)): (usize, (&diagnosis::Instrument, &f64))| ResidualReport {
             instrument: instrument.name.clone(),
             noise_is_stated: instrument.noise_is_known,
             factor: *factor,
         };
-    of.filter(|(place, _)| reads(*place)).map(report).collect()
+    instruments.filter(|(place, _)| reads(*place)).map(report).collect()
 }
 
 fn conditioning_report(found: &CalibrationResult) -> ConditioningReport {
@@ -282,14 +286,14 @@ fn outlier_reports(found: &CalibrationResult) -> Vec<OutlierReport> {
 }
 
 fn approach_reports(found: &CalibrationResult) -> Vec<ApproachReport> {
-    let of = |one: &ApproachErrors| {
+    let report = |one: &ApproachErrors| {
         let side = |k: usize| {
             let [nominal, calibrated, advanced] = one.errors.each_ref().map(|e| figures(&e[k]));
             PerModel { nominal, calibrated, advanced }
         };
         ApproachReport { joint: one.joint + 1, rising: side(0), falling: side(1) }
     };
-    found.approach_errors.iter().map(of).collect()
+    found.approach_errors.iter().map(report).collect()
 }
 
 /// Equal bins from zero to the largest error of all models.
@@ -309,12 +313,12 @@ fn histogram(errors: &[PositionErrors; 3]) -> HistogramReport {
 }
 
 fn recording_reports(found: &CalibrationResult) -> Vec<RecordingReport> {
-    let of = |one: &RecordingErrors| RecordingReport {
+    let report = |one: &RecordingErrors| RecordingReport {
         recording: found.recording_name(one.recording).to_owned(),
         moves: motion_kind(one.planar),
         heldout: PerModel::of(&one.errors, figures),
     };
-    found.recording_errors.iter().map(of).collect()
+    found.recording_errors.iter().map(report).collect()
 }
 
 /// Kind of motion of the tool between the poses of a recording.

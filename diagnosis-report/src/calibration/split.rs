@@ -45,16 +45,16 @@ impl PoseSplit {
 }
 
 /// Checks that lengths were measured on both sides.
-fn require_poses(campaign: &Campaign, split: &HoldOutSplit, least: usize) -> Result<(), Error> {
+fn require_poses(campaign: &Campaign, split: &HoldOutSplit, minimum: usize) -> Result<(), Error> {
     let is_length = |pose: &Pose| pose.seen.iter().any(|s| s.reading.is_length());
     let poses = campaign.poses.iter().zip(&split.training);
     let part = |wanted: bool| {
         poses.clone().filter(|(pose, trains)| **trains == wanted && is_length(pose)).count()
     };
     let (trains, held) = (part(true), part(false));
-    if trains < least || held == 0 {
+    if trains < minimum || held == 0 {
         return Err(Error::input(format!(
-            "the tool was measured at {} for training and {held} held out, expected at least {least} and 1; measure more poses \
+            "the tool was measured at {} for training and {held} held out, expected at least {minimum} and 1; measure more poses \
              (a few dozen for a robot's geometry), or change --heldout",
             pluralise(trains, "pose")
         )));
@@ -66,19 +66,19 @@ fn require_poses(campaign: &Campaign, split: &HoldOutSplit, least: usize) -> Res
 fn require_station_readings(
     campaign: &Campaign,
     split: &HoldOutSplit,
-    least: usize,
+    minimum: usize,
 ) -> Result<(), Error> {
     for (frame, station) in campaign.surroundings.frames.iter().enumerate() {
         let poses = campaign.poses.iter().zip(&split.training);
-        let here = poses.filter(|(pose, _)| pose.frame() == Some(frame));
-        let (trains, held): (Vec<_>, Vec<_>) = here.partition(|(_, trains)| **trains);
-        let seen: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
-        if station.free && seen < least && !held.is_empty() {
+        let of_station = poses.filter(|(pose, _)| pose.frame() == Some(frame));
+        let (trains, held): (Vec<_>, Vec<_>) = of_station.partition(|(_, trains)| **trains);
+        let readings: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
+        if station.free && readings < minimum && !held.is_empty() {
             return Err(Error::input(format!(
-                "station {} of the instrument has {} in the training set and {} held out, expected at least {least} to estimate its \
+                "station {} of the instrument has {} in the training set and {} held out, expected at least {minimum} to estimate its \
                  pose; measure more from there, assign its rows to another `station`, or change --heldout",
                 frame + 1,
-                pluralise(seen, "reading"),
+                pluralise(readings, "reading"),
                 held.len()
             )));
         }

@@ -186,7 +186,7 @@ impl SweepsAndLoads {
 
     pub(super) fn report(&self) -> SweepsAndLoadsReport {
         SweepsAndLoadsReport {
-            single_joint: self.sweep_results.iter().map(|said| self.sweep(said)).collect(),
+            single_joint: self.sweep_results.iter().map(|result| self.sweep(result)).collect(),
             joint_models: self.joints.iter().flat_map(joint_model).collect(),
             axes: self.axes.iter().map(axes_report).collect(),
             stiffness: self.stiffness(),
@@ -200,10 +200,10 @@ impl SweepsAndLoads {
         }
     }
 
-    fn sweep(&self, said: &SweepResult) -> SweepReport {
-        let axis = said.axis.as_ref().ok();
-        let error = said.error.as_ref();
-        let errors = said.errors.iter().flat_map(|errors| &errors.steps);
+    fn sweep(&self, result: &SweepResult) -> SweepReport {
+        let axis = result.axis.as_ref().ok();
+        let error = result.error.as_ref();
+        let errors = result.errors.iter().flat_map(|errors| &errors.steps);
         let sag = |axis: &JointAxis| SagReport {
             taken_out: self.is_sag_removed,
             moved_points_um: axis.moved_by_sag_m * MICRO,
@@ -211,9 +211,9 @@ impl SweepsAndLoads {
             shifted_axis_um: axis.shifted_by_sag.length() * MICRO,
         };
         SweepReport {
-            joint: said.found.sweep.joint + 1,
-            rows: [said.found.rows.0 + 1, said.found.rows.1 + 1],
-            fault: said.axis.as_ref().err().map(ToString::to_string),
+            joint: result.found.sweep.joint + 1,
+            rows: [result.found.rows.0 + 1, result.found.rows.1 + 1],
+            fault: result.axis.as_ref().err().map(ToString::to_string),
             targets: axis.map_or(0, |axis| axis.targets.len()),
             tilt_mrad: error.map(|error| error.tilt_rad.map(|x| x * MILLI)),
             sigma_tilt_mrad: error.map(|error| error.sigma_tilt_rad.map(|x| x * MILLI)),
@@ -249,8 +249,9 @@ impl SweepsAndLoads {
 
     fn load_deflection(&self) -> Option<LoadDeflection> {
         let effects = || self.load_effects.iter().filter_map(|w| Some((w.pose, w.effect?)));
-        let sorted = |of: &dyn Fn(&diagnosis::enhanced_stiffness::EnhancedEffect) -> f64| {
-            let mut all: Vec<f64> = effects().map(|(_, effect)| of(&effect) * MICRO).collect();
+        let sorted = |quantity: &dyn Fn(&diagnosis::enhanced_stiffness::EnhancedEffect) -> f64| {
+            let mut all: Vec<f64> =
+                effects().map(|(_, effect)| quantity(&effect) * MICRO).collect();
             all.sort_by(f64::total_cmp);
             (all.get(all.len() / 2).copied(), all.last().copied())
         };
@@ -293,12 +294,12 @@ fn compliant_joints(found: &Compliances) -> Vec<CompliantJoint> {
     found.value.iter().enumerate().filter_map(joint).collect()
 }
 
-fn joint_model(of: &JointSweepModel) -> Vec<ModelReport> {
-    let hypothesis = &of.model.hypothesis;
+fn joint_model(joint_model: &JointSweepModel) -> Vec<ModelReport> {
+    let hypothesis = &joint_model.model.hypothesis;
     let values = hypothesis.values();
-    let each = hypothesis.free.iter().zip(values).zip(&of.model.determined);
+    let each = hypothesis.free.iter().zip(values).zip(&joint_model.model.determined);
     each.map(|((free, value), determined)| ModelReport {
-        joint: of.joint + 1,
+        joint: joint_model.joint + 1,
         what: hypothesis.describe(free),
         value: value * MILLI,
         sigma: determined.then_some(free.sigma * MILLI),
@@ -319,10 +320,10 @@ fn axes_report(relative: &RelativeAxes) -> AxesReport {
 /// Fitted standard uncertainty of one coordinate of a point, m.
 fn typical_noise(campaign: &Campaign, fit: &Fit) -> f64 {
     let mut all: Vec<f64> = Vec::new();
-    for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {
-        if matches!(seen.reading, diagnosis::Reading::Point { .. }) {
-            let sigma = seen.whitening.determinant().abs().powf(-1.0 / 3.0);
-            all.push(sigma * fit.factors[seen.instrument]);
+    for observation in campaign.poses.iter().flat_map(|pose| &pose.seen) {
+        if matches!(observation.reading, diagnosis::Reading::Point { .. }) {
+            let sigma = observation.whitening.determinant().abs().powf(-1.0 / 3.0);
+            all.push(sigma * fit.factors[observation.instrument]);
         }
     }
     all.sort_by(f64::total_cmp);

@@ -24,8 +24,9 @@ impl CalibrationResult {
     pub fn text(&self, written: Option<&Path>, width_max: Option<usize>) -> String {
         let mut table = TextTable::new(["held out, mm", "mean", "median", "95 %", "largest"]);
         for (name, errors) in MODELS.iter().zip(&self.errors) {
-            let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
-            let cells = of.map(|error| fixed(mm(error), 3));
+            let statistics =
+                [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
+            let cells = statistics.map(|error| fixed(mm(error), 3));
             table = table.row(std::iter::once((*name).to_owned()).chain(cells));
         }
         let mut text = format!(
@@ -103,9 +104,9 @@ pub(super) fn model_name(written: Option<&Path>) -> String {
 /// The evaluation of a tolerance as text.
 pub(super) fn tolerance_text(tolerance: Tolerance) -> String {
     let Tolerance { tolerance_mm, p95_mm, met } = tolerance;
-    let word = if met { "met" } else { "not met" };
+    let outcome = if met { "met" } else { "not met" };
     format!(
-        "{} mm {word}: 95 % of the held-out errors are within {} mm",
+        "{} mm {outcome}: 95 % of the held-out errors are within {} mm",
         significant(tolerance_mm, 3),
         significant(p95_mm, 3)
     )
@@ -113,23 +114,24 @@ pub(super) fn tolerance_text(tolerance: Tolerance) -> String {
 
 /// Lines of the significant effects per joint, largest displacement of the tool first.
 fn effects_per_joint(found: &CalibrationResult) -> Vec<String> {
-    let mut told: Vec<&FittedEffect> =
+    let mut listed: Vec<&FittedEffect> =
         found.entries.iter().filter(|entry| !entry.is_empty()).collect();
-    told.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
-    let least = LISTED_SHARE_LEAST * told.first().map_or(0.0, |entry| entry.share_m);
+    listed.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
+    let share_min = LISTED_SHARE_LEAST * listed.first().map_or(0.0, |entry| entry.share_m);
     let mut joints: Vec<Option<usize>> = Vec::new();
-    for entry in &told {
+    for entry in &listed {
         if !joints.contains(&entry.joint()) {
             joints.push(entry.joint());
         }
     }
     let line = |joint: Option<usize>| {
-        let of = told.iter().filter(|entry| entry.joint() == joint && entry.share_m >= least);
-        let words =
-            of.map(|entry| format!("{} {}", effect_name(entry.kind()), displacement_text(entry)));
-        let words: Vec<String> = words.take(EFFECTS_PER_JOINT_MOST).collect();
+        let of_joint =
+            listed.iter().filter(|entry| entry.joint() == joint && entry.share_m >= share_min);
+        let effects = of_joint
+            .map(|entry| format!("{} {}", effect_name(entry.kind()), displacement_text(entry)));
+        let effects: Vec<String> = effects.take(EFFECTS_PER_JOINT_MOST).collect();
         let whose = joint.map_or("robot".to_owned(), |joint| format!("joint {joint}"));
-        (!words.is_empty()).then(|| format!("{whose}: {}", words.join(", ")))
+        (!effects.is_empty()).then(|| format!("{whose}: {}", effects.join(", ")))
     };
     joints.into_iter().filter_map(line).collect()
 }

@@ -75,14 +75,14 @@ pub(super) fn sentences<'a>(
             names.push(name);
         }
     }
-    let said = |(reason, joints): (Reason, BTreeMap<usize, Vec<String>>)| {
+    let sentence = |(reason, joints): (Reason, BTreeMap<usize, Vec<String>>)| {
         let of_joint = |(joint, names): (&usize, &Vec<String>)| match joint {
             &usize::MAX => joined(names),
             joint => format!("joint {}'s {}", joint + 1, joined(names)),
         };
         reason.sentence(&joints.iter().map(of_joint).collect::<Vec<_>>().join("; "))
     };
-    groups.into_iter().map(said).collect()
+    groups.into_iter().map(sentence).collect()
 }
 
 /// Joins names: `a, b and c`.

@@ -49,11 +49,11 @@ pub(crate) fn domain(
         &error_over(torques, unit, "speed", speed, &|trace, k| trace.speed[k]),
     );
     let held = |side: usize| -> Vec<f64> {
-        let of = |trace: &Trace| -> Vec<f64> {
+        let test_errors = |trace: &Trace| -> Vec<f64> {
             let rows = (0..trace.is_test_row.len()).filter(|k| trace.is_test_row[*k]);
             rows.map(|k| trace.residuals[side][k].abs()).collect()
         };
-        torques.traces.iter().flat_map(of).collect()
+        torques.traces.iter().flat_map(test_errors).collect()
     };
     let sizes = Histogram::new("Held-out rows", Axis::new("error", unit))
         .values("given model", held(0))

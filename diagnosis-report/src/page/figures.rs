@@ -94,8 +94,9 @@ fn over_time(diagnosis: &Diagnosis, traces: &[ResidualSeries], unit: &str) -> (S
     let (factor, name) = if whole > 7200.0 { (1.0 / 3600.0, "h") } else { (1.0, "s") };
     let series = |trace: &ResidualSeries, side: usize| {
         let points = trace.off.iter().step_by(stride);
-        let points: Vec<(f64, f64)> =
-            points.map(|(pose, off)| (factor * elapsed[*pose], MILLI * off[side])).collect();
+        let points: Vec<(f64, f64)> = points
+            .map(|(pose, residuals)| (factor * elapsed[*pose], MILLI * residuals[side]))
+            .collect();
         let name = ["given model", "with the findings"][side];
         let series = Series::dots(name, points);
         series.role([Role::Before, Role::After][side])
@@ -108,15 +109,15 @@ fn over_time(diagnosis: &Diagnosis, traces: &[ResidualSeries], unit: &str) -> (S
             .series(series(trace, 1));
         all = all.plot(plot);
     }
-    let mut says = omission_note(stride);
+    let mut note = omission_note(stride);
     if traces.len() > CHANNELS {
-        says += &format!(" The first {CHANNELS} of {} channels.", traces.len());
+        note += &format!(" The first {CHANNELS} of {} channels.", traces.len());
     }
-    (all.render(), says)
+    (all.render(), note)
 }
 
 fn histogram(unit: &str, before: &[f64], after: &[f64]) -> Svg {
-    let values = |all: &[f64]| all.iter().map(|off| MILLI * off).collect::<Vec<_>>();
+    let values = |all: &[f64]| all.iter().map(|error| MILLI * error).collect::<Vec<_>>();
     Histogram::new("Held-out errors", Axis::new("Error", unit).log())
         .values("given model", values(before))
         .role(Role::Before)
@@ -139,33 +140,34 @@ fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
 }
 
 /// A covariate for users, with its unit and the factor from SI to it.
-fn covariate_label(word: &str, slides: bool) -> (String, &'static str, f64) {
-    let stem: String = word.chars().take_while(|c| c.is_ascii_lowercase() && *c != '_').collect();
-    let joint: String = word.chars().filter(char::is_ascii_digit).collect();
-    let of = |what: &str| {
+fn covariate_label(covariate: &str, slides: bool) -> (String, &'static str, f64) {
+    let stem: String =
+        covariate.chars().take_while(|c| c.is_ascii_lowercase() && *c != '_').collect();
+    let joint: String = covariate.chars().filter(char::is_ascii_digit).collect();
+    let of_joint = |what: &str| {
         if joint.is_empty() { what.to_owned() } else { format!("{what} of joint {joint}") }
     };
     let degrees = 180.0 / std::f64::consts::PI;
     match (stem.as_str(), slides) {
-        ("q", false) => (of("Position"), "deg", degrees),
-        ("q", true) => (of("Position"), "mm", MILLI),
-        ("v", false) => (of("Speed"), "deg/s", degrees),
-        ("v", true) => (of("Speed"), "mm/s", MILLI),
-        ("a", false) => (of("Acceleration"), "deg/s²", degrees),
-        ("a", true) => (of("Acceleration"), "mm/s²", MILLI),
-        ("direction", _) => (of("Direction"), "", 1.0),
-        ("tau", false) => (of("Torque"), "Nm", 1.0),
-        ("tau", true) => (of("Force"), "N", 1.0),
-        ("temp", _) => (of("Temperature"), "°C", 1.0),
+        ("q", false) => (of_joint("Position"), "deg", degrees),
+        ("q", true) => (of_joint("Position"), "mm", MILLI),
+        ("v", false) => (of_joint("Speed"), "deg/s", degrees),
+        ("v", true) => (of_joint("Speed"), "mm/s", MILLI),
+        ("a", false) => (of_joint("Acceleration"), "deg/s²", degrees),
+        ("a", true) => (of_joint("Acceleration"), "mm/s²", MILLI),
+        ("direction", _) => (of_joint("Direction"), "", 1.0),
+        ("tau", false) => (of_joint("Torque"), "Nm", 1.0),
+        ("tau", true) => (of_joint("Force"), "N", 1.0),
+        ("temp", _) => (of_joint("Temperature"), "°C", 1.0),
         ("spindle", _) => ("Spindle speed".to_owned(), "1/min", 1.0),
         ("wrench", _) => ("Wrench on the tool".to_owned(), "N or Nm", 1.0),
         ("t", _) => ("Time".to_owned(), "s", 1.0),
-        _ => (word.to_owned(), "", 1.0),
+        _ => (covariate.to_owned(), "", 1.0),
     }
 }
 
-fn is_prismatic(diagnosis: &Diagnosis, word: &str) -> bool {
-    let digits: String = word.chars().filter(char::is_ascii_digit).collect();
+fn is_prismatic(diagnosis: &Diagnosis, covariate: &str) -> bool {
+    let digits: String = covariate.chars().filter(char::is_ascii_digit).collect();
     let joint = digits.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
     let joints = diagnosis.given.hypothesis.model.arm.joints();
     joint.and_then(|j| joints.get(j)).is_some_and(|j| j.kind == JointKind::Prismatic)
@@ -205,14 +207,14 @@ pub(crate) fn error_map(page: Page, diagnosis: &Diagnosis, report: &Report) -> P
 
 /// Range of a map cell for users: `q3 10 to 20 deg`, `joint 3 rising`.
 fn cell_range(diagnosis: &Diagnosis, cell: &MapCellReport) -> String {
-    let word = &cell.depends_on;
-    if let Some(joint) = word.strip_prefix("direction_") {
+    let covariate = &cell.depends_on;
+    if let Some(joint) = covariate.strip_prefix("direction_") {
         let way = if cell.from + cell.to > 0.0 { "rising" } else { "falling" };
         return format!("joint {joint} {way}");
     }
-    let (_, unit, factor) = covariate_label(word, is_prismatic(diagnosis, word));
+    let (_, unit, factor) = covariate_label(covariate, is_prismatic(diagnosis, covariate));
     let [from, to] = [cell.from, cell.to].map(|edge| significant(factor * edge, 2));
-    let name = word.trim_end_matches("_C").trim_end_matches("_s").trim_end_matches("_rpm");
+    let name = covariate.trim_end_matches("_C").trim_end_matches("_s").trim_end_matches("_rpm");
     format!("{name} {from} to {to} {unit}")
 }
 
@@ -244,13 +246,13 @@ fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) ->
     let (what, unit, factor) = covariate_label(&over.word, is_prismatic(diagnosis, &over.word));
     let joint = over.joint;
     let sliding = joint.is_some_and(|j| is_prismatic(diagnosis, &format!("q{}", j + 1)));
-    let off = if joint.is_none() || sliding { "mm" } else { "mrad" };
+    let error_unit = if joint.is_none() || sliding { "mm" } else { "mrad" };
     let y = match joint {
-        Some(joint) => Axis::new(format!("Error of joint {}", joint + 1), off),
-        None => Axis::new("Error of the tool", off),
+        Some(joint) => Axis::new(format!("Error of joint {}", joint + 1), error_unit),
+        None => Axis::new("Error of the tool", error_unit),
     };
     let drawn = || over.points.iter().step_by(stride);
-    let seen = |wanted: Option<f64>| {
+    let measured = |wanted: Option<f64>| {
         let points = drawn().filter(move |p| wanted.is_none_or(|d| p.direction == d));
         points.map(|p| (factor * p.at, MILLI * p.seen)).collect::<Vec<_>>()
     };
@@ -258,10 +260,10 @@ fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) ->
     let mut plot =
         Plot::new(format!("Error over {}", what.to_lowercase()), Axis::new(what, unit), y);
     plot = if both && joint.is_some() {
-        plot.series(Series::dots("measured, increasing", seen(Some(1.0))))
-            .series(Series::dots("measured, decreasing", seen(Some(-1.0))))
+        plot.series(Series::dots("measured, increasing", measured(Some(1.0))))
+            .series(Series::dots("measured, decreasing", measured(Some(-1.0))))
     } else {
-        plot.series(Series::dots("seen", seen(None)))
+        plot.series(Series::dots("seen", measured(None)))
     };
     let explained = drawn().map(|p| (factor * p.at, MILLI * p.explained));
     plot.series(Series::dots("explained by the finding", explained).role(Role::After)).render()

@@ -33,9 +33,9 @@ pub(crate) fn render(found: &ForceDiagnosis, report: &Report) -> Page {
 }
 
 fn evaluated(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
-    let word = report.verdict.replace('_', " ");
+    let verdict = report.verdict.replace('_', " ");
     let mut page = page
-        .verdict(tone(report), &word, &sentence(diagnosis, report))
+        .verdict(tone(report), &verdict, &sentence(diagnosis, report))
         .numbers(numbers(report))
         .figure(
             "Distance of the signal from its mean at rest: air and cut.",

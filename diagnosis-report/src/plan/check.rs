@@ -70,8 +70,9 @@ pub fn check_poses<'a>(
 ) -> Result<CheckPlan<'a>, Error> {
     let mut start = settings.start(robot)?;
     start.task.hypothesis = Hypothesis::fixed(robot.model.physics);
-    let wish = settings.wish(count, criterion);
-    let found = plan_check(&start.task, &robot.model.sigma, &wish, terms).map_err(Error::input)?;
+    let plan_settings = settings.plan_settings(count, criterion);
+    let found =
+        plan_check(&start.task, &robot.model.sigma, &plan_settings, terms).map_err(Error::input)?;
     Ok(CheckPlan { robot, settings, start, terms: *terms, found })
 }
 

@@ -145,7 +145,7 @@ fn gauges(task: &Task) -> Gauges {
         MeasurementKind::Distance { .. } => {
             gauges.distances = (0..)
                 .zip(around.anchors.iter().take(1).map(|anchor| Distance {
-                    anchor_m: known(anchor.place).map(|at| at.to_array()),
+                    anchor_m: known(anchor.place).map(|position| position.to_array()),
                     target,
                     offset_m: known(anchor.offset_m),
                 }))
@@ -165,7 +165,7 @@ fn gauges(task: &Task) -> Gauges {
                 .collect();
             gauges.spheres = (0..)
                 .zip(around.spheres.iter().map(|sphere| TouchedSphere {
-                    centre_m: known(sphere.centre).map(|at| at.to_array()),
+                    centre_m: known(sphere.centre).map(|position| position.to_array()),
                     radius_m: known(sphere.radius_m),
                 }))
                 .collect();

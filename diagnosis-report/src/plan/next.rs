@@ -123,7 +123,7 @@ impl NextPlan<'_> {
     #[must_use]
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, worth_mm, found } = self;
-        let whereabouts = settings.region();
+        let region = settings.region();
         let improved = self.improved_parameters();
         let improved = improved.iter().map(|one| format!("becomes surer: {one}"));
         let not_checked = settings.not_checked(&start.task.measurement);
@@ -134,8 +134,8 @@ impl NextPlan<'_> {
                 .to_owned(),
             sentence: format!("{}.", self.improvement()),
             numbers: vec![
-                Number::new("Expected error now", MILLI * before_m, "mm").note(whereabouts),
-                Number::new("With this pose", MILLI * after_m, "mm").note(whereabouts),
+                Number::new("Expected error now", MILLI * before_m, "mm").note(region),
+                Number::new("With this pose", MILLI * after_m, "mm").note(region),
                 Number::new("Worth measuring", *worth_mm, "mm").note("for ten more poses"),
             ],
             poses: vec![("next".to_owned(), found.pose.q)],

@@ -140,8 +140,8 @@ pub fn measuring_poses<'a>(
     count: usize,
 ) -> Result<PosesPlan<'a>, Error> {
     let start = settings.start_with_zone(robot)?;
-    let wish = settings.wish(count, criterion);
-    let found = plan(&start.task, start.known(), &wish).map_err(Error::input)?;
+    let plan_settings = settings.plan_settings(count, criterion);
+    let found = plan(&start.task, start.known(), &plan_settings).map_err(Error::input)?;
     Ok(PosesPlan { robot, settings, start, criterion, found })
 }
 
@@ -180,11 +180,11 @@ impl PosesPlan<'_> {
         let mut lines = vec![TextLine::with_head(Tone::Plain, head, rest)];
         lines.push(self.table_of_poses(width_max).into());
         if let (Some(first), Some(last)) = (found.poses.first(), found.poses.last()) {
-            let whereabouts = settings.region();
+            let region = settings.region();
             let (before, after) = (mm(first.tool_m[0]), mm(last.tool_m[1]));
             lines.push(
                 format!(
-                    "expected error of the tool {whereabouts}: {before} mm before, {after} mm after"
+                    "expected error of the tool {region}: {before} mm before, {after} mm after"
                 )
                 .into(),
             );
@@ -204,7 +204,7 @@ impl PosesPlan<'_> {
     #[must_use]
     pub fn page(&self) -> Page {
         let Self { robot, settings, start, found, .. } = self;
-        let whereabouts = settings.region();
+        let region = settings.region();
         let expected = found.poses.first().zip(found.poses.last());
         let [before, after] = expected.map_or([f64::NAN; 2], |(first, last)| {
             [MILLI * first.tool_m[0], MILLI * last.tool_m[1]]
@@ -218,7 +218,7 @@ impl PosesPlan<'_> {
         let content = PageContent {
             verdict: format!("{} to measure", pluralise(found.poses.len(), "pose")),
             sentence: format!(
-                "{} of {} that pass, {}. With them the tool's expected error {whereabouts} falls from {} to {} mm.",
+                "{} of {} that pass, {}. With them the tool's expected error {region} falls from {} to {} mm.",
                 pluralise(found.poses.len(), "pose"),
                 found.candidates,
                 self.criterion_text(),
@@ -227,8 +227,8 @@ impl PosesPlan<'_> {
             ),
             numbers: vec![
                 Number::text("Poses", found.poses.len().to_string()),
-                Number::new("Expected error now", before, "mm").note(whereabouts),
-                Number::new("Expected error afterwards", after, "mm").note(whereabouts),
+                Number::new("Expected error now", before, "mm").note(region),
+                Number::new("Expected error afterwards", after, "mm").note(region),
             ],
             poses: numbered(&self.stops()),
             details: vec![self.table_of_uncertainties()],

@@ -92,32 +92,32 @@ fn sentence(finding: &Finding, entry: Option<&EffectEntry>) -> String {
         let found = entry.and_then(|e| e.parameters.iter().find(|p| p.key.starts_with(stem)));
         found.map(|p| p.value.as_slice().to_vec()).unwrap_or_default()
     };
-    let said = |stem: &str| {
+    let values = |stem: &str| {
         list(stem).iter().map(|x| significant(*x, 3)).collect::<Vec<String>>().join(", ")
     };
     let share = |k: usize| significant(100.0 * list("scale").get(k).copied().unwrap_or(0.0), 3);
     match finding.kind {
         "cutting_force" => format!(
             "The shear coefficients of the workpiece are {} N/mm² higher than stated (tangential, radial, axial).",
-            said("coefficient")
+            values("coefficient")
         ),
         "edge_force" => format!(
             "The edge coefficients are {} N per mm of depth higher than stated (tangential, radial, axial).",
-            said("coefficient")
+            values("coefficient")
         ),
         "tool_wear" => {
-            format!("Tool wear: the edge force increases by {} per metre of cut.", said("growth"))
+            format!("Tool wear: the edge force increases by {} per metre of cut.", values("growth"))
         }
         "runout" => format!(
             "The tool has a runout of {} µm: one tooth cuts more than the others.",
-            said("radial")
+            values("radial")
         ),
         "chatter" => format!(
             "Self-excited vibration at {} Hz, {} N: chatter.",
-            said("frequency"),
-            said("amplitude")
+            values("frequency"),
+            values("amplitude")
         ),
-        "wrench_bias" => format!("The sensor has an offset of {} N (x, y, z).", said("bias")),
+        "wrench_bias" => format!("The sensor has an offset of {} N (x, y, z).", values("bias")),
         "wrench_scale" => format!(
             "The sensor has scale errors of {}, {}, {} % (x, y, z).",
             share(0),
@@ -126,7 +126,7 @@ fn sentence(finding: &Finding, entry: Option<&EffectEntry>) -> String {
         ),
         "wrench_misalignment" => format!(
             "The sensor is rotated by {} mrad (about x, y, z) from its stated orientation.",
-            said("turn")
+            values("turn")
         ),
         "cross_talk" => "The sensor has cross talk between channels.".to_owned(),
         other => format!("{}.", other.replace('_', " ")),
@@ -134,18 +134,18 @@ fn sentence(finding: &Finding, entry: Option<&EffectEntry>) -> String {
 }
 
 fn unexplained(rest: &UnexplainedForce) -> Unexplained {
-    let says = match rest.tone_hz {
+    let sentence = match rest.tone_hz {
         Some(hz) => format!(
             "A tone of {} Hz is present in the forces with and without cutting: it is not caused by the cut.",
             significant(hz, 4)
         ),
         None => {
-            let words: Vec<&str> =
-                rest.depends_on.iter().map(|word| covariate_name(word)).collect();
+            let names: Vec<&str> =
+                rest.depends_on.iter().map(|covariate| covariate_name(covariate)).collect();
             format!(
                 "An unmodelled force along {}, depending on {}, remains.",
                 CHANNELS[rest.axis],
-                words.join(" and ")
+                names.join(" and ")
             )
         }
     };
@@ -153,13 +153,13 @@ fn unexplained(rest: &UnexplainedForce) -> Unexplained {
         rms: rest.heldout[0],
         depends_on: rest.depends_on.clone(),
         heldout_rms_after: rest.heldout[1],
-        says,
+        says: sentence,
     }
 }
 
 /// A covariate for users.
-fn covariate_name(word: &str) -> &str {
-    match word {
+fn covariate_name(covariate: &str) -> &str {
+    match covariate {
         "spindle_rpm" => "the turn of the spindle",
         "feed_mm_s" => "the feed",
         "wrench" => "the force itself",

@@ -134,11 +134,11 @@ pub(crate) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
     };
     let one = |parameter: &recording::model::Parameter| {
         let sigma = parameter.sigma.as_ref().map_or(&[][..], Numbers::as_slice);
-        let at = |k: usize| sigma.get(k).copied();
+        let sigma_of = |k: usize| sigma.get(k).copied();
         let value = match &parameter.value {
-            Numbers::One(value) => Value::one(*value, ci(*value, at(0))),
+            Numbers::One(value) => Value::one(*value, ci(*value, sigma_of(0))),
             Numbers::List(list) => {
-                let ci95 = list.iter().enumerate().map(|(k, value)| ci(*value, at(k)));
+                let ci95 = list.iter().enumerate().map(|(k, value)| ci(*value, sigma_of(k)));
                 Value::list(list.clone(), ci95.collect())
             }
         };
@@ -311,19 +311,19 @@ fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
         .iter()
         .find(|one| one.alternatives.iter().any(|rival| rival.is_indistinguishable));
     if let Some(one) = open {
-        let of = one.joint.map_or("the arm".to_owned(), |joint| format!("joint {}", joint + 1));
+        let part = one.joint.map_or("the arm".to_owned(), |joint| format!("joint {}", joint + 1));
         return Some(match one.kind {
             "friction_asymmetry" | "viscous_friction" => format!(
-                "Move {of} back and forth at five constant speeds from 10 % to 100 % of its maximum speed, equal in both directions."
+                "Move {part} back and forth at five constant speeds from 10 % to 100 % of its maximum speed, equal in both directions."
             ),
             "coulomb_friction" | "stribeck_friction" | "hysteresis" | "load_friction" => format!(
-                "Move {of} slowly through twenty reversals of a degree to ten degrees, in two poses of different load."
+                "Move {part} slowly through twenty reversals of a degree to ten degrees, in two poses of different load."
             ),
             "payload" | "drive_gain" | "gravity_torque" | "inertia" => {
                 "Weigh the payload, or repeat the motion with a known mass at the flange."
                     .to_owned()
             }
-            _ => format!("Repeat the motion of {of} at half and at double the speed."),
+            _ => format!("Repeat the motion of {part} at half and at double the speed."),
         });
     }
     let weighed = diagnosis.findings.iter().any(|one| one.kind == "payload");

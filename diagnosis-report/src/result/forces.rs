@@ -161,7 +161,7 @@ fn reported_finding(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding
                 Some([force[k] - NINETY_FIVE * sigma[k], force[k] + NINETY_FIVE * sigma[k]])
             });
             let value = Value::list(force.to_vec(), ci95.collect());
-            let said = force.map(|force| significant(force, 3)).join(", ");
+            let components = force.map(|force| significant(force, 3)).join(", ");
             ReportedFinding {
                 effect: "wrench_bias",
                 joint: None,
@@ -181,7 +181,9 @@ fn reported_finding(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding
                     frequency_Hz: None,
                 },
                 alternatives: Vec::new(),
-                says: format!("The sensor has an offset of {said} N (x, y, z) without contact."),
+                says: format!(
+                    "The sensor has an offset of {components} N (x, y, z) without contact."
+                ),
             }
         }
         Finding::Chatter { line, resolution_hz, is_speed_known } => {
@@ -192,8 +194,8 @@ fn reported_finding(diagnosis: &Diagnosis, finding: &Finding) -> ReportedFinding
 
 /// Time intervals of this state, s.
 fn intervals(diagnosis: &Diagnosis, wanted: State) -> Vec<[f64; 2]> {
-    let here = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
-    here.map(|phase| [phase.from_s, phase.to_s]).collect()
+    let phases = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
+    phases.map(|phase| [phase.from_s, phase.to_s]).collect()
 }
 
 fn chatter_finding(

@@ -46,8 +46,8 @@ fn leading_count(findings: &[ReportedFinding]) -> usize {
 /// A finding with its values.
 fn finding_line(report: &Report, reported: &ReportedFinding) -> String {
     let unit = report.unit;
-    let alike = reported.alternatives.iter().filter(|other| other.is_indistinguishable);
-    let rivals: Vec<String> = alike.map(Alternative::name).collect();
+    let indistinguishable = reported.alternatives.iter().filter(|other| other.is_indistinguishable);
+    let rivals: Vec<String> = indistinguishable.map(Alternative::name).collect();
     let rivals = match rivals.as_slice() {
         [] => String::new(),
         rivals => format!(" (cannot be distinguished from {})", rivals.join(", ")),
@@ -111,12 +111,12 @@ fn minor_findings_line(report: &Report) -> Option<String> {
 fn grouped_by_effect(all: &[ReportedFinding]) -> String {
     let mut effects: Vec<(&str, Vec<usize>)> = Vec::new();
     for reported in all {
-        let at = effects.iter().position(|(effect, _)| *effect == reported.effect);
-        let at = at.unwrap_or_else(|| {
+        let known = effects.iter().position(|(effect, _)| *effect == reported.effect);
+        let index = known.unwrap_or_else(|| {
             effects.push((reported.effect, Vec::new()));
             effects.len() - 1
         });
-        effects[at].1.extend(reported.joint);
+        effects[index].1.extend(reported.joint);
     }
     let joints = |joints: &mut Vec<usize>| {
         joints.sort_unstable();
@@ -128,10 +128,10 @@ fn grouped_by_effect(all: &[ReportedFinding]) -> String {
             [others @ .., last] => format!(" of joints {} and {last}", others.join(", ")),
         }
     };
-    let words = effects
+    let parts = effects
         .iter_mut()
         .map(|(effect, all)| format!("{}{}", effect.replace('_', " "), joints(all)));
-    words.collect::<Vec<String>>().join("; ")
+    parts.collect::<Vec<String>>().join("; ")
 }
 
 #[cfg(test)]

@@ -108,33 +108,34 @@ fn empty(nominal: &Model) -> Option<Campaign> {
 
 /// Normalised error of each fitted parameter (error divided by its standard uncertainty), with its column.
 fn deviates(found: &Fit, truth: &Model, around: &Extrinsics) -> Vec<(usize, f64)> {
-    let mut off = off_surroundings(&found.surroundings, around);
+    let mut errors = off_surroundings(&found.surroundings, around);
     let truth = Hypothesis { model: Box::new(*truth), free: found.hypothesis.free.clone() };
     let pairs = found.hypothesis.values().into_iter().zip(truth.values());
-    off.extend(pairs.map(|(found, truth)| truth - found));
-    same_waves(found, &truth, &mut off);
-    let deviate = |column: &usize| Some((*column, off[*column] / found.sigma(*column)?));
+    errors.extend(pairs.map(|(found, truth)| truth - found));
+    same_waves(found, &truth, &mut errors);
+    let deviate = |column: &usize| Some((*column, errors[*column] / found.sigma(*column)?));
     found.columns().iter().filter_map(deviate).collect()
 }
 
 /// True minus estimated extrinsic parameters, one per fitted parameter (one frame, reflectors).
 fn off_surroundings(found: &Extrinsics, truth: &Extrinsics) -> Vec<f64> {
-    let mut off = Vec::new();
+    let mut errors = Vec::new();
     for (found, truth) in found.frames.iter().zip(&truth.frames).filter(|(found, _)| found.free) {
-        let (here, there) = (found.value.measuring_from_base, truth.value.measuring_from_base);
-        let rotation = there.rotation * here.rotation.transpose();
-        let turned = found.value.pivot + rotation * (here.origin - found.value.pivot);
-        off.extend(vector_from_rotation(&rotation).to_array());
-        off.extend((there.origin - turned).to_array());
+        let (found_frame, true_frame) =
+            (found.value.measuring_from_base, truth.value.measuring_from_base);
+        let rotation = true_frame.rotation * found_frame.rotation.transpose();
+        let turned = found.value.pivot + rotation * (found_frame.origin - found.value.pivot);
+        errors.extend(vector_from_rotation(&rotation).to_array());
+        errors.extend((true_frame.origin - turned).to_array());
     }
     for (found, truth) in found.targets.iter().zip(&truth.targets).filter(|(found, _)| found.free) {
-        off.extend((truth.value - found.value).to_array());
+        errors.extend((truth.value - found.value).to_array());
     }
-    off
+    errors
 }
 
 /// Errors of amplitude and phase for equivalent representations of a wave: negative amplitude equals opposite phase, and phases are periodic.
-fn same_waves(found: &Fit, truth: &Hypothesis, off: &mut [f64]) {
+fn same_waves(found: &Fit, truth: &Hypothesis, errors: &mut [f64]) {
     let (values, truths) = (found.hypothesis.values(), truth.values());
     for (k, free) in found.hypothesis.free.iter().enumerate() {
         let stem = |free: &diagnosis::FreeParameter| {
@@ -151,19 +152,19 @@ fn same_waves(found: &Fit, truth: &Hypothesis, off: &mut [f64]) {
         let sign = 1.0_f64.copysign(values[amplitude]);
         let half = if sign < 0.0 { std::f64::consts::PI } else { 0.0 };
         let (column, phase) = (found.column_of(amplitude), found.column_of(k));
-        off[column] = sign * truths[amplitude] - values[amplitude];
+        errors[column] = sign * truths[amplitude] - values[amplitude];
         let turn = truths[k] - values[k] - half;
-        off[phase] = libm::atan2(turn.sin(), turn.cos());
+        errors[phase] = libm::atan2(turn.sin(), turn.cos());
     }
 }
 
 /// Makes 5 % of the readings, selected at random, outliers by 0.25 mm to 30 mm.
 fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) {
-    for seen in campaign.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+    for observation in campaign.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
         if chance.random::<f64>() >= 0.05 {
             continue;
         }
-        if let Reading::Point { at, .. } = &mut seen.reading {
+        if let Reading::Point { at, .. } = &mut observation.reading {
             let away = DVec3::from_array([0; 3].map(|_| chance.sample(StandardNormal)));
             *at += away.normalize_or(DVec3::X) * 10.0_f64.powf(between(chance, -3.6, -1.5));
         }
@@ -225,12 +226,12 @@ pub(crate) fn fixed(campaigns: u64) -> Result<Value, Box<dyn Error>> {
         let factor = rig::median(runs.iter().map(|run| run.3).collect());
         let inflated = runs.iter().filter(|run| run.4 > 1.0).count();
         let list: Vec<Vec<(usize, f64)>> = runs.into_iter().map(|run| run.0).collect();
-        let mut told = covered(&list, &|column| name_of(&pilot, column));
-        told["converged"] = converged.into();
-        told["same_numbers"] = same.into();
-        told["noise_factor"] = factor.into();
-        told["design_effect_above_one"] = inflated.into();
-        all.insert(name.to_owned(), told);
+        let mut figures = covered(&list, &|column| name_of(&pilot, column));
+        figures["converged"] = converged.into();
+        figures["same_numbers"] = same.into();
+        figures["noise_factor"] = factor.into();
+        figures["design_effect_above_one"] = inflated.into();
+        all.insert(name.to_owned(), figures);
     }
     Ok(Value::Object(all))
 }
@@ -291,7 +292,7 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
         effort: FitEffort::Full,
     };
     let fixed = left_open(&pilot(&empty, &open, &settings));
-    let asked: Vec<Inputs> = {
+    let poses: Vec<Inputs> = {
         let mut chance = ChaCha8Rng::seed_from_u64(78);
         (0..POSES).map(|_| rig::inputs(&mut chance, &RANGES_DEG)).collect()
     };
@@ -301,12 +302,13 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
         let made =
             campaign_simulation::simulate_readings(&empty, &truth, &empty.surroundings, 1.0, seed);
         let found = calibrate(&made, &nominal, &[], &used, &ignore).advanced;
-        let at = |model: &Model, inputs: &Inputs| {
+        let position = |model: &Model, inputs: &Inputs| {
             model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
         };
         let model = &found.fit.hypothesis.model;
-        let erred = asked.iter().map(|i| (at(model, i) - at(&truth, i)).length_squared());
-        let expected = tool_uncertainty(&found.fit, &asked);
+        let erred =
+            poses.iter().map(|i| (position(model, i) - position(&truth, i)).length_squared());
+        let expected = tool_uncertainty(&found.fit, &poses);
         let expected: f64 = expected.iter().map(|u| u * u).sum();
         (of_truth(&found.fit, &truth), erred.sum::<f64>(), expected, found.chosen.len())
     });
@@ -327,12 +329,12 @@ fn of_truth(found: &Fit, truth: &Model) -> Vec<f64> {
     let numbers = found.hypothesis.free.iter().zip(values).enumerate();
     let deviate = |(k, (free, value)): (usize, (&diagnosis::FreeParameter, f64))| {
         let effect = found.hypothesis.effect_of(free)?;
-        let own = truth
-            .effects()
-            .find(|own| (own.spec().kind, own.joint()) == (effect.spec().kind, effect.joint()))?;
-        let kind = own.spec().kind;
+        let true_effect = truth.effects().find(|true_effect| {
+            (true_effect.spec().kind, true_effect.joint()) == (effect.spec().kind, effect.joint())
+        })?;
+        let kind = true_effect.spec().kind;
         let sigma = found.sigma(found.column_of(k)).filter(|_| kind != "transmission_error")?;
-        Some((own.values()[free.value] - value) / sigma)
+        Some((true_effect.values()[free.value] - value) / sigma)
     };
     numbers.filter_map(deviate).collect()
 }

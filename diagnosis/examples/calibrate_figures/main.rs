@@ -22,18 +22,18 @@ const PARTS: [(&str, Part, u64); 4] = [
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
-    let mut said = Map::new();
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut results = Map::new();
     for (name, figures, count) in PARTS {
-        let of = |word: &str| match word.split_once('=') {
+        let count_in = |argument: &str| match argument.split_once('=') {
             Some((key, count)) if key == name => count.parse().ok(),
-            _ => (word == name).then_some(count),
+            _ => (argument == name).then_some(count),
         };
-        let wanted = asked.iter().find_map(|word| of(word));
-        if let Some(count) = wanted.or(asked.is_empty().then_some(count)) {
-            said.insert(name.to_owned(), figures(count)?);
+        let wanted = arguments.iter().find_map(|argument| count_in(argument));
+        if let Some(count) = wanted.or(arguments.is_empty().then_some(count)) {
+            results.insert(name.to_owned(), figures(count)?);
         }
     }
-    println!("{:#}", Value::Object(said));
+    println!("{:#}", Value::Object(results));
     Ok(())
 }

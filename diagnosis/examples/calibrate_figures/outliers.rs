@@ -35,7 +35,7 @@ pub(crate) fn figures(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     let runs = rig::for_seeds(campaigns, |seed| run(&truth, &nominal, seed));
     let runs: Option<Vec<Run>> = runs.into_iter().collect();
     let runs = runs.ok_or("no campaign")?;
-    let middle = |of: &dyn Fn(&Run) -> f64| rig::median(runs.iter().map(of).collect());
+    let middle = |quantity: &dyn Fn(&Run) -> f64| rig::median(runs.iter().map(quantity).collect());
     let mm = |k: usize| json!({ "clean": middle(&|r| 1e3 * r.clean[k]), "fewer": middle(&|r| 1e3 * r.fewer[k]), "spoilt": middle(&|r| 1e3 * r.spoilt[k]) });
     let spoilt = SWAPPED + MISTYPED + PUSHED;
     Ok(json!({
@@ -86,7 +86,7 @@ fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) -> Vec<usize> {
     let first = (chance.random::<f64>() * (TRAINING - PUSHED) as f64) as usize;
     let mut rows: Vec<usize> = (first..first + PUSHED).collect();
     let push = DVec3::new(0.6, -0.4, 0.5) * 1e-3;
-    rows.iter().for_each(|row| change(campaign, *row, &mut |_, at| at + push));
+    rows.iter().for_each(|row| change(campaign, *row, &mut |_, position| position + push));
     while rows.len() < PUSHED + SWAPPED + MISTYPED {
         let row = (chance.random::<f64>() * TRAINING as f64) as usize;
         if rows.contains(&row) {
@@ -94,18 +94,18 @@ fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) -> Vec<usize> {
         }
         if rows.len() < PUSHED + SWAPPED {
             let Some(places) = points(campaign, row) else { continue };
-            change(campaign, row, &mut |target, at| match target {
+            change(campaign, row, &mut |target, position| match target {
                 0 => places[1],
                 1 => places[0],
-                _ => at,
+                _ => position,
             });
         } else {
             let (one, axis) =
                 ((chance.random::<f64>() * 3.0) as usize, (chance.random::<f64>() * 3.0) as usize);
             let digit = 10.0_f64.powi(between(chance, -3.0, 0.99).floor() as i32);
-            change(campaign, row, &mut |target, mut at| {
-                at[axis] += if target == one { digit } else { 0.0 };
-                at
+            change(campaign, row, &mut |target, mut position| {
+                position[axis] += if target == one { digit } else { 0.0 };
+                position
             });
         }
         rows.push(row);
@@ -114,16 +114,16 @@ fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) -> Vec<usize> {
 }
 
 fn points(campaign: &Campaign, row: usize) -> Option<Vec<DVec3>> {
-    let at = |seen: &diagnosis::Observation| match seen.reading {
+    let position = |observation: &diagnosis::Observation| match observation.reading {
         Reading::Point { at, .. } => Some(at),
         _ => None,
     };
-    campaign.poses[row].seen.iter().map(at).collect()
+    campaign.poses[row].seen.iter().map(position).collect()
 }
 
 fn change(campaign: &mut Campaign, row: usize, new: &mut dyn FnMut(usize, DVec3) -> DVec3) {
-    for (target, seen) in campaign.poses[row].seen.iter_mut().enumerate() {
-        if let Reading::Point { at, .. } = &mut seen.reading {
+    for (target, observation) in campaign.poses[row].seen.iter_mut().enumerate() {
+        if let Reading::Point { at, .. } = &mut observation.reading {
             *at = new(target, *at);
         }
     }

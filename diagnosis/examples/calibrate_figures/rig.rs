@@ -53,14 +53,15 @@ pub(crate) fn campaign(
     };
     let pose = |(row, inputs): (usize, &Inputs)| {
         let tool = physics::Chain::nominal(arm, &inputs.q).base_from_tool;
-        let seen = |(index, target): (usize, &DVec3)| {
-            let (place, at) = (ToolPoint::Target(index), frame.point(tool.point(*target)));
-            let reading = Reading::Point { place, frame: 0, at };
-            Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
+        let observation = |(index, target): (usize, &DVec3)| {
+            let (place, position) = (ToolPoint::Target(index), frame.point(tool.point(*target)));
+            let reading = Reading::Point { place, frame: 0, at: position };
+            Some(Observation { reading, whitening: noise.whitening(position)?, instrument: 0 })
         };
-        let seen: Option<Vec<Observation>> = targets.iter().enumerate().map(seen).collect();
+        let observations: Option<Vec<Observation>> =
+            targets.iter().enumerate().map(observation).collect();
         let arrival = Arrival::Settled;
-        Some(Pose { inputs: *inputs, arrival, recording: 0, row, seen: seen? })
+        Some(Pose { inputs: *inputs, arrival, recording: 0, row, seen: observations? })
     };
     let poses: Option<Vec<Pose>> = inputs.iter().enumerate().map(pose).collect();
     Some(Campaign {

@@ -45,7 +45,7 @@ pub(crate) fn figures(seeds: u64) -> Result<Value, Box<dyn Error>> {
     for (name, ranges_deg) in [("planar", PLANAR_DEG), ("spatial", SPATIAL_DEG)] {
         let runs = rig::for_seeds(seeds, |seed| run(&truth, &nominal, &ranges_deg, seed));
         let runs: Option<Vec<Run>> = runs.into_iter().collect();
-        all.insert(name.to_owned(), told(&runs.ok_or("no campaign")?));
+        all.insert(name.to_owned(), summary(&runs.ok_or("no campaign")?));
     }
     Ok(Value::Object(all))
 }
@@ -107,13 +107,14 @@ fn side(campaign: &Campaign, held: &[bool], sign: f64) -> Vec<bool> {
     poses.map(|(pose, held)| *held && pose.inputs.direction[1] == sign).collect()
 }
 
-fn told(runs: &[Run]) -> Value {
+fn summary(runs: &[Run]) -> Value {
     let mm = |metres: f64| (metres * 1e7).round() / 1e4;
-    let middle = |of: &dyn Fn(&Run) -> f64| mm(rig::median(runs.iter().map(of).collect()));
-    let figures = |of: &dyn Fn(&Run) -> &PositionErrors| {
+    let middle =
+        |quantity: &dyn Fn(&Run) -> f64| mm(rig::median(runs.iter().map(quantity).collect()));
+    let figures = |quantity: &dyn Fn(&Run) -> &PositionErrors| {
         json!({
-            "mean": middle(&|run| of(run).mean()), "median": middle(&|run| of(run).quantile(0.5)),
-            "p95": middle(&|run| of(run).quantile(0.95)), "max": middle(&|run| of(run).max()),
+            "mean": middle(&|run| quantity(run).mean()), "median": middle(&|run| quantity(run).quantile(0.5)),
+            "p95": middle(&|run| quantity(run).quantile(0.95)), "max": middle(&|run| quantity(run).max()),
         })
     };
     let mut models = serde_json::Map::new();

@@ -20,19 +20,19 @@ const LENGTH_M: f64 = 2e-5;
 fn merged<T: Copy + PartialEq + Default>(
     recordings: &[Recording],
     stem: &'static str,
-    said: impl Fn(&Recording) -> BTreeMap<usize, T>,
+    stated_by_index: impl Fn(&Recording) -> BTreeMap<usize, T>,
 ) -> Result<BTreeMap<usize, T>, CampaignError> {
     let mut all: BTreeMap<usize, T> = BTreeMap::new();
     for recording in recordings {
-        for (at, thing) in said(recording) {
-            let known = all.entry(at).or_insert(thing);
+        for (index, object) in stated_by_index(recording) {
+            let known = all.entry(index).or_insert(object);
             if *known == T::default() {
-                *known = thing;
-            } else if thing != *known && thing != T::default() {
+                *known = object;
+            } else if object != *known && object != T::default() {
                 let file = recording.file.display().to_string();
                 return Err(CampaignError::Contradiction {
                     file,
-                    what: format!("{stem}{}", at + 1),
+                    what: format!("{stem}{}", index + 1),
                 });
             }
         }
@@ -47,21 +47,21 @@ pub(super) fn add_extrinsic_objects(
 ) -> Result<(), CampaignError> {
     let distances = merged(recordings, "distance", |recording| {
         let channels = recording.channels().filter_map(|channel| match channel {
-            Channel::Distance(at) => Some(at),
+            Channel::Distance(index) => Some(index),
             _ => None,
         });
-        channels.map(|at| (at, distance(recording, at))).collect()
+        channels.map(|index| (index, distance(recording, index))).collect()
     })?;
     let planes = merged(recordings, "plane", |recording| {
         let planes = recording.metadata.gauges.planes.iter();
-        planes.map(|(at, plane)| (*at, Some(*plane))).collect()
+        planes.map(|(index, plane)| (*index, Some(*plane))).collect()
     })?;
     let spheres = merged(recordings, "sphere", |recording| {
         let mut spheres = BTreeMap::new();
         for number in recording.column(Channel::TouchSphere).unwrap_or_default() {
-            if let Some(at) = place(*number) {
-                let said = recording.metadata.gauges.spheres.get(&at).copied();
-                spheres.insert(at, said.unwrap_or_default());
+            if let Some(index) = place(*number) {
+                let stated = recording.metadata.gauges.spheres.get(&index).copied();
+                spheres.insert(index, stated.unwrap_or_default());
             }
         }
         spheres
@@ -81,13 +81,17 @@ const NO_SPHERE: Sphere =
     Sphere { centre: FitParameter::known(DVec3::ZERO), radius_m: FitParameter::known(0.0) };
 
 /// One object for each number up to the highest, with `none` for missing ones.
-fn all<T, U: Copy>(said: &BTreeMap<usize, T>, thing: impl Fn(&T) -> U, none: U) -> Vec<U> {
-    let count = said.keys().next_back().map_or(0, |highest| highest + 1);
-    (0..count).map(|at| said.get(&at).map_or(none, &thing)).collect()
+fn all<T, U: Copy>(
+    stated_by_index: &BTreeMap<usize, T>,
+    quantity: impl Fn(&T) -> U,
+    none: U,
+) -> Vec<U> {
+    let count = stated_by_index.keys().next_back().map_or(0, |highest| highest + 1);
+    (0..count).map(|index| stated_by_index.get(&index).map_or(none, &quantity)).collect()
 }
 
-fn distance(recording: &Recording, at: usize) -> Distance {
-    recording.metadata.gauges.distances.get(&at).copied().unwrap_or_default()
+fn distance(recording: &Recording, index: usize) -> Distance {
+    recording.metadata.gauges.distances.get(&index).copied().unwrap_or_default()
 }
 
 /// 0-based index of a touched object; `None` if nothing was touched.
@@ -95,25 +99,29 @@ fn place(number: f64) -> Option<usize> {
     (number >= 1.0).then(|| number as usize - 1)
 }
 
-fn anchor(said: &Distance) -> Anchor {
+fn anchor(stated: &Distance) -> Anchor {
     let unknown = FitParameter::unknown(DVec3::ZERO);
     Anchor {
-        place: said.anchor_m.map_or(unknown, |at| FitParameter::known(DVec3::from_array(at))),
-        offset_m: said.offset_m.map_or(FitParameter::unknown(0.0), FitParameter::known),
+        place: stated
+            .anchor_m
+            .map_or(unknown, |position| FitParameter::known(DVec3::from_array(position))),
+        offset_m: stated.offset_m.map_or(FitParameter::unknown(0.0), FitParameter::known),
     }
 }
 
-fn plane_of(said: &TouchedPlane) -> FitParameter<Plane> {
-    let normal = DVec3::from_array(said.normal);
+fn plane_of(stated: &TouchedPlane) -> FitParameter<Plane> {
+    let normal = DVec3::from_array(stated.normal);
     let known = |offset_m| FitParameter::known(Plane { normal, offset_m });
-    said.offset_m.map_or(FitParameter::unknown(Plane { normal, offset_m: 0.0 }), known)
+    stated.offset_m.map_or(FitParameter::unknown(Plane { normal, offset_m: 0.0 }), known)
 }
 
-fn sphere(said: &TouchedSphere) -> Sphere {
+fn sphere(stated: &TouchedSphere) -> Sphere {
     let unknown = FitParameter::unknown(DVec3::ZERO);
     Sphere {
-        centre: said.centre_m.map_or(unknown, |at| FitParameter::known(DVec3::from_array(at))),
-        radius_m: said.radius_m.map_or(FitParameter::unknown(0.0), FitParameter::known),
+        centre: stated
+            .centre_m
+            .map_or(unknown, |position| FitParameter::known(DVec3::from_array(position))),
+        radius_m: stated.radius_m.map_or(FitParameter::unknown(0.0), FitParameter::known),
     }
 }
 
@@ -148,22 +156,24 @@ pub(super) fn read(
     for channel in recording.channels() {
         let Channel::Distance(anchor) = channel else { continue };
         let sigma = recording.sigma(channel);
-        let own = instrument(&format!("distance {}", anchor + 1), sigma.is_some());
+        let instrument_index = instrument(&format!("distance {}", anchor + 1), sigma.is_some());
         let place = on_tool(distance(recording, anchor).target);
         let column = recording.column(channel).unwrap_or_default().iter().enumerate();
         for (row, length_m) in column.filter(|(_, length)| length.is_finite()) {
             let reading = Reading::Distance { place, anchor, length_m: *length_m };
-            readings.push((row, reading, own, noise(sigma)));
+            readings.push((row, reading, instrument_index, noise(sigma)));
         }
     }
     if let Some(probe) = recording.metadata.gauges.probe {
         let (on, radius_m) = (on_tool(probe.target), probe.radius_m);
-        let own = instrument("touches", probe.sigma_m.is_some());
+        let instrument_index = instrument("touches", probe.sigma_m.is_some());
         let mut touch = |channel: Channel, reading: &dyn Fn(usize) -> Reading| {
             let column = recording.column(channel).unwrap_or_default().iter().enumerate();
             let touched = column.filter_map(|(row, number)| Some((row, place(*number)?)));
             let noise = noise(probe.sigma_m);
-            readings.extend(touched.map(|(row, thing)| (row, reading(thing), own, noise)));
+            readings.extend(touched.map(|(row, touched_object)| {
+                (row, reading(touched_object), instrument_index, noise)
+            }));
         };
         touch(Channel::TouchPlane, &|plane| Reading::Plane { place: on, plane, radius_m });
         touch(Channel::TouchSphere, &|sphere| Reading::Sphere { place: on, sphere, radius_m });
@@ -175,8 +185,8 @@ pub(super) fn read(
         let file = || recording.file.display().to_string();
         let refused = || CampaignError::Sigma { file: file(), what: "distances and touches" };
         let whitening = noise.whitening(DVec3::ZERO).ok_or_else(refused)?;
-        let at = poses.binary_search_by_key(&row, |pose| pose.row);
-        if let Some(pose) = at.ok().and_then(|at| poses.get_mut(at)) {
+        let pose_index = poses.binary_search_by_key(&row, |pose| pose.row);
+        if let Some(pose) = pose_index.ok().and_then(|pose_index| poses.get_mut(pose_index)) {
             pose.seen.push(Observation { reading, whitening, instrument });
         }
     }
@@ -198,8 +208,8 @@ pub(super) fn exclude_link_targets(
             });
         }
         for pose in &mut campaign.poses {
-            pose.seen.retain(|seen| {
-                !matches!(seen.reading, Reading::Point { place: ToolPoint::Target(t), .. } if t == target)
+            pose.seen.retain(|observation| {
+                !matches!(observation.reading, Reading::Point { place: ToolPoint::Target(t), .. } if t == target)
             });
         }
         if let Some(place) = campaign.surroundings.targets.get_mut(target) {
@@ -212,8 +222,10 @@ pub(super) fn exclude_link_targets(
 /// Excludes measuring frames without measurements from every fit.
 pub(super) fn fix_unused_frames(campaign: &mut Campaign) {
     let mut used = vec![false; campaign.surroundings.frames.len()];
-    for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {
-        if let Reading::Point { frame, .. } | Reading::Orientation { frame, .. } = seen.reading {
+    for observation in campaign.poses.iter().flat_map(|pose| &pose.seen) {
+        if let Reading::Point { frame, .. } | Reading::Orientation { frame, .. } =
+            observation.reading
+        {
             used[frame] = true;
         }
     }

@@ -21,7 +21,7 @@ impl JointPositions {
         let mut all = Vec::with_capacity(recording.len() * joints);
         let mut before: Option<Joints> = None;
         for row in 0..recording.len() {
-            let q = reader.positions(row, before.as_ref().filter(|_| reader.goes_on(row)))?;
+            let q = reader.positions(row, before.as_ref().filter(|_| reader.is_contiguous(row)))?;
             all.extend_from_slice(&q[..joints]);
             before = Some(q);
         }

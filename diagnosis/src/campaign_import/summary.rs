@@ -76,9 +76,9 @@ impl RecordingSummary {
         &self,
         (arm, recordings): (&Arm, &[Recording]),
         kept: &[bool],
-        seen: &[bool],
+        read_rows: &[bool],
     ) -> Result<Campaign, CampaignError> {
-        let wanted = WantedRows { kept: Some(kept), read: Some(seen) };
+        let wanted = WantedRows { kept: Some(kept), read: Some(read_rows) };
         let mut campaign = read(arm, recordings, wanted)?;
         let frames = campaign.surroundings.frames.iter_mut();
         frames.zip(&self.frames).for_each(|(frame, used)| frame.free &= used);
@@ -119,8 +119,9 @@ impl<'a> SummaryBuilder<'a> {
         let (mut run, mut any) = (self.time_s.len(), false);
         reader.follow(|pose| {
             let k = self.time_s.len();
-            let goes_on = self.time_s.last().is_some_and(|before| *before < pose.inputs.time_s);
-            if k > run && !goes_on {
+            let is_contiguous =
+                self.time_s.last().is_some_and(|before| *before < pose.inputs.time_s);
+            if k > run && !is_contiguous {
                 self.end(run..k, is_path);
                 run = k;
             }
@@ -145,10 +146,10 @@ impl<'a> SummaryBuilder<'a> {
             columns.targets.get(*target).is_some_and(|columns| vector(columns, row).is_some())
         };
         let on_links = |target: &usize| self.on_links.contains(target);
-        let aside = (0..targets).filter(on_links).any(|at| target(&at));
+        let aside = (0..targets).filter(on_links).any(|index| target(&index));
         let points = vector(&columns.position, row).is_some()
             || columns.orientation.iter().all(|part| sample(*part, row).is_finite())
-            || (0..targets).filter(|at| !on_links(at)).any(|at| target(&at));
+            || (0..targets).filter(|index| !on_links(index)).any(|index| target(&index));
         let joints = columns.links.iter().any(|link| sample(*link, row).is_finite());
         let measured = points || joints || gauges::is_read(reader.recording, row);
         if points && let Some(frame) = outline.frames.get_mut(reader.frames[row]) {

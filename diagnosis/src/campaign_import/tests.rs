@@ -29,7 +29,7 @@ fn recorded(stations: bool) -> Recording {
 }
 
 /// Simulated measurements of the thesis' robot by trackers at three stations, without noise.
-fn seen() -> Campaign {
+fn imported() -> Campaign {
     let campaign = campaign(&thesis_robot().arm, &[recorded(true)]).expect("usable");
     let mut truth = campaign.surroundings.clone();
     for (place, frame) in truth.frames.iter_mut().enumerate() {
@@ -48,17 +48,17 @@ fn left_m(campaign: &Campaign) -> f64 {
         effort: FitEffort::Full,
     };
     let found = fit(campaign, &Hypothesis::fixed(thesis_robot()), &settings);
-    found.residuals(campaign).iter().map(|off| off.residual.length()).fold(0.0, f64::max)
+    found.residuals(campaign).iter().map(|residual| residual.residual.length()).fold(0.0, f64::max)
 }
 
 #[test]
 fn rows_of_one_station_share_a_frame_and_others_have_their_own() {
-    let seen = seen();
-    assert_eq!(seen.surroundings.frames.len(), 3);
-    assert!(left_m(&seen) < 1e-7, "{}", left_m(&seen));
+    let imported = imported();
+    assert_eq!(imported.surroundings.frames.len(), 3);
+    assert!(left_m(&imported) < 1e-7, "{}", left_m(&imported));
     let mut one = campaign(&thesis_robot().arm, &[recorded(false)]).expect("usable");
     assert_eq!(one.surroundings.frames.len(), 1);
-    for (pose, truth) in one.poses.iter_mut().zip(&seen.poses) {
+    for (pose, truth) in one.poses.iter_mut().zip(&imported.poses) {
         let Reading::Point { at, .. } = truth.seen[0].reading else { continue };
         pose.seen[0].reading = Reading::Point { place: ToolPoint::Tcp, frame: 0, at };
     }
@@ -67,10 +67,10 @@ fn rows_of_one_station_share_a_frame_and_others_have_their_own() {
 
 #[test]
 fn the_stand_of_the_base_is_read_row_by_row_and_matters() {
-    let mut seen = seen();
-    assert!((seen.poses[6].inputs.base_tilt - DVec3::X * 6e-3).length() < 1e-15);
-    seen.poses.iter_mut().for_each(|pose| pose.inputs.base_tilt = DVec3::ZERO);
-    assert!(left_m(&seen) > 1e-3, "{}", left_m(&seen));
+    let mut imported = imported();
+    assert!((imported.poses[6].inputs.base_tilt - DVec3::X * 6e-3).length() < 1e-15);
+    imported.poses.iter_mut().for_each(|pose| pose.inputs.base_tilt = DVec3::ZERO);
+    assert!(left_m(&imported) > 1e-3, "{}", left_m(&imported));
 }
 
 #[test]

@@ -37,9 +37,9 @@ impl super::Candidate {
     /// states one of them, the other may still be missing.
     pub(crate) fn is_covered_by(&self, effect: &AnyEffect) -> bool {
         use AnyEffect::{Backlash, Hysteresis};
-        let own = self.probes.first().map(|probe| &probe.effect);
+        let own_effect = self.probes.first().map(|probe| &probe.effect);
         let is_the_other_half = matches!(
-            (own, effect),
+            (own_effect, effect),
             (Some(Backlash(_)), Hysteresis(_)) | (Some(Hysteresis(_)), Backlash(_))
         );
         self.excludes_effect(effect) && !is_the_other_half

@@ -45,8 +45,8 @@ fn set_zero_mean_priors(hypothesis: &mut Hypothesis, place: usize, effect: &AnyE
 /// Largest absolute value among the parameters of the same key.
 fn largest_value_of_key(effect: &AnyEffect, value: usize) -> f64 {
     let stem = |value| parameter_key(effect, value).map(|named| named.parameter.stem);
-    let own = effect.values().iter().enumerate().filter(|(k, _)| stem(*k) == stem(value));
-    own.map(|(_, x)| x.abs()).fold(0.0, f64::max)
+    let of_same_key = effect.values().iter().enumerate().filter(|(k, _)| stem(*k) == stem(value));
+    of_same_key.map(|(_, x)| x.abs()).fold(0.0, f64::max)
 }
 
 /// Whether the parameters are in their physical range: a backlash or a compliance is not negative.

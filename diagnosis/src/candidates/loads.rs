@@ -129,10 +129,10 @@ pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidat
         return Vec::new();
     }
     let one = |joint: usize| {
-        let carries = largest_load(arm, campaign, |loads| loads.torque(joint)) > 0.0;
+        let carries_load = largest_load(arm, campaign, |loads| loads.torque(joint)) > 0.0;
         let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
         let built = AnyEffect::build("joint_compliance", arm, Some(joint), ParameterValues(given));
-        built.ok().filter(|_| carries).map(|effect| Candidate::of_values(&effect))
+        built.ok().filter(|_| carries_load).map(|effect| Candidate::of_values(&effect))
     };
     (0..arm.count()).filter_map(one).collect()
 }
@@ -167,12 +167,16 @@ pub(crate) fn joint_polynomials(arm: &Arm, campaign: &Campaign, used: &[bool]) -
 }
 
 /// Largest absolute value of a joint load over the campaign, Nm or N; zero if it is rounding.
-pub(super) fn largest_load(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
+pub(super) fn largest_load(
+    arm: &Arm,
+    campaign: &Campaign,
+    quantity: impl Fn(&Loads) -> f64,
+) -> f64 {
     let (model, memories) = (Model::nominal(*arm), Memories::default());
-    let mut seen = Evaluation::default();
+    let mut evaluation = Evaluation::default();
     let load = |pose: &crate::Pose| {
-        model.evaluate_into(&pose.inputs, &memories, &mut seen);
-        of(&seen.loads).abs()
+        model.evaluate_into(&pose.inputs, &memories, &mut evaluation);
+        quantity(&evaluation.loads).abs()
     };
     let most = campaign.poses.iter().map(load).fold(0.0, f64::max);
     if most > ROUNDING { most } else { 0.0 }

@@ -6,12 +6,12 @@ use super::{Candidate, CandidateParameter, ParameterMapping, loads, wave_candida
 use physics::{AnyEffect, Arm};
 
 impl Candidate {
-    /// The candidate re-linearised at its fitted effect, and the linear parameters there; `had`: the values before a change.
+    /// The candidate re-linearised at its fitted effect, and the linear parameters there; `stated_values`: the values before a change.
     pub(crate) fn relinearised(
         &self,
         arm: &Arm,
         effect: &AnyEffect,
-        had: &[f64],
+        stated_values: &[f64],
     ) -> (Self, Vec<f64>) {
         let values = effect.values();
         let part = |amplitude: f64, phase: f64| {
@@ -34,11 +34,11 @@ impl Candidate {
             _ => {
                 let mut same = self.clone();
                 same.probes.iter_mut().for_each(|probe| probe.effect = *effect);
-                let stands = |probe: &CandidateParameter| {
-                    values[probe.value] - had.get(probe.value).copied().unwrap_or(0.0)
+                let change = |probe: &CandidateParameter| {
+                    values[probe.value] - stated_values.get(probe.value).copied().unwrap_or(0.0)
                 };
-                let stands = same.probes.iter().map(stands).collect();
-                (same, stands)
+                let changes = same.probes.iter().map(change).collect();
+                (same, changes)
             }
         }
     }

@@ -138,6 +138,6 @@ fn tracks_that_determine_no_axis_say_so() {
     // of 50 µm.
     let short = arc(DVec3::Z, DVec3::ZERO, 1.0, 0.0, 0.002, 9);
     let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let seen = axis(&[noisy(&short, 50e-6, &mut rng)], DVec3::Z, Some(50e-6));
-    assert_eq!(seen, Err(CircleError::Straight));
+    let found = axis(&[noisy(&short, 50e-6, &mut rng)], DVec3::Z, Some(50e-6));
+    assert_eq!(found, Err(CircleError::Straight));
 }

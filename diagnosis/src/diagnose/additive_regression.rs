@@ -55,19 +55,19 @@ impl NormalEquations {
     }
 
     /// Least-squares coefficients of these columns alone.
-    fn solve(&self, of: &[usize]) -> DVector<f64> {
-        let mut cells = self.columns.select_rows(of).select_columns(of);
-        for k in 0..of.len() {
+    fn solve(&self, indices: &[usize]) -> DVector<f64> {
+        let mut cells = self.columns.select_rows(indices).select_columns(indices);
+        for k in 0..indices.len() {
             cells[(k, k)] += RIDGE * cells[(k, k)] + f64::MIN_POSITIVE;
         }
-        let pulls = self.right.select_rows(of);
-        cells.cholesky().map_or_else(|| DVector::zeros(of.len()), |c| c.solve(&pulls))
+        let pulls = self.right.select_rows(indices);
+        cells.cholesky().map_or_else(|| DVector::zeros(indices.len()), |c| c.solve(&pulls))
     }
 
     /// Sum of squared residuals with these coefficients.
-    fn residual_sum(&self, of: &[usize], law: &DVector<f64>) -> f64 {
-        let cells = self.columns.select_rows(of).select_columns(of);
-        let pulls = self.right.select_rows(of);
+    fn residual_sum(&self, indices: &[usize], law: &DVector<f64>) -> f64 {
+        let cells = self.columns.select_rows(indices).select_columns(indices);
+        let pulls = self.right.select_rows(indices);
         self.values - 2.0 * law.dot(&pulls) + law.dot(&(cells * law))
     }
 }
@@ -101,17 +101,21 @@ pub(super) fn coefficients(
             rest.fold(NormalEquations::none(width), |sum, (_, fold)| sum.plus(fold))
         })
         .collect();
-    let error = |of: &[usize]| -> f64 {
-        folds.iter().zip(&others).map(|(fold, rest)| fold.residual_sum(of, &rest.solve(of))).sum()
+    let error = |indices: &[usize]| -> f64 {
+        folds
+            .iter()
+            .zip(&others)
+            .map(|(fold, rest)| fold.residual_sum(indices, &rest.solve(indices)))
+            .sum()
     };
     let mut inside: Vec<usize> = (0..width.min(1)).collect();
     let mut left = error(&inside);
     let mut open: Vec<&Range<usize>> = groups.iter().collect();
     for _ in 0..COVARIATES_MAX {
         let with = |group: &Range<usize>| {
-            let mut of = inside.clone();
-            of.extend(group.clone());
-            error(&of)
+            let mut indices = inside.clone();
+            indices.extend(group.clone());
+            error(&indices)
         };
         let tried = open.iter().enumerate().map(|(k, group)| (k, with(group)));
         let Some((k, reached)) = tried.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };

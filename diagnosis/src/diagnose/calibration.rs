@@ -117,7 +117,7 @@ const TILT_MAX_RAD: f64 = 0.06;
 /// Selected effects with implausible parameters: a negative mass, a tilt beyond [`TILT_MAX_RAD`]. They absorb errors that the dictionary does not
 /// contain.
 fn implausible_effects(selected: &EffectSelection) -> impl Iterator<Item = &AnyEffect> {
-    let effect = |at: usize| selected.fit.hypothesis.model.effects().nth(at);
+    let effect = |index: usize| selected.fit.hypothesis.model.effects().nth(index);
     let effects = selected.selected.iter().filter_map(move |one| effect(one.effect));
     effects.filter(|effect| match effect {
         AnyEffect::Payload(_) => effect.values().first().is_some_and(|mass| *mass < 0.0),

@@ -48,27 +48,27 @@ pub(super) fn all_covariates(campaign: &Campaign, model: &Model) -> Vec<Covariat
     let joints = model.arm.count();
     let poses = &campaign.poses;
     let mut loads = vec![vec![0.0; poses.len()]; joints];
-    visit_poses(&physics::Model::nominal(model.arm), campaign, None, |pose, seen, _| {
-        (0..joints).for_each(|joint| loads[joint][pose] = seen.loads.torque(joint));
+    visit_poses(&physics::Model::nominal(model.arm), campaign, None, |pose, evaluation, _| {
+        (0..joints).for_each(|joint| loads[joint][pose] = evaluation.loads.torque(joint));
     });
-    let mut words = Vec::new();
+    let mut covariates = Vec::new();
     let mut add = |name: String, joint: Option<usize>, value: &dyn Fn(usize, &Inputs) -> f64| {
         let raw: Vec<f64> =
             poses.iter().enumerate().map(|(k, pose)| value(k, &pose.inputs)).collect();
-        words.extend(Covariate::of(name, joint, &raw));
+        covariates.extend(Covariate::of(name, joint, &raw));
     };
     let speeds: Vec<Vec<f64>> = (0..joints).map(|joint| speeds(campaign, joint)).collect();
     for joint in 0..joints {
-        let (at, n) = (Some(joint), joint + 1);
-        add(format!("q{n}"), at, &|_, inputs| inputs.q[joint]);
-        add(format!("v{n}"), at, &|k, _| speeds[joint][k]);
-        add(format!("a{n}"), at, &|k, _| {
+        let (of_joint, n) = (Some(joint), joint + 1);
+        add(format!("q{n}"), of_joint, &|_, inputs| inputs.q[joint]);
+        add(format!("v{n}"), of_joint, &|k, _| speeds[joint][k]);
+        add(format!("a{n}"), of_joint, &|k, _| {
             let before = k.checked_sub(1).filter(|_| poses[k].inputs.dt_s > 0.0);
             before.map_or(0.0, |b| (speeds[joint][k] - speeds[joint][b]) / poses[k].inputs.dt_s)
         });
-        add(format!("direction_{n}"), at, &|_, inputs| inputs.direction[joint]);
-        add(format!("tau{n}"), at, &|k, _| loads[joint][k]);
-        add(format!("temp{n}_C"), at, &|_, inputs| inputs.joint_celsius[joint]);
+        add(format!("direction_{n}"), of_joint, &|_, inputs| inputs.direction[joint]);
+        add(format!("tau{n}"), of_joint, &|k, _| loads[joint][k]);
+        add(format!("temp{n}_C"), of_joint, &|_, inputs| inputs.joint_celsius[joint]);
     }
     for axis in 0..3 {
         add("wrench".to_owned(), None, &|_, inputs| inputs.wrench_base.force[axis]);
@@ -77,7 +77,7 @@ pub(super) fn all_covariates(campaign: &Campaign, model: &Model) -> Vec<Covariat
     add("temp_C".to_owned(), None, &|_, inputs| inputs.ambient_celsius);
     add("spindle_rpm".to_owned(), None, &|_, inputs| inputs.spindle_rpm);
     add("t_s".to_owned(), None, &|_, inputs| inputs.time_s);
-    words
+    covariates
 }
 
 /// Speeds of a joint on paths, rad/s or m/s; zero at settled poses.

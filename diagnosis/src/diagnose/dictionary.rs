@@ -69,8 +69,8 @@ fn slow_waves(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
         let range = positions().fold(f64::NEG_INFINITY, f64::max)
             - positions().fold(f64::INFINITY, f64::min);
         let is_slow = |cycles: &f64| cycles * range < CYCLES_MIN * TAU && range > RANGE_MIN;
-        let asked = WAVE_ORDERS.map(|order| order * unit).into_iter().filter(is_slow);
-        all.extend(asked.filter_map(|cycles| wave_candidate(arm, joint, cycles)));
+        let slow = WAVE_ORDERS.map(|order| order * unit).into_iter().filter(is_slow);
+        all.extend(slow.filter_map(|cycles| wave_candidate(arm, joint, cycles)));
     }
     all
 }
@@ -94,10 +94,10 @@ fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
 
 /// Errors of a force sensor. They are visible only through the compliances that the model states.
 fn force_sensor_errors(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
-    let gives_way = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
+    let is_compliant = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
     let pushed = |pose: &crate::Pose| pose.inputs.wrench_base != physics::Wrench::ZERO;
     let mut list = CandidateList::new(&model.arm, campaign);
-    if model.effects().any(gives_way) && campaign.poses.iter().any(pushed) {
+    if model.effects().any(is_compliant) && campaign.poses.iter().any(pushed) {
         list.add_effect("wrench_bias", None, &[("bias", &[0.0; 3]), ("bias_Nm", &[0.0; 3])]);
         list.add_effect("wrench_scale", None, &[("scale", &[0.0; 6])]);
         list.add_effect("wrench_misalignment", None, &[("turn", &[0.0; 3])]);
@@ -148,7 +148,7 @@ mod tests {
             (pose.inputs.q[0], pose.inputs.q[1]) = (2.1 * share, 5.6 * share);
         }
         let found = slow_waves(&test_campaigns::nominal_robot().arm, &campaign);
-        let of = |joint: usize| found.iter().filter(|one| one.joint == Some(joint)).count();
-        assert_eq!((of(0), of(1), of(2)), (2, 0, 0));
+        let count_of = |joint: usize| found.iter().filter(|one| one.joint == Some(joint)).count();
+        assert_eq!((count_of(0), count_of(1), count_of(2)), (2, 0, 0));
     }
 }

@@ -54,22 +54,22 @@ pub(super) struct Design<'a> {
 
 /// Experiments with the joints in question; all of them if an effect concerns the whole robot.
 fn relevant_experiments(
-    own: &AnyEffect,
-    alike: &[&AlternativeEffect],
+    effect: &AnyEffect,
+    alternatives: &[&AlternativeEffect],
 ) -> impl Fn(&Experiment) -> bool {
-    let effects = std::iter::once(own).chain(alike.iter().map(|rival| &rival.effect));
+    let effects = std::iter::once(effect).chain(alternatives.iter().map(|rival| &rival.effect));
     let joints: Vec<Option<usize>> = effects.map(AnyEffect::joint).collect();
     move |experiment| {
         let alone = experiment.name.strip_prefix("joint ");
         let Some(rest) = alone else { return true };
-        let of = |joint: usize| rest.split(' ').next() == Some(&(joint + 1).to_string());
-        joints.iter().any(|joint| joint.is_none_or(of))
+        let is_about = |joint: usize| rest.split(' ').next() == Some(&(joint + 1).to_string());
+        joints.iter().any(|joint| joint.is_none_or(is_about))
     }
 }
 
 fn instruction_text(
-    own: &AnyEffect,
-    alike: &[&AlternativeEffect],
+    examined: &AnyEffect,
+    alternatives: &[&AlternativeEffect],
     chosen: &Experiment,
     separation: f64,
 ) -> String {
@@ -77,7 +77,7 @@ fn instruction_text(
         let whose = effect.joint().map_or(String::new(), |j| format!(" of joint {}", j + 1));
         format!("{}{whose}", effect.spec().kind.replace('_', " "))
     };
-    let rivals: Vec<String> = alike.iter().map(|rival| name(&rival.effect)).collect();
+    let rivals: Vec<String> = alternatives.iter().map(|rival| name(&rival.effect)).collect();
     let again = (INDISTINGUISHABLE_LOSS / separation.max(1e-3)).ceil();
     let enough = match again {
         1.0 => String::new(),
@@ -86,7 +86,7 @@ fn instruction_text(
     };
     format!(
         "To distinguish {} from {}: {}. It takes about {:.0} min, with an expected log-likelihood ratio of {}{enough}.",
-        name(own),
+        name(examined),
         rivals.join(", "),
         chosen.says,
         (chosen.takes_s() / 60.0).ceil(),
@@ -97,8 +97,10 @@ fn instruction_text(
 /// The measured columns of a recording.
 fn measured_channels(campaign: &Campaign) -> MeasuredChannels {
     let mut channels: Vec<Channel> = Vec::new();
-    for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
-        let own: Vec<Channel> = match reading {
+    for reading in
+        campaign.poses.iter().flat_map(|p| p.seen.iter().map(|observation| &observation.reading))
+    {
+        let own_channels: Vec<Channel> = match reading {
             Reading::Point { place: ToolPoint::Tcp, .. } => (0..3).map(Channel::Position).collect(),
             Reading::Point { place: ToolPoint::Target(t), .. } => {
                 (0..3).map(|axis| Channel::Target(*t, axis)).collect()
@@ -107,8 +109,8 @@ fn measured_channels(campaign: &Campaign) -> MeasuredChannels {
             Reading::JointPosition { joint, .. } => vec![Channel::Link(*joint)],
             _ => Vec::new(),
         };
-        if own.first().is_some_and(|first| !channels.contains(first)) {
-            channels.extend(own);
+        if own_channels.first().is_some_and(|first| !channels.contains(first)) {
+            channels.extend(own_channels);
         }
     }
     channels.sort_unstable();
@@ -134,17 +136,17 @@ impl<'a> Design<'a> {
     ) -> Option<ProposedExperiment> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let own = self.last.hypothesis.model.effects().nth(one.effect)?;
-        let alike = one
+        let effect = self.last.hypothesis.model.effects().nth(one.effect)?;
+        let alternatives = one
             .alternatives
             .iter()
             .filter(|rival| rival.is_indistinguishable)
             .take(ALTERNATIVES_MAX);
-        let alike: Vec<&AlternativeEffect> = alike.collect();
+        let alternatives: Vec<&AlternativeEffect> = alternatives.collect();
         let others: Vec<Fit> =
-            alike.iter().filter_map(|rival| self.fit_with_alternative(one, rival)).collect();
+            alternatives.iter().filter_map(|rival| self.fit_with_alternative(one, rival)).collect();
         let measured = measured_channels(self.campaign);
-        let wanted = relevant_experiments(own, &alike);
+        let wanted = relevant_experiments(effect, &alternatives);
         let tried: Vec<Experiment> =
             catalogue(&self.given.arm).into_iter().filter(wanted).collect();
         let steps = progress.steps(tried.len());
@@ -152,14 +154,14 @@ impl<'a> Design<'a> {
             let parts = others.iter().map(|other| self.separation(&experiment, &measured, other));
             let parts: Option<Vec<f64>> = parts.collect();
             steps.step();
-            let least = parts?.into_iter().fold(f64::INFINITY, f64::min);
-            least.is_finite().then_some((experiment, least))
+            let separation = parts?.into_iter().fold(f64::INFINITY, f64::min);
+            separation.is_finite().then_some((experiment, separation))
         });
         // Among equals the first, which is the simplest.
         let best = parted.reduce(|a, b| if b.1 > a.1 { b } else { a });
         let (experiment, separation) = best?;
-        let says = instruction_text(own, &alike, &experiment, separation);
-        Some(ProposedExperiment { experiment, measured, separation, says })
+        let instruction = instruction_text(effect, &alternatives, &experiment, separation);
+        Some(ProposedExperiment { experiment, measured, separation, says: instruction })
     }
 
     /// The fit of the recording with `rival` in place of `one`.
@@ -184,13 +186,13 @@ impl<'a> Design<'a> {
         set_velocities(&mut made, arm.count());
         made.instruments.iter_mut().for_each(|instrument| instrument.noise_is_known = true);
         let around = &self.last.surroundings;
-        for (own, known) in made.surroundings.targets.iter_mut().zip(&around.targets) {
-            *own = *known;
+        for (simulated, known) in made.surroundings.targets.iter_mut().zip(&around.targets) {
+            *simulated = *known;
         }
-        if let (Some(own), Some(known)) =
+        if let (Some(simulated), Some(known)) =
             (made.surroundings.frames.first_mut(), around.frames.first())
         {
-            *own = *known;
+            *simulated = *known;
         }
         let count = made.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
         let stride = count.div_ceil(READINGS_MAX).max(1);
@@ -198,8 +200,8 @@ impl<'a> Design<'a> {
             if k % stride > 0 {
                 pose.seen.clear();
             }
-            for seen in &mut pose.seen {
-                seen.whitening = self.whitening(&seen.reading)?;
+            for observation in &mut pose.seen {
+                observation.whitening = self.whitening(&observation.reading)?;
             }
         }
         Some(made)
@@ -207,7 +209,7 @@ impl<'a> Design<'a> {
 
     /// Whitening by the noise that the same quantity has in the recording.
     fn whitening(&self, reading: &Reading) -> Option<glam::DMat3> {
-        let alike = |other: &Reading| match (reading, other) {
+        let is_same_kind = |other: &Reading| match (reading, other) {
             (Reading::Point { place: a, .. }, Reading::Point { place: b, .. }) => a == b,
             (Reading::JointPosition { joint: a, .. }, Reading::JointPosition { joint: b, .. }) => {
                 a == b
@@ -216,7 +218,7 @@ impl<'a> Design<'a> {
             _ => false,
         };
         let mut all = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
-        let found = all.find(|seen| alike(&seen.reading))?;
+        let found = all.find(|observation| is_same_kind(&observation.reading))?;
         Some(found.whitening * (1.0 / self.last.factors[found.instrument]))
     }
 
@@ -228,26 +230,26 @@ impl<'a> Design<'a> {
         other: &Fit,
     ) -> Option<f64> {
         let made = self.simulated_campaign(experiment, measured)?;
-        let [own, other] = [&self.last.hypothesis, &other.hypothesis];
-        let one = self.expected_loss(&made, own, other);
-        let two = self.expected_loss(&made, other, own);
+        let [hypothesis, other] = [&self.last.hypothesis, &other.hypothesis];
+        let one = self.expected_loss(&made, hypothesis, other);
+        let two = self.expected_loss(&made, other, hypothesis);
         Some(one.min(two) / self.last.design_effect.max(1.0))
     }
 
     /// Loss in log-likelihood of `wrong`, fitted to noise-free measurements simulated with `right`.
     fn expected_loss(&self, made: &Campaign, right: &Hypothesis, wrong: &Hypothesis) -> f64 {
-        let seen =
+        let readings =
             campaign_simulation::simulate_readings(made, &right.model, &made.surroundings, 0.0, 0);
-        let used = vec![true; seen.poses.len()];
+        let used = vec![true; readings.poses.len()];
         let settings = FitSettings {
             used: &used,
             influence: Influence::Equal,
             from: Some(&made.surroundings),
             effort: FitEffort::Sketch,
         };
-        let own = fit(&seen, right, &settings);
-        let against = refit_with_fixed_weights(&seen, wrong, &own, &used);
-        let with = refit_with_fixed_weights(&seen, right, &own, &used);
+        let reference = fit(&readings, right, &settings);
+        let against = refit_with_fixed_weights(&readings, wrong, &reference, &used);
+        let with = refit_with_fixed_weights(&readings, right, &reference, &used);
         0.5 * (against.sum_of_squares - with.sum_of_squares).max(0.0)
     }
 }

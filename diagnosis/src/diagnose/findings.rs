@@ -29,8 +29,8 @@ pub(super) fn findings(
 ) -> Vec<Finding> {
     // Each effect removed, alone, with those before it, and as a finding; none of them and all of them.
     let steps = progress.steps(4 * all.len() + 2);
-    let left = |gone: &[&SelectedEffect]| {
-        let fit = held.compared(&hypothesis_without(last, model, gone), last);
+    let left = |removed: &[&SelectedEffect]| {
+        let fit = held.compared(&hypothesis_without(last, model, removed), last);
         let error = RemainingError { energy: held.energy(&fit), rms: held.rms(&fit) };
         steps.step();
         error
@@ -60,9 +60,9 @@ pub(super) fn findings(
         let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
         let (confidence, shares) = verdict::confidence(one, last);
         let stated = one.previous_priors.as_ref().and_then(|_| model.effects().nth(one.effect));
-        let bare = hypothesis_without(last, model, &[one]).model;
-        let seen = residual_map::visibility(held.campaign, &last.surroundings, whole, &bare);
-        let registered = everywhere.compared(&Hypothesis::fixed(*bare), last);
+        let without = hypothesis_without(last, model, &[one]).model;
+        let seen = residual_map::visibility(held.campaign, &last.surroundings, whole, &without);
+        let registered = everywhere.compared(&Hypothesis::fixed(*without), last);
         let before = if k == 0 { held.rms(given) } else { first_ones[k - 1] };
         Some(Finding {
             seen,
@@ -114,8 +114,8 @@ fn are_correlated(one: &SelectedEffect, other: &SelectedEffect, fit: &Fit) -> bo
         let free = fit.hypothesis.free.iter().enumerate();
         free.filter(|(_, free)| free.effect == one.effect).map(|(k, _)| fit.column_of(k)).collect()
     };
-    let (own, others) = (columns(one), columns(other));
-    let mut pairs = own.iter().flat_map(|a| others.iter().map(move |b| (*a, *b)));
+    let (columns_of_one, others) = (columns(one), columns(other));
+    let mut pairs = columns_of_one.iter().flat_map(|a| others.iter().map(move |b| (*a, *b)));
     pairs.any(|(a, b)| {
         fit.correlation(a, b).is_some_and(|correlation| correlation.abs() >= CORRELATION_MIN)
     })
@@ -133,12 +133,12 @@ fn correlation_groups(
             continue;
         }
         let mut members = vec![first];
-        let mut at = 0;
-        while at < members.len() {
+        let mut next = 0;
+        while next < members.len() {
             let open = (0..count).filter(|k| !members.contains(k));
-            let near: Vec<usize> = open.filter(|k| are_together(members[at], *k)).collect();
-            members.extend(near);
-            at += 1;
+            let correlated: Vec<usize> = open.filter(|k| are_together(members[next], *k)).collect();
+            members.extend(correlated);
+            next += 1;
         }
         if members.len() > 1 {
             number += 1;

@@ -109,8 +109,8 @@ impl GramMatrix {
         let moves = displacements(fitted, entries);
         let series = moves.iter().flat_map(|moves| &moves.of_probes);
         let priors: Vec<f64> = moves.iter().flat_map(|moves| moves.sigmas.clone()).collect();
-        let (mixed, own, pulls) = fitted.products(&series.collect::<Vec<_>>(), nuisance);
-        let (fixed, count): (usize, usize) = (nuisance.len(), own.ncols());
+        let (mixed, squares, pulls) = fitted.products(&series.collect::<Vec<_>>(), nuisance);
+        let (fixed, count): (usize, usize) = (nuisance.len(), squares.ncols());
         let part = fitted.fit.triangle.of_columns(nuisance);
         let width = fixed + count;
         let mut products = DMatrix::zeros(width + 1, width + 1);
@@ -132,22 +132,22 @@ impl GramMatrix {
                     (mixed[(j, c)], mixed[(j, c)]);
             }
             for d in 0..count {
-                products[(fixed + c, fixed + d)] = own[(c, d)];
+                products[(fixed + c, fixed + d)] = squares[(c, d)];
             }
             (products[(width, fixed + c)], products[(fixed + c, width)]) = (pulls[c], pulls[c]);
         }
         let mut columns_of = Vec::with_capacity(entries.len());
         let mut first = fixed;
-        let mut stands = vec![0.0; width];
+        let mut estimates = vec![0.0; width];
         let mut is_correction = vec![false; width];
         for entry in entries {
             let columns = first..first + entry.candidate.probes.len();
-            stands[columns.clone()].copy_from_slice(&entry.linearised_at);
+            estimates[columns.clone()].copy_from_slice(&entry.linearised_at);
             is_correction[columns.clone()].fill(entry.candidate.changes().is_some());
             first = columns.end;
             columns_of.push(columns);
         }
-        add_back_explained(&mut products, &stands);
+        add_back_explained(&mut products, &estimates);
         let mut gram = Self {
             lengths: vec![1.0; width],
             data_share: vec![1.0; width],
@@ -291,20 +291,20 @@ fn displacements(
 ) -> Vec<Arc<CandidateMotions>> {
     let open = entries.iter().filter(|entry| entry.moves.is_none());
     let open: Vec<Candidate> = open.map(|entry| entry.candidate.clone()).collect();
-    let mut asked = fitted.candidate_motions(&open).into_iter().map(Arc::new);
-    entries.iter().filter_map(|entry| entry.moves.clone().or_else(|| asked.next())).collect()
+    let mut computed = fitted.candidate_motions(&open).into_iter().map(Arc::new);
+    entries.iter().filter_map(|entry| entry.moves.clone().or_else(|| computed.next())).collect()
 }
 
 /// Adds to the right-hand side what the columns explain with the parameters at the point of linearisation.
-fn add_back_explained(cells: &mut DMatrix<f64>, stands: &[f64]) {
-    let right = stands.len();
+fn add_back_explained(cells: &mut DMatrix<f64>, estimates: &[f64]) {
+    let right = estimates.len();
     let mut added = vec![0.0; right + 1];
-    for (column, x) in stands.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+    for (column, x) in estimates.iter().enumerate().filter(|(_, x)| **x != 0.0) {
         let products = cells.column(column);
         added.iter_mut().zip(products.iter()).for_each(|(sum, g)| *sum += g * x);
     }
     // |r + Cx|² = |r|² + 2 x·Cᵀr + xᵀCᵀCx
-    let along: f64 = stands.iter().zip(&added).map(|(x, a)| x * a).sum();
+    let along: f64 = estimates.iter().zip(&added).map(|(x, a)| x * a).sum();
     let total = cells[(right, right)] + 2.0 * added[right] + along;
     for column in 0..right {
         let cell = cells[(column, right)] + added[column];

@@ -44,22 +44,22 @@ impl Search<'_> {
             list.add_effect("hysteresis", play.joint(), distance);
         }
         all.extend(list.candidates);
-        let here = selection.selected.iter().filter(|one| one.candidate.joint == play.joint());
-        let here: Vec<&SelectedEffect> = here.collect();
-        let bare = hypothesis_without(&selection.fit, &self.known.model, &here);
-        let bare =
-            refit_with_fixed_weights(self.campaign, &bare, &selection.fit, self.settings.used);
-        let fitted = ScoreTest::new(self.campaign, &bare, &self.settings);
+        let of_joint = selection.selected.iter().filter(|one| one.candidate.joint == play.joint());
+        let of_joint: Vec<&SelectedEffect> = of_joint.collect();
+        let without = hypothesis_without(&selection.fit, &self.known.model, &of_joint);
+        let without =
+            refit_with_fixed_weights(self.campaign, &without, &selection.fit, self.settings.used);
+        let fitted = ScoreTest::new(self.campaign, &without, &self.settings);
         let mut scores = fitted.scores(&all);
         scores.retain(|score| is_physical(&all[score.candidate], &score.values));
         scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let fits = scores.iter().take(CANDIDATES_FITTED).filter_map(|score| {
             let candidate = &all[score.candidate];
-            let mut hypothesis = bare.hypothesis.clone();
-            let at = insert(&mut hypothesis, candidate, candidate.fixed_stems(), &score.values)?;
+            let mut hypothesis = without.hypothesis.clone();
+            let index = insert(&mut hypothesis, candidate, candidate.fixed_stems(), &score.values)?;
             let fit =
-                refit_with_fixed_weights(self.campaign, &hypothesis, &bare, self.settings.used);
-            let effect = fit.hypothesis.model.effects().nth(at)?;
+                refit_with_fixed_weights(self.campaign, &hypothesis, &without, self.settings.used);
+            let effect = fit.hypothesis.model.effects().nth(index)?;
             Some((fit.sum_of_squares, candidate.relinearised(arm, effect, &[]).0))
         });
         fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| candidate)

@@ -43,7 +43,7 @@ impl JacobianCache {
     ) -> Vec<Arc<CandidateMotions>> {
         let (mut of_loads, mut others) = (lock(&self.load_changing), lock(&self.others));
         let whole = fitted.context();
-        let felt = relevant_effects(&whole);
+        let relevant = relevant_effects(&whole);
         of_loads.update(
             fitted,
             whole,
@@ -51,7 +51,7 @@ impl JacobianCache {
         );
         others.update(
             fitted,
-            felt,
+            relevant,
             library.iter().filter(|candidate| !is_load_changing(candidate)),
         );
         let (mut of_loads, mut others) = (of_loads.columns.iter(), others.columns.iter());
@@ -70,9 +70,9 @@ impl JacobianCache {
         columns: impl FnOnce() -> Vec<ElementDisplacement>,
     ) -> Arc<Vec<ElementDisplacement>> {
         let mut kept = lock(&self.modes);
-        let felt = relevant_effects(&fitted.context());
-        if kept.context != felt {
-            *kept = ModeColumns { context: felt, columns: None };
+        let relevant = relevant_effects(&fitted.context());
+        if kept.context != relevant {
+            *kept = ModeColumns { context: relevant, columns: None };
         }
         Arc::clone(kept.columns.get_or_insert_with(|| Arc::new(columns())))
     }

@@ -56,13 +56,13 @@ pub(super) fn modes(fitted: &ScoreTest<'_>, cache: &JacobianCache) -> Vec<Candid
         trials.iter().flat_map(|trial| mode_candidates(arm, trial, &list)).collect();
     let kept = cache.mode_columns(fitted, || columns(fitted, &rides, &first));
     let first = scored(fitted, &rides, &first, &kept);
-    let least = REFINEMENT_GAIN_MIN * fitted.fit.design_effect;
+    let gain_min = REFINEMENT_GAIN_MIN * fitted.fit.design_effect;
     let closer = trials.iter().filter_map(|trial| {
         let (candidate, gain) = strongest(&first, trial)?;
         let centre = candidate.probes.first()?.effect.values()[0];
-        let near = |by: &f64| FINE_DAMPINGS.map(|damping| (by * centre, damping));
-        let near: Vec<(f64, f64)> = FINE_FREQUENCIES.iter().flat_map(near).collect();
-        (gain > least).then(|| mode_candidates(arm, trial, &near))
+        let refined = |by: &f64| FINE_DAMPINGS.map(|damping| (by * centre, damping));
+        let refined: Vec<(f64, f64)> = FINE_FREQUENCIES.iter().flat_map(refined).collect();
+        (gain > gain_min).then(|| mode_candidates(arm, trial, &refined))
     });
     let closer: Vec<Candidate> = closer.flatten().collect();
     let second = scored(fitted, &rides, &closer, &columns(fitted, &rides, &closer));
@@ -87,9 +87,9 @@ fn band(campaign: &Campaign) -> Option<(f64, f64)> {
 /// Joints that move, and joints and base under a varying load.
 fn trials(arm: &Arm, campaign: &Campaign) -> Vec<Trial> {
     let first = campaign.poses.first().map(|pose| pose.inputs);
-    let changes = |of: &dyn Fn(&physics::Inputs) -> f64, least: f64| {
-        let first = first.as_ref().map_or(0.0, of);
-        campaign.poses.iter().any(|pose| (of(&pose.inputs) - first).abs() > least)
+    let changes = |quantity: &dyn Fn(&physics::Inputs) -> f64, minimum: f64| {
+        let first = first.as_ref().map_or(0.0, quantity);
+        campaign.poses.iter().any(|pose| (quantity(&pose.inputs) - first).abs() > minimum)
     };
     let wrench = changes(&|inputs| inputs.wrench_base.force.length(), LOAD_CHANGE_MIN)
         || changes(&|inputs| inputs.wrench_base.moment.length(), LOAD_CHANGE_MIN);
@@ -113,10 +113,10 @@ fn trials(arm: &Arm, campaign: &Campaign) -> Vec<Trial> {
 }
 
 fn mode_candidates(arm: &Arm, trial: &Trial, list: &[(f64, f64)]) -> Vec<Candidate> {
-    let of = |numbers: &(f64, f64)| {
+    let candidate = |numbers: &(f64, f64)| {
         mode_candidate(arm, (trial.joint, trial.axis), *numbers, trial.driven)
     };
-    list.iter().filter_map(of).collect()
+    list.iter().filter_map(candidate).collect()
 }
 
 fn is_of_trial(candidate: &Candidate, trial: &Trial) -> bool {
@@ -152,20 +152,22 @@ fn scored(
 ) -> Vec<(Candidate, f64)> {
     let model = &fitted.state.hypothesis.model;
     let sigma = |value: usize| SIGMA[usize::from(value == 3)];
-    let asked = ColumnGroups {
+    let groups = ColumnGroups {
         column_counts: candidates.iter().map(|candidate| candidate.probes.len()).collect(),
         sigmas: candidates.iter().flat_map(|c| &c.probes).map(|p| sigma(p.value)).collect(),
     };
     let units = UnitDisplacements::of(&model.arm, columns);
     let (mut now, mut moved) = (usize::MAX, Vec::new());
-    let scores = fitted.scores_along(&asked, |at, into| {
-        if now != at.pose {
-            now = at.pose;
+    let scores = fitted.scores_along(&groups, |reading, into| {
+        if now != reading.pose {
+            now = reading.pose;
             moved = units.at(&rides.inputs(fitted.campaign, now).q);
         }
         let along = |((_, by), unit): (&ElementDisplacement, &usize)| {
             let (unit, by): (&ToolMotion, f64) = (&moved[*unit], by[now]);
-            at.rows.along_parts((unit.turn * by, unit.shift * by), |joint| unit.joints[joint] * by)
+            reading
+                .rows
+                .along_parts((unit.turn * by, unit.shift * by), |joint| unit.joints[joint] * by)
         };
         into.extend(columns.iter().zip(&units.of_column).map(along));
     });
@@ -198,12 +200,12 @@ impl<'a> UnitDisplacements<'a> {
     /// Displacements at the joint positions `q`, rad or m.
     fn at(&self, q: &Joints) -> Vec<ToolMotion> {
         let nominal = Chain::nominal(self.arm, q);
-        let bare = Evaluation { nominal, real: nominal, ..Evaluation::default() };
+        let undeformed = Evaluation { nominal, real: nominal, ..Evaluation::default() };
         let unit = |rings: &VibratingPart| match *rings {
             VibratingPart::Joint(joint) => ToolMotion::of_joint(self.arm, &nominal, joint),
             VibratingPart::Base(axis) => {
                 let turn = Contribution::BaseTurn { turn: axis };
-                ToolMotion::of(self.arm, &bare, &turn).unwrap_or_default()
+                ToolMotion::of(self.arm, &undeformed, &turn).unwrap_or_default()
             }
         };
         self.rings.iter().map(unit).collect()

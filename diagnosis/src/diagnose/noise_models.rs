@@ -45,12 +45,12 @@ pub(super) fn noise_models(
         let left = detrended(run, words, taken);
         pieces[run.instrument].extend(contiguous_sections(campaign, run, &left));
     }
-    let told = campaign.instruments.iter().zip(&fit.factors).zip(&pieces);
+    let inputs = campaign.instruments.iter().zip(&fit.factors).zip(&pieces);
     let colour = |((instrument, factor), pieces): ((&Instrument, &f64), &Vec<Vec<f64>>)| {
         let is_loud = instrument.noise_is_known && factor * rms(pieces) > MISSING_EFFECT_RATIO;
         if is_loud { ArModel::default() } else { ArModel::estimate(pieces) }
     };
-    told.map(colour).collect()
+    inputs.map(colour).collect()
 }
 
 /// Root mean square of the values of all pieces.
@@ -73,26 +73,26 @@ fn scalar_residuals(
         noise_factors: fit.factors.clone(),
     };
     let mut runs: BTreeMap<(usize, usize, usize), ScalarResiduals> = BTreeMap::new();
-    let look = VisitScope { used: Some(used), derivatives: false };
+    let scope = VisitScope { used: Some(used), derivatives: false };
     let streams: Vec<usize> = campaign
         .poses
         .iter()
-        .flat_map(|pose| pose.seen.iter().map(|seen| series_index(&seen.reading)))
+        .flat_map(|pose| pose.seen.iter().map(|observation| series_index(&observation.reading)))
         .collect();
-    visit_readings(campaign, &state, look, |at| {
-        let scale = weighing.scale(at);
-        for part in 0..at.rows.count {
-            let run = runs.entry((at.instrument, streams[at.reading], part)).or_default();
-            run.instrument = at.instrument;
-            run.poses.push(at.pose);
-            run.values.push(scale * at.rows.residual[part]);
+    visit_readings(campaign, &state, scope, |reading| {
+        let scale = weighing.scale(reading);
+        for part in 0..reading.rows.count {
+            let run = runs.entry((reading.instrument, streams[reading.reading], part)).or_default();
+            run.instrument = reading.instrument;
+            run.poses.push(reading.pose);
+            run.values.push(scale * reading.rows.residual[part]);
         }
     });
     runs
 }
 
 /// Residual of the regression of a run on all covariates.
-fn detrended(run: &ScalarResiduals, words: &[Covariate], taken: CovariateChoice) -> Vec<f64> {
+fn detrended(run: &ScalarResiduals, covariates: &[Covariate], taken: CovariateChoice) -> Vec<f64> {
     let count = run.values.len();
     let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
     let mut groups = Vec::new();
@@ -103,21 +103,22 @@ fn detrended(run: &ScalarResiduals, words: &[Covariate], taken: CovariateChoice)
             rows.iter_mut().zip(&run.poses).for_each(|(row, pose)| row.extend(terms(*pose)));
         }
     };
-    let degree = |word: &Covariate| if word.name == "t_s" { TIME_DEGREE } else { DEGREE };
-    let mut ordered: Vec<&Covariate> = words.iter().collect();
+    let degree = |covariate: &Covariate| if covariate.name == "t_s" { TIME_DEGREE } else { DEGREE };
+    let mut ordered: Vec<&Covariate> = covariates.iter().collect();
     // If the values are too few for all covariates, temperature and time come first: drifts resemble autocorrelated noise most.
-    if words.iter().map(degree).sum::<usize>() * VALUES_PER_COEFFICIENT >= count {
-        ordered.sort_by_key(|word| word.joint.is_some());
+    if covariates.iter().map(degree).sum::<usize>() * VALUES_PER_COEFFICIENT >= count {
+        ordered.sort_by_key(|covariate| covariate.joint.is_some());
     }
-    for word in ordered {
-        let degree = degree(word);
-        add(degree, &|pose| word.chebyshev(pose, degree).collect());
+    for covariate in ordered {
+        let degree = degree(covariate);
+        add(degree, &|pose| covariate.chebyshev(pose, degree).collect());
     }
     // Backlash and friction vary with the position of the joint.
-    for direction in words.iter().filter(|word| word.name.starts_with("direction")) {
-        let is_place =
-            |word: &&Covariate| word.joint == direction.joint && word.name.starts_with('q');
-        if let Some(place) = words.iter().find(is_place) {
+    for direction in covariates.iter().filter(|covariate| covariate.name.starts_with("direction")) {
+        let is_place = |covariate: &&Covariate| {
+            covariate.joint == direction.joint && covariate.name.starts_with('q')
+        };
+        if let Some(place) = covariates.iter().find(is_place) {
             let sign = |pose: usize| direction.values[pose];
             let terms = |pose| place.chebyshev(pose, DEGREE).map(|t| t * sign(pose)).collect();
             add(DEGREE, &terms);
@@ -132,8 +133,8 @@ fn detrended(run: &ScalarResiduals, words: &[Covariate], taken: CovariateChoice)
 fn contiguous_sections(campaign: &Campaign, run: &ScalarResiduals, left: &[f64]) -> Vec<Vec<f64>> {
     let mut pieces: Vec<Vec<f64>> = Vec::new();
     for (k, value) in left.iter().enumerate() {
-        let goes_on = k > 0 && is_next_row(campaign, run.poses[k - 1], run.poses[k]);
-        match pieces.last_mut().filter(|_| goes_on) {
+        let is_contiguous = k > 0 && is_next_row(campaign, run.poses[k - 1], run.poses[k]);
+        match pieces.last_mut().filter(|_| is_contiguous) {
             Some(piece) => piece.push(*value),
             None => pieces.push(vec![*value]),
         }

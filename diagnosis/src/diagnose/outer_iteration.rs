@@ -40,10 +40,10 @@ impl Search<'_> {
         let mut best = start;
         for _ in 0..ROUNDS_MAX {
             let Some(next) = self.next_selection(&best, also) else { break };
-            let stands = keys(&next.selected) == keys(&best.selected);
+            let is_unchanged = keys(&next.selected) == keys(&best.selected);
             best = next;
             self.progress.selected(best.selected.len());
-            if stands {
+            if is_unchanged {
                 break;
             }
         }
@@ -99,13 +99,13 @@ impl Search<'_> {
                 SearchExtent::SingleStep => stepwise.step_from_previous(),
                 SearchExtent::Multistart => stepwise.run_multistart(),
             }
-            let stands = stepwise.keys() == keys(named);
-            if stands && same.is_some() {
+            let is_unchanged = stepwise.keys() == keys(named);
+            if is_unchanged && same.is_some() {
                 continue;
             }
             let next = self.nonlinear_fit(&stepwise, &best.fit, FitEffort::Sketch);
             if self.is_better(&next, same.as_ref().unwrap_or(best)) {
-                if !stands {
+                if !is_unchanged {
                     return Some(next);
                 }
                 same = Some(next);
@@ -132,11 +132,14 @@ impl Search<'_> {
     /// Minus twice the log-likelihood, up to a constant.
     fn deviance(&self, fit: &Fit) -> f64 {
         let read = self.campaign.poses.iter().zip(self.settings.used);
-        let read = read.flat_map(|(pose, used)| pose.seen.iter().map(move |seen| (seen, used)));
-        let one = |((seen, used), weight): ((&crate::campaign::Observation, &bool), &f64)| {
-            let size = 2.0 * fit.factors[seen.instrument].ln() + OUTLIER_COST * (1.0 - weight);
-            if *used { size * seen.reading.count() as f64 } else { 0.0 }
-        };
+        let read = read
+            .flat_map(|(pose, used)| pose.seen.iter().map(move |observation| (observation, used)));
+        let one =
+            |((observation, used), weight): ((&crate::campaign::Observation, &bool), &f64)| {
+                let size =
+                    2.0 * fit.factors[observation.instrument].ln() + OUTLIER_COST * (1.0 - weight);
+                if *used { size * observation.reading.count() as f64 } else { 0.0 }
+            };
         let most = EXCESS_RATIO * fit.readings as f64;
         let left = if fit.sum_of_squares > most {
             most * (1.0 + (fit.sum_of_squares / most).ln())

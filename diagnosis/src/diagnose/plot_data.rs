@@ -90,12 +90,12 @@ impl Diagnosis {
             (self.given.residuals(&self.campaign), self.fit.residuals(&self.campaign));
         let readings = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let mut traces: Vec<ResidualSeries> = Vec::new();
-        for ((before, after), seen) in given.iter().zip(&last).zip(readings) {
-            for (part, channel) in channel_names(&seen.reading).into_iter().enumerate() {
-                let off = (before.pose, [before.residual[part], after.residual[part]]);
+        for ((before, after), observation) in given.iter().zip(&last).zip(readings) {
+            for (part, channel) in channel_names(&observation.reading).into_iter().enumerate() {
+                let residuals = (before.pose, [before.residual[part], after.residual[part]]);
                 match traces.iter_mut().find(|trace| trace.channel == channel) {
-                    Some(trace) => trace.off.push(off),
-                    None => traces.push(ResidualSeries { channel, off: vec![off] }),
+                    Some(trace) => trace.off.push(residuals),
+                    None => traces.push(ResidualSeries { channel, off: vec![residuals] }),
                 }
             }
         }
@@ -106,10 +106,11 @@ impl Diagnosis {
     #[must_use]
     pub fn held_out(&self) -> [Vec<f64>; 2] {
         let held = |fit: &Fit| {
-            let off = fit.residuals(&self.campaign).into_iter();
-            let off = off.filter(|off| !self.split.training[off.pose]);
-            off.filter(|off| off.is_length == self.test_errors.is_length)
-                .map(|off| off.residual.length())
+            let residuals = fit.residuals(&self.campaign).into_iter();
+            let residuals = residuals.filter(|residual| !self.split.training[residual.pose]);
+            residuals
+                .filter(|residual| residual.is_length == self.test_errors.is_length)
+                .map(|residual| residual.residual.length())
                 .collect()
         };
         [held(&self.given), held(&self.fit)]
@@ -151,84 +152,98 @@ impl Diagnosis {
     /// A finding over the covariate that it depends on; `None` if that is constant.
     #[must_use]
     pub fn over(&self, finding: &Finding) -> Option<CovariatePlot> {
-        let words = all_covariates(&self.campaign, &self.given.hypothesis.model);
-        let word = main_covariate(finding, &words)?;
+        let covariates = all_covariates(&self.campaign, &self.given.hypothesis.model);
+        let covariate = main_covariate(finding, &covariates)?;
         let joint = finding.effect.joint();
         let direction = joint.map(|joint| format!("direction_{}", joint + 1));
-        let direction = words.iter().find(|word| Some(&word.name) == direction.as_ref());
+        let direction =
+            covariates.iter().find(|covariate| Some(&covariate.name) == direction.as_ref());
         let (shown_in, points) = self.joint_residuals(finding);
         let points = points.into_iter().map(|(pose, seen, explained)| CovariatePoint {
-            at: word.centre + word.half_range * word.values[pose],
+            at: covariate.centre + covariate.half_range * covariate.values[pose],
             direction: direction
                 .map_or(0.0, |d| (d.centre + d.half_range * d.values[pose]).round()),
             seen,
             explained,
         });
-        Some(CovariatePlot { word: word.name.clone(), joint: shown_in, points: points.collect() })
+        Some(CovariatePlot {
+            word: covariate.name.clone(),
+            joint: shown_in,
+            points: points.collect(),
+        })
     }
 
     /// The final model without this finding.
     fn model_without(&self, finding: &Finding) -> Hypothesis {
         let whole = &self.fit.hypothesis;
-        let Some(had) = &finding.stated else { return whole.without(finding.effect_index) };
-        let mut bare = whole.clone();
-        bare.model.change(finding.effect_index, |effect| effect.values_mut().copy_from_slice(had));
-        bare
+        let Some(stated_values) = &finding.stated else {
+            return whole.without(finding.effect_index);
+        };
+        let mut without = whole.clone();
+        without.model.change(finding.effect_index, |effect| {
+            effect.values_mut().copy_from_slice(stated_values);
+        });
+        without
     }
 
     /// The joint whose error is plotted (`None`: the tool), and pose, residual without the finding, and the part of it that the finding explains.
     fn joint_residuals(&self, finding: &Finding) -> (Option<usize>, Vec<(usize, f64, f64)>) {
-        let bare = self.model_without(finding);
-        let Some(joint) = finding.effect.joint() else { return (None, self.tool_residuals(&bare)) };
+        let without = self.model_without(finding);
+        let Some(joint) = finding.effect.joint() else {
+            return (None, self.tool_residuals(&without));
+        };
         let state = |hypothesis: Hypothesis| FitState {
             surroundings: self.fit.surroundings.clone(),
             hypothesis,
         };
-        let look = VisitScope { used: None, derivatives: false };
+        let scope = VisitScope { used: None, derivatives: false };
         let arm = self.fit.hypothesis.model.arm;
         let mut whole = Vec::new();
         let full = state(self.fit.hypothesis.clone());
-        visit_readings(&self.campaign, &full, look, |at| whole.push(at.rows.residual));
+        visit_readings(&self.campaign, &full, scope, |reading| whole.push(reading.rows.residual));
         let mut points = Vec::new();
-        visit_readings(&self.campaign, &state(bare.clone()), look, |at| {
-            let chain = Chain::nominal(&arm, &self.campaign.poses[at.pose].inputs.q);
-            let along = at.rows.derivative_along(&ToolMotion::of_joint(&arm, &chain, joint));
-            points.push((at.pose, along, at.rows.residual));
+        visit_readings(&self.campaign, &state(without.clone()), scope, |reading| {
+            let chain = Chain::nominal(&arm, &self.campaign.poses[reading.pose].inputs.q);
+            let along = reading.rows.derivative_along(&ToolMotion::of_joint(&arm, &chain, joint));
+            points.push((reading.pose, along, reading.rows.residual));
         });
         let explained = points.iter().zip(&whole).map(|(p, full)| (p.1, p.2 - *full));
         let [all, along] = explained.fold([0.0; 2], |[all, shown], (along, explained)| {
             let part = along.normalize_or_zero().dot(explained);
             [all + explained.length_squared(), shown + part * part]
         });
-        let at_tool =
-            if along < JOINT_ENERGY_SHARE * all { self.tool_residuals(&bare) } else { Vec::new() };
+        let at_tool = if along < JOINT_ENERGY_SHARE * all {
+            self.tool_residuals(&without)
+        } else {
+            Vec::new()
+        };
         if !at_tool.is_empty() {
             return (None, at_tool);
         }
         // Poses at which the joint hardly moves the measured point do not determine its error.
         let most = points.iter().map(|p| p.1.length_squared()).fold(0.0, f64::max);
         let both = points.into_iter().zip(whole).zip(&self.fit.weights);
-        let seen = both
+        let tool_points = both
             .filter(|((p, _), weight)| p.1.length_squared() > 0.04 * most && **weight >= 0.5)
-            .map(|(((pose, along, bare), full), _)| {
+            .map(|(((pose, along, without), full), _)| {
                 let share = along / along.length_squared();
-                (pose, share.dot(bare), share.dot(bare - full))
+                (pose, share.dot(without), share.dot(without - full))
             });
-        (Some(joint), seen.collect())
+        (Some(joint), tool_points.collect())
     }
 
     /// The same at the tool, along the displacement by the finding: pose, residual without the finding, and the part that it explains, m.
-    fn tool_residuals(&self, bare: &Hypothesis) -> Vec<(usize, f64, f64)> {
+    fn tool_residuals(&self, without: &Hypothesis) -> Vec<(usize, f64, f64)> {
         let whole = self.fit.residuals(&self.campaign);
         let mut fit = self.fit.clone();
-        fit.hypothesis = bare.clone();
-        let bare = fit.residuals(&self.campaign);
-        let pairs = whole.iter().zip(&bare).filter(|(whole, _)| whole.is_length);
+        fit.hypothesis = without.clone();
+        let without = fit.residuals(&self.campaign);
+        let pairs = whole.iter().zip(&without).filter(|(whole, _)| whole.is_length);
         pairs
-            .map(|(whole, bare)| {
-                let explained: DVec3 = bare.residual - whole.residual;
+            .map(|(whole, without)| {
+                let explained: DVec3 = without.residual - whole.residual;
                 let along = explained.normalize_or_zero();
-                (whole.pose, along.dot(bare.residual), explained.length())
+                (whole.pose, along.dot(without.residual), explained.length())
             })
             .collect()
     }
@@ -251,7 +266,7 @@ fn channel_names(reading: &Reading) -> Vec<String> {
 }
 
 /// The main covariate of an effect, among those that vary.
-fn main_covariate<'a>(finding: &Finding, words: &'a [Covariate]) -> Option<&'a Covariate> {
+fn main_covariate<'a>(finding: &Finding, covariates: &'a [Covariate]) -> Option<&'a Covariate> {
     let effect = &finding.effect;
     let n = effect.joint().map_or(0, |joint| joint + 1);
     let other = finding.settings.iter().find(|(stem, _)| *stem == "from_joint");
@@ -279,7 +294,7 @@ fn main_covariate<'a>(finding: &Finding, words: &'a [Covariate]) -> Option<&'a C
         }
         _ => vec![format!("q{n}"), "t_s".to_owned()],
     };
-    wanted.iter().find_map(|name| words.iter().find(|word| word.name == *name))
+    wanted.iter().find_map(|name| covariates.iter().find(|covariate| covariate.name == *name))
 }
 
 /// The longest evenly sampled section, and its time step, s.
@@ -289,8 +304,8 @@ fn longest_even_section(times: &[f64]) -> Option<(std::ops::Range<usize>, f64)> 
     let step = median(steps.iter().copied());
     let mut best = 0..0;
     let mut from = 0;
-    for (k, own) in steps.iter().enumerate() {
-        if (own - step).abs() > EVEN_TOLERANCE * step {
+    for (k, interval) in steps.iter().enumerate() {
+        if (interval - step).abs() > EVEN_TOLERANCE * step {
             from = k + 1;
         }
         if k + 2 - from > best.len() {

@@ -57,7 +57,7 @@ pub(super) fn exclude_path_starts(campaign: &mut Campaign, model: &Model, notes:
 /// The first row of a path at which every joint has travelled [`MEMORY_TRAVEL`]; joints that do not within the share [`START_SHARE`] of the path are ignored.
 fn first_after_travel(campaign: &Campaign, path: &Range<usize>, joints: usize) -> usize {
     let soon = path.start + (START_SHARE * path.len() as f64) as usize;
-    let gone = |joint: usize| {
+    let first_after = |joint: usize| {
         let mut way = 0.0;
         (path.start + 1..soon).find(|k| {
             let [before, now] = [k - 1, *k].map(|k| campaign.poses[k].inputs.q[joint]);
@@ -65,7 +65,7 @@ fn first_after_travel(campaign: &Campaign, path: &Range<usize>, joints: usize) -
             way >= MEMORY_TRAVEL
         })
     };
-    (0..joints).filter_map(gone).max().unwrap_or(path.start)
+    (0..joints).filter_map(first_after).max().unwrap_or(path.start)
 }
 
 /// The first row of each path at which the model predicts the same tool position from either initial state.
@@ -74,20 +74,22 @@ fn first_state_independent(
     model: &Model,
     paths: &[Range<usize>],
 ) -> Vec<usize> {
-    let told: Vec<_> =
+    let directions: Vec<_> =
         paths.iter().map(|path| campaign.poses[path.start].inputs.direction).collect();
     let mut begun = |side: f64| -> Vec<DVec3> {
-        for (path, told) in paths.iter().zip(&told) {
-            let sided = told.map(|direction| if direction == 0.0 { side } else { direction });
+        for (path, direction) in paths.iter().zip(&directions) {
+            let sided = direction.map(|direction| if direction == 0.0 { side } else { direction });
             campaign.poses[path.start].inputs.direction = sided;
         }
         let mut tool = Vec::with_capacity(campaign.poses.len());
-        visit_poses(model, campaign, None, |_, seen, _| tool.push(seen.real.base_from_tool.origin));
+        visit_poses(model, campaign, None, |_, evaluation, _| {
+            tool.push(evaluation.real.base_from_tool.origin);
+        });
         tool
     };
     let (above, below) = (begun(1.0), begun(-1.0));
-    let starts = paths.iter().zip(told).map(|(path, told)| {
-        campaign.poses[path.start].inputs.direction = told;
+    let starts = paths.iter().zip(directions).map(|(path, direction)| {
+        campaign.poses[path.start].inputs.direction = direction;
         let is_one = |k: &usize| above[*k].distance(below[*k]) < SAME_POSITION_M;
         path.clone().find(is_one).unwrap_or(path.start)
     });
@@ -101,10 +103,10 @@ pub(super) fn stated_hypothesis(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis
         let first = known.free.len();
         known.free_all(effect, &[], sigma);
         let stated = |value: usize| sigma.get(value).is_some_and(|sigma| *sigma > 0.0);
-        let mut at = 0;
+        let mut index = 0;
         known.free.retain(|free| {
-            at += 1;
-            at <= first || stated(free.value)
+            index += 1;
+            index <= first || stated(free.value)
         });
     }
     known
@@ -127,8 +129,8 @@ pub(super) fn subsample(
             pose.seen.clear();
         },
     );
-    let mut keeps = kept.iter();
-    campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
+    let mut is_kept = kept.iter();
+    campaign.poses.retain(|_| *is_kept.next().unwrap_or(&true));
     relink_poses(campaign);
     notes.push(note);
     kept

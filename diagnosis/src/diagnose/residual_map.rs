@@ -47,49 +47,53 @@ pub(super) fn map(
     campaign: &Campaign,
     given: &Fit,
     settings: &FitSettings<'_>,
-    words: &[Covariate],
+    covariates: &[Covariate],
 ) -> Vec<MapCell> {
     let fitted = ScoreTest::new(campaign, given, settings);
     let arm = &given.hypothesis.model.arm;
     let joints = arm.count();
-    let mut sums = vec![(0.0, 0.0); joints * words.len() * PARTS_PER_COVARIATE];
-    let look = VisitScope { used: Some(settings.used), derivatives: false };
+    let mut sums = vec![(0.0, 0.0); joints * covariates.len() * PARTS_PER_COVARIATE];
+    let scope = VisitScope { used: Some(settings.used), derivatives: false };
     let (mut now, mut units) = (usize::MAX, Vec::new());
-    visit_readings(campaign, &fitted.state, look, |at| {
-        if now != at.pose {
-            now = at.pose;
+    visit_readings(campaign, &fitted.state, scope, |reading| {
+        if now != reading.pose {
+            now = reading.pose;
             let chain = Chain::nominal(arm, &campaign.poses[now].inputs.q);
             units = (0..joints).map(|joint| ToolMotion::of_joint(arm, &chain, joint)).collect();
         }
-        let scale = fitted.weighing.scale(at);
+        let scale = fitted.weighing.scale(reading);
         for (joint, unit) in units.iter().enumerate() {
-            let along = at.rows.derivative_along(unit) * scale;
-            let (own, pull) = (along.length_squared(), along.dot(at.rows.residual) * scale);
-            for (k, word) in words.iter().enumerate() {
-                let part =
-                    (0.5 * (word.values[at.pose] + 1.0) * PARTS_PER_COVARIATE as f64) as usize;
-                let cell = &mut sums[(joint * words.len() + k) * PARTS_PER_COVARIATE
+            let along = reading.rows.derivative_along(unit) * scale;
+            let (information, pull) =
+                (along.length_squared(), along.dot(reading.rows.residual) * scale);
+            for (k, covariate) in covariates.iter().enumerate() {
+                let part = (0.5
+                    * (covariate.values[reading.pose] + 1.0)
+                    * PARTS_PER_COVARIATE as f64) as usize;
+                let cell = &mut sums[(joint * covariates.len() + k) * PARTS_PER_COVARIATE
                     + part.min(PARTS_PER_COVARIATE - 1)];
-                (cell.0, cell.1) = (cell.0 + own, cell.1 + pull);
+                (cell.0, cell.1) = (cell.0 + information, cell.1 + pull);
             }
         }
     });
     let mut cells = Vec::new();
-    for (place, (own, pull)) in sums.into_iter().enumerate().filter(|(_, sum)| sum.0 > 0.0) {
+    for (place, (information, pull)) in sums.into_iter().enumerate().filter(|(_, sum)| sum.0 > 0.0)
+    {
         let (rest, part) = (place / PARTS_PER_COVARIATE, place % PARTS_PER_COVARIATE);
-        let word = &words[rest % words.len()];
+        let covariate = &covariates[rest % covariates.len()];
         let edge = |k: usize| {
-            word.centre + word.half_range * (2.0 * k as f64 / PARTS_PER_COVARIATE as f64 - 1.0)
+            covariate.centre
+                + covariate.half_range * (2.0 * k as f64 / PARTS_PER_COVARIATE as f64 - 1.0)
         };
-        let sigma = (given.design_effect / own).sqrt();
+        let sigma = (given.design_effect / information).sqrt();
         if sigma > SIGMA_MAX {
             continue;
         }
         cells.push(MapCell {
-            joint: rest / words.len(),
-            word: word.name.clone(),
+            joint: rest / covariates.len(),
+            word: covariate.name.clone(),
             range: [edge(part), edge(part + 1)],
-            off: pull / own,
+            off: pull / information,
             sigma,
         });
     }
@@ -111,8 +115,8 @@ pub struct Visibility {
 /// Predicted tool frame and joint deviations at each pose.
 fn predicted_poses(campaign: &Campaign, model: &Model) -> Vec<(Frame, Joints)> {
     let mut places = Vec::with_capacity(campaign.poses.len());
-    visit_poses(model, campaign, None, |_, seen, _| {
-        places.push((seen.real.base_from_tool, seen.deviation.joints));
+    visit_poses(model, campaign, None, |_, evaluation, _| {
+        places.push((evaluation.real.base_from_tool, evaluation.deviation.joints));
     });
     places
 }
@@ -138,8 +142,8 @@ pub(super) fn visibility(
     };
     let mut sizes = vec![0.0; campaign.poses.len()];
     for (k, pose) in campaign.poses.iter().enumerate() {
-        let ((tool, joints), (other, bare)) = (&with[k], &without[k]);
-        for reading in pose.seen.iter().map(|seen| &seen.reading) {
+        let ((tool, joints), (other, other_joints)) = (&with[k], &without[k]);
+        for reading in pose.seen.iter().map(|observation| &observation.reading) {
             match reading {
                 Reading::Point { place, frame, .. } => {
                     let (prefix, point) = match place {
@@ -156,7 +160,7 @@ pub(super) fn visibility(
                     sizes[k] += moved.length_squared();
                 }
                 Reading::JointPosition { joint, .. } => {
-                    let moved = joints[*joint] - bare[*joint];
+                    let moved = joints[*joint] - other_joints[*joint];
                     add(format!("ql{}", joint + 1), moved * moved);
                     sizes[k] += moved * moved;
                 }

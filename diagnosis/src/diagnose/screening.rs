@@ -36,16 +36,16 @@ pub fn screen_recordings(arm: &Arm, recordings: &mut [Recording]) -> ScreeningRe
         notes.extend(FrameDrift::of(recording).map(|nests| nests.description()));
         // The conversion to poses, later, refuses a recording that lacks a joint, with a proper message.
         let Ok(q) = JointPositions::of(arm, recording) else { continue };
-        let had = has_measurements(recording);
+        let had_measurements = has_measurements(recording);
         notes.extend(ChannelInspection::new(arm, recording, &q).exclude_faulty_rows());
-        let gone = had && !has_measurements(recording);
+        let is_empty = had_measurements && !has_measurements(recording);
         let name = recording.file.file_name().map(|name| name.to_string_lossy().into_owned());
-        let said = |note: String| match &name {
+        let with_file_name = |note: String| match &name {
             Some(name) if several => format!("{name}: {note}"),
             _ => note,
         };
-        let list = if gone { &mut all.doubts } else { &mut all.notes };
-        list.extend(notes.into_iter().map(said));
+        let list = if is_empty { &mut all.doubts } else { &mut all.notes };
+        list.extend(notes.into_iter().map(with_file_name));
     }
     all
 }

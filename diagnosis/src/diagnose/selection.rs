@@ -85,15 +85,16 @@ impl EffectSelection {
         Self { fit: fit.clone(), selected: Vec::new() }
     }
 
-    /// The selection without the effects `gone`, with the fit of the others.
-    pub(super) fn without_effects(&self, gone: &[&SelectedEffect], fit: Fit) -> Self {
-        let is_gone = |one: &SelectedEffect| gone.iter().any(|gone| std::ptr::eq(*gone, one));
+    /// The selection without the effects `removed`, with the fit of the others.
+    pub(super) fn without_effects(&self, removed: &[&SelectedEffect], fit: Fit) -> Self {
+        let is_removed =
+            |one: &SelectedEffect| removed.iter().any(|other| std::ptr::eq(*other, one));
         let mut selected: Vec<SelectedEffect> =
-            self.selected.iter().filter(|one| !is_gone(one)).cloned().collect();
+            self.selected.iter().filter(|one| !is_removed(one)).cloned().collect();
         // In descending order, so that the indices of the remaining ones stay valid.
-        let mut gone: Vec<&&SelectedEffect> = gone.iter().collect();
-        gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
-        gone.into_iter().for_each(|one| shift_indices_after(&mut selected, one));
+        let mut removed: Vec<&&SelectedEffect> = removed.iter().collect();
+        removed.sort_by_key(|one| std::cmp::Reverse(one.effect));
+        removed.into_iter().for_each(|one| shift_indices_after(&mut selected, one));
         Self { fit, selected }
     }
 }
@@ -111,21 +112,21 @@ pub(super) struct Search<'a> {
     pub(super) progress: StageProgress<'a>,
 }
 
-/// A preselection from the empty selection: a few rounds of selection and fit, which end early at `many` effects or if the effects no longer change.
+/// A preselection from the empty selection: a few rounds of selection and fit, which end early at `count_max` effects or if the effects no longer change.
 /// Also returns the candidates that were searched for outside the dictionary.
 pub(super) fn preselect(
     search: &Search<'_>,
     base: &Fit,
-    many: usize,
+    count_max: usize,
 ) -> (EffectSelection, Vec<LinearisedCandidate>) {
     let mut selection = EffectSelection::none(base);
     let also = search.searched_candidates(&selection);
     for _ in 0..PRESELECTION_ROUNDS {
         let Some(next) = search.next_selection(&selection, &also) else { break };
-        let stands = keys(&next.selected) == keys(&selection.selected);
+        let is_unchanged = keys(&next.selected) == keys(&selection.selected);
         selection = next;
         search.progress.selected(selection.selected.len());
-        if stands || selection.selected.len() >= many {
+        if is_unchanged || selection.selected.len() >= count_max {
             break;
         }
     }
@@ -147,11 +148,15 @@ pub(super) fn select(search: &Search<'_>, start: EffectSelection) -> EffectSelec
     selection
 }
 
-/// Repeats the selection after the noise model was estimated again, from the empty selection (with the fit `bare`) and from `first`; returns the
+/// Repeats the selection after the noise model was estimated again, from the empty selection (with the fit `refitted`) and from `first`; returns the
 /// better one. Under autocorrelated noise single steps from the empty selection can miss the effects of an arm with many errors, whereas steps from
 /// `first` also remove effects that are no longer significant.
-pub(super) fn restart(search: &Search<'_>, bare: &Fit, first: EffectSelection) -> EffectSelection {
-    let fresh = select(search, EffectSelection::none(bare));
+pub(super) fn restart(
+    search: &Search<'_>,
+    refitted: &Fit,
+    first: EffectSelection,
+) -> EffectSelection {
+    let fresh = select(search, EffectSelection::none(refitted));
     if keys(&fresh.selected) == keys(&first.selected) {
         return fresh;
     }
@@ -173,16 +178,16 @@ impl SelectedEffect {
         let more = rival.numbers as f64 - self.parameter_count as f64;
         let most = INDISTINGUISHABLE_LOSS * self.share + 0.5 * more.abs();
         let numbers = 0.5 * penalty * more;
-        let own = self.candidate.probes.first();
-        let word = own.and_then(|own| form_penalty(&own.effect, &rival.effect, numbers));
-        word.unwrap_or(numbers.clamp(-most, most))
+        let probe = self.candidate.probes.first();
+        let form_term = probe.and_then(|probe| form_penalty(&probe.effect, &rival.effect, numbers));
+        form_term.unwrap_or(numbers.clamp(-most, most))
     }
 }
 
-/// Updates the indices of effects after `gone` was removed from the model. A correction leaves the number of effects unchanged.
-pub(super) fn shift_indices_after(named: &mut [SelectedEffect], gone: &SelectedEffect) {
-    if gone.previous_priors.is_none() {
-        named.iter_mut().filter(|one| one.effect > gone.effect).for_each(|one| one.effect -= 1);
+/// Updates the indices of effects after `removed` was removed from the model. A correction leaves the number of effects unchanged.
+pub(super) fn shift_indices_after(named: &mut [SelectedEffect], removed: &SelectedEffect) {
+    if removed.previous_priors.is_none() {
+        named.iter_mut().filter(|one| one.effect > removed.effect).for_each(|one| one.effect -= 1);
     }
 }
 
@@ -291,9 +296,14 @@ impl Search<'_> {
         }
         // After a large step the residual of the first iterations is not noise: it is reduced first, with the weights and noise level of the fit
         // before.
-        let near = refit_with_fixed_weights(self.campaign, &hypothesis, before, self.settings.used);
-        let settings = FitSettings { from: Some(&near.surroundings), effort, ..self.settings };
-        EffectSelection { fit: fit(self.campaign, &near.hypothesis, &settings), selected: chosen }
+        let approximate =
+            refit_with_fixed_weights(self.campaign, &hypothesis, before, self.settings.used);
+        let settings =
+            FitSettings { from: Some(&approximate.surroundings), effort, ..self.settings };
+        EffectSelection {
+            fit: fit(self.campaign, &approximate.hypothesis, &settings),
+            selected: chosen,
+        }
     }
 }
 
@@ -324,10 +334,10 @@ pub(super) fn nuisance_columns(
         match revised {
             None => places.push(place),
             Some(one) => {
-                let said =
-                    one.previous_priors.iter().flatten().find(|said| said.value == free.value);
-                if let Some(said) = said {
-                    stated.push((places.len(), said.sigma));
+                let prior =
+                    one.previous_priors.iter().flatten().find(|prior| prior.value == free.value);
+                if let Some(prior) = prior {
+                    stated.push((places.len(), prior.sigma));
                     places.push(place);
                 }
             }
@@ -337,12 +347,16 @@ pub(super) fn nuisance_columns(
 }
 
 /// The hypothesis of a fit without these effects.
-pub(super) fn hypothesis_without(fit: &Fit, given: &Model, gone: &[&SelectedEffect]) -> Hypothesis {
+pub(super) fn hypothesis_without(
+    fit: &Fit,
+    given: &Model,
+    removed: &[&SelectedEffect],
+) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
-    let mut gone: Vec<&SelectedEffect> = gone.to_vec();
+    let mut removed: Vec<&SelectedEffect> = removed.to_vec();
     // In descending order, so that the indices of the remaining ones stay valid.
-    gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
-    for one in gone {
+    removed.sort_by_key(|one| std::cmp::Reverse(one.effect));
+    for one in removed {
         match &one.previous_priors {
             Some(stated) => hypothesis.restore_priors(one.effect, given, stated),
             None => hypothesis = hypothesis.without(one.effect),

@@ -14,8 +14,8 @@ impl EffectFormatter<'_> {
     /// Parameter `k` (its change, if the model states one) in the unit of files.
     fn value(&self, k: usize) -> f64 {
         let kind = if self.is_prismatic { JointKind::Prismatic } else { JointKind::Revolute };
-        let had = self.stated.and_then(|had| had.get(k)).copied().unwrap_or(0.0);
-        let value = self.effect.values().get(k).copied().unwrap_or(0.0) - had;
+        let stated = self.stated.and_then(|stated| stated.get(k)).copied().unwrap_or(0.0);
+        let value = self.effect.values().get(k).copied().unwrap_or(0.0) - stated;
         parameter_key(self.effect, k)
             .map_or(value, |n| value / n.parameter.unit.suffix_and_si(kind).1)
     }
@@ -43,9 +43,9 @@ fn three_digits(value: f64) -> String {
 /// A finding as one sentence. `stated`: the parameters that the model states, if they are corrected; `is_prismatic`: whether the joint is prismatic.
 #[must_use]
 pub fn sentence(effect: &AnyEffect, stated: Option<&[f64]>, is_prismatic: bool) -> String {
-    let said = EffectFormatter { effect, stated, is_prismatic };
+    let formatter = EffectFormatter { effect, stated, is_prismatic };
     let joint = effect.joint().map_or(String::new(), |joint| format!("Joint {}", joint + 1));
-    let what = drive_phrase(&said, &joint);
+    let what = drive_phrase(&formatter, &joint);
     match stated {
         None => format!("{what}."),
         Some(_) => format!(
@@ -56,9 +56,9 @@ pub fn sentence(effect: &AnyEffect, stated: Option<&[f64]>, is_prismatic: bool) 
 }
 
 /// Drives, gears and compliances.
-fn drive_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
-    let (n, mrad) = (|k| said.formatted(k), said.angle_unit());
-    match said.effect.spec().kind {
+fn drive_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| formatter.formatted(k), formatter.angle_unit());
+    match formatter.effect.spec().kind {
         "joint_offset" => format!("{joint} has a zero offset of {} {mrad}", n(0)),
         "joint_ratio" => format!(
             "{joint} has a scale error of {} of its angle: gear ratio or encoder scale",
@@ -71,7 +71,7 @@ fn drive_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
             "{joint} has a transmission error of {} {mrad} with {} cycles per {}: eccentricity or mesh of its gears",
             n(0),
             n(1),
-            if said.is_prismatic { "metre" } else { "revolution" }
+            if formatter.is_prismatic { "metre" } else { "revolution" }
         ),
         "backlash" => format!(
             "{joint} loses {} {mrad} of motion at each reversal: backlash in its gear train",
@@ -81,7 +81,7 @@ fn drive_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
             "{joint} has a lost motion of {} {mrad} around zero load (within about {} {}) in its gear train",
             n(0),
             n(1),
-            if said.is_prismatic { "N" } else { "Nm" }
+            if formatter.is_prismatic { "N" } else { "Nm" }
         ),
         "hysteresis" => format!(
             "{joint} has a hysteresis of {} {mrad}, which builds up over {} {mrad} after a reversal",
@@ -98,7 +98,7 @@ fn drive_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
         ),
         "gravity_sag" => format!(
             "{joint} deflects under gravity by up to {} {mrad}",
-            said.formatted_norm(0, said.effect.values().len())
+            formatter.formatted_norm(0, formatter.effect.values().len())
         ),
         "stiffness_hardening" => {
             format!(
@@ -118,25 +118,27 @@ fn drive_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
         "counterbalance" => {
             format!("{joint} is loaded by a spring of {} N per m: its counterbalance", n(0))
         }
-        _ => static_phrase(said, joint),
+        _ => static_phrase(formatter, joint),
     }
 }
 
 /// Geometry, loads, temperature and force sensor.
-fn static_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
-    let (n, mrad) = (|k| said.formatted(k), said.angle_unit());
-    match said.effect.spec().kind {
-        "axis_tilt" => format!("{joint}'s axis is tilted by {} mrad", said.formatted_norm(0, 2)),
+fn static_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| formatter.formatted(k), formatter.angle_unit());
+    match formatter.effect.spec().kind {
+        "axis_tilt" => {
+            format!("{joint}'s axis is tilted by {} mrad", formatter.formatted_norm(0, 2))
+        }
         "axis_shift" => {
-            format!("{joint}'s axis is displaced by {} mm", said.formatted_norm(0, 3))
+            format!("{joint}'s axis is displaced by {} mm", formatter.formatted_norm(0, 3))
         }
         "tool_offset" => {
-            format!("The tool centre point is displaced by {} mm", said.formatted_norm(0, 3))
+            format!("The tool centre point is displaced by {} mm", formatter.formatted_norm(0, 3))
         }
         "gravity_tilt" => {
             format!(
                 "The robot's base is tilted by {} mrad from the vertical",
-                said.formatted_norm(0, 2)
+                formatter.formatted_norm(0, 2)
             )
         }
         "payload" => {
@@ -145,19 +147,19 @@ fn static_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
         "thermal_growth" => format!(
             "The link after {} expands {}",
             joint.to_lowercase(),
-            temperature_phrase(said, &format!("{} µm", n(0)))
+            temperature_phrase(formatter, &format!("{} µm", n(0)))
         ),
         "thermal_zero" => {
             format!(
                 "{joint}'s zero drifts {}",
-                temperature_phrase(said, &format!("{} {mrad}", n(0)))
+                temperature_phrase(formatter, &format!("{} {mrad}", n(0)))
             )
         }
         "axis_wobble" => format!(
             "{joint}'s axis wobbles by {} mrad during rotation: runout of its bearing",
-            said.formatted_norm(0, 2)
+            formatter.formatted_norm(0, 2)
         ),
-        "spindle_growth" => match said.effect.fitted().first().map(|p| p.stem) {
+        "spindle_growth" => match formatter.effect.fitted().first().map(|p| p.stem) {
             Some("growth_um") => {
                 format!("The spindle expands by {} µm per thousand rev/min as it warms up", n(0))
             }
@@ -165,8 +167,8 @@ fn static_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
         },
         "wrench_bias" => format!(
             "The force sensor has an offset of {} N and {} Nm",
-            said.formatted_norm(0, 3),
-            said.formatted_norm(3, 6)
+            formatter.formatted_norm(0, 3),
+            formatter.formatted_norm(3, 6)
         ),
         "wrench_scale" => {
             format!(
@@ -177,16 +179,16 @@ fn static_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
             )
         }
         "wrench_misalignment" => {
-            format!("The force sensor is rotated by {} mrad", said.formatted_norm(0, 3))
+            format!("The force sensor is rotated by {} mrad", formatter.formatted_norm(0, 3))
         }
-        _ => path_phrase(said, joint),
+        _ => path_phrase(formatter, joint),
     }
 }
 
 /// Effects over paths: delay, lag, modes, reversal spikes.
-fn path_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
-    let (n, mrad) = (|k| said.formatted(k), said.angle_unit());
-    match said.effect.spec().kind {
+fn path_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| formatter.formatted(k), formatter.angle_unit());
+    match formatter.effect.spec().kind {
         "time_delay" => {
             format!("The measurement is delayed by {} ms relative to the commands", n(0))
         }
@@ -207,20 +209,20 @@ fn path_phrase(said: &EffectFormatter<'_>, joint: &str) -> String {
 }
 
 /// Amount by temperature, or over time if no temperature was recorded.
-fn temperature_phrase(said: &EffectFormatter<'_>, much: &str) -> String {
-    let fitted = said.effect.fitted();
+fn temperature_phrase(formatter: &EffectFormatter<'_>, much: &str) -> String {
+    let fitted = formatter.effect.fitted();
     let stem = |k: usize| fitted.get(k).map(|p| p.stem);
     match (stem(0), stem(1)) {
         (Some("growth" | "drift"), Some("lag")) => {
             format!(
                 "with temperature: {much} per kelvin, with a lag of {} s behind the air",
-                said.formatted(1)
+                formatter.formatted(1)
             )
         }
         (Some("growth" | "drift"), _) => format!("with temperature: {much} per kelvin"),
         (_, Some("time_constant")) => format!(
             "over the recording, by {much} with a time constant of {} s; no temperature was recorded",
-            said.formatted(1)
+            formatter.formatted(1)
         ),
         _ => format!("with temperature: {much}"),
     }

@@ -27,11 +27,11 @@ impl Search<'_> {
         selection: &EffectSelection,
     ) -> Vec<Candidate> {
         let model = &selection.fit.hypothesis.model;
-        let here = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
-        let gives_way = |joint: &usize| {
+        let is_at = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
+        let is_compliant = |joint: &usize| {
             model
                 .effects()
-                .any(|effect| changes_or_uses_loads(effect.spec()) && here(effect, *joint))
+                .any(|effect| changes_or_uses_loads(effect.spec()) && is_at(effect, *joint))
         };
         let best = |joint| {
             let named = selection.selected.iter().filter(|one| one.candidate.joint == Some(joint));
@@ -39,15 +39,19 @@ impl Search<'_> {
             if named.is_empty() {
                 return self.best_spring(fitted, joint, &fitted.state.hypothesis.free);
             }
-            let mut bare = hypothesis_without(&selection.fit, &self.known.model, &named);
-            let free = bare.free.clone();
+            let mut without = hypothesis_without(&selection.fit, &self.known.model, &named);
+            let free = without.free.clone();
             // Without the spring, the fitted compliance would be too small and hide it: compliances keep their stated values during the search.
-            bare.fix_at_stated_means(|effect| changes_or_uses_loads(effect.spec()));
-            let bare =
-                refit_with_fixed_weights(self.campaign, &bare, &selection.fit, self.settings.used);
-            self.best_spring(&ScoreTest::new(self.campaign, &bare, &self.settings), joint, &free)
+            without.fix_at_stated_means(|effect| changes_or_uses_loads(effect.spec()));
+            let without = refit_with_fixed_weights(
+                self.campaign,
+                &without,
+                &selection.fit,
+                self.settings.used,
+            );
+            self.best_spring(&ScoreTest::new(self.campaign, &without, &self.settings), joint, &free)
         };
-        (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
+        (0..model.arm.count()).filter(is_compliant).filter_map(best).collect()
     }
 
     /// The best spring of a joint beside the effects of `fitted`, with its shape fitted together with the parameters `free`.
@@ -71,24 +75,25 @@ impl Search<'_> {
         };
         let mut levers = Vec::new();
         let mut is_first = |score: &&CandidateScore| {
-            let own = lever(score);
-            let is_new = !levers.contains(&own);
-            levers.push(own);
+            let lever_of = lever(score);
+            let is_new = !levers.contains(&lever_of);
+            levers.push(lever_of);
             is_new
         };
-        let near = scores.iter().take_while(|score| score.gain >= FITTED_GAIN_SHARE * best.gain);
-        let shaped = near.filter(|score| is_first(score)).filter_map(|score| {
+        let nearly_best =
+            scores.iter().take_while(|score| score.gain >= FITTED_GAIN_SHARE * best.gain);
+        let shaped = nearly_best.filter(|score| is_first(score)).filter_map(|score| {
             let candidate = &all[score.candidate];
             let mut hypothesis = fitted.fit.hypothesis.clone();
             hypothesis.free = free.to_vec();
-            let at = insert(&mut hypothesis, candidate, candidate.fixed_stems(), &score.values)?;
+            let index = insert(&mut hypothesis, candidate, candidate.fixed_stems(), &score.values)?;
             let shaped = refit_with_fixed_weights(
                 self.campaign,
                 &hypothesis,
                 fitted.fit,
                 self.settings.used,
             );
-            let effect = shaped.hypothesis.model.effects().nth(at)?;
+            let effect = shaped.hypothesis.model.effects().nth(index)?;
             Some((shaped.sum_of_squares, candidate.relinearised(arm, effect, &[]).0))
         });
         let best = shaped.min_by(|a, b| a.0.total_cmp(&b.0));

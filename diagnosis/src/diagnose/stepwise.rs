@@ -75,33 +75,35 @@ impl<'a> StepwiseSelection<'a> {
                 ..LinearisedCandidate::unfitted(candidate.fixed_stems(), candidate.clone())
             });
         let mut entries: Vec<LinearisedCandidate> = of_library.collect();
-        let mut own = Vec::with_capacity(selected.len());
+        let mut of_selection = Vec::with_capacity(selected.len());
         for one in selected {
             let effect = fit.hypothesis.model.effects().nth(one.effect);
-            let had = &search
+            let stated_values = &search
                 .known
                 .model
                 .effects()
                 .nth(one.effect)
                 .filter(|_| one.previous_priors.is_some());
-            let had = had.map_or(&[][..], |had| had.values());
+            let stated_values =
+                stated_values.map_or(&[][..], |stated_values| stated_values.values());
             // Every selected effect gets an entry, so that the indices follow the order of the selection.
-            let bare = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
-            let (candidate, linearised_at) =
-                effect.map_or_else(bare, |effect| one.candidate.relinearised(arm, effect, had));
+            let unfitted = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
+            let (candidate, linearised_at) = effect.map_or_else(unfitted, |effect| {
+                one.candidate.relinearised(arm, effect, stated_values)
+            });
             // A correction replaces the dictionary's candidate of the same effect; any other effect may be selected a second time with other values.
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
             });
             let open = LinearisedCandidate::unfitted(one.fixed, candidate);
-            own.push(LinearisedCandidate {
+            of_selection.push(LinearisedCandidate {
                 linearised_at,
                 waived_penalty: one.waived_penalty,
                 ..open
             });
         }
-        let previous = (entries.len()..entries.len() + own.len()).collect();
-        entries.extend(own);
+        let previous = (entries.len()..entries.len() + of_selection.len()).collect();
+        entries.extend(of_selection);
         entries.extend_from_slice(also);
         for line in best_periods(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
@@ -170,7 +172,7 @@ impl<'a> StepwiseSelection<'a> {
     /// Whether a candidate is compatible with others: it must not describe the same error as one of them, and stiffening needs a compliance of the
     /// joint.
     fn is_compatible(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
-        let gives_way = |effect: &AnyEffect| {
+        let is_compliant = |effect: &AnyEffect| {
             effect.joint() == candidate.joint
                 && ["joint_compliance", "gravity_compliance", "load_compliance"]
                     .contains(&effect.spec().kind)
@@ -180,8 +182,11 @@ impl<'a> StepwiseSelection<'a> {
             .first()
             .is_some_and(|probe| matches!(probe.effect, AnyEffect::StiffnessHardening(_)));
         let grounded = !needs_ground
-            || beside.iter().flat_map(|other| other.probes.first()).any(|p| gives_way(&p.effect))
-            || self.given.effects().any(gives_way);
+            || beside
+                .iter()
+                .flat_map(|other| other.probes.first())
+                .any(|p| is_compliant(&p.effect))
+            || self.given.effects().any(is_compliant);
         grounded && !beside.iter().any(|other| candidate.excludes(other))
     }
 
@@ -257,33 +262,35 @@ impl<'a> StepwiseSelection<'a> {
 
     /// Removes the effect with the least improvement, if that is not positive or its parameters are outside their ranges.
     fn remove_weakest(&mut self) -> bool {
-        let worth = |(at, place): (usize, &usize)| {
+        let worth = |(index, place): (usize, &usize)| {
             let gain = self.gram.estimate_beside_others(*place);
             let entry = &self.entries[*place];
             let sound = self.plausible_estimates(&entry.candidate, &gain).is_some();
-            (at, if sound { self.improvement(&gain, entry) } else { f64::NEG_INFINITY })
+            (index, if sound { self.improvement(&gain, entry) } else { f64::NEG_INFINITY })
         };
-        let least = self.selected.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
-        let Some((at, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { return false };
-        let place = self.selected.remove(at);
+        let weakest =
+            self.selected.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((index, _)) = weakest.filter(|(_, worth)| *worth <= 0.0) else { return false };
+        let place = self.selected.remove(index);
         self.gram.remove(place);
         true
     }
 
     /// Exchanges the first effect for which there is a better candidate.
     fn exchange_one(&mut self) -> bool {
-        for at in 0..self.selected.len() {
-            let place = self.selected[at];
-            let own =
+        for index in 0..self.selected.len() {
+            let place = self.selected[index];
+            let improvement_now =
                 self.improvement(&self.gram.estimate_beside_others(place), &self.entries[place]);
             let mut gram = self.gram.clone();
             gram.remove(place);
             let best = self.ranked_candidates(&gram, &[place]).into_iter().next();
-            if let Some((other, ..)) = best.filter(|(_, _, worth)| *worth > own + 2.0 * TIE_MARGIN)
+            if let Some((other, ..)) =
+                best.filter(|(_, _, worth)| *worth > improvement_now + 2.0 * TIE_MARGIN)
             {
                 gram.add(other);
                 self.gram = gram;
-                self.selected[at] = other;
+                self.selected[index] = other;
                 return true;
             }
         }
@@ -293,8 +300,8 @@ impl<'a> StepwiseSelection<'a> {
     /// Replaces two effects of one joint by the single candidate with the lowest criterion, if the increase is small enough that the nonlinear fit may
     /// reverse it. Exchanging one effect at a time does not find this.
     pub(super) fn merge_pair(&mut self) -> bool {
-        let own = self.cost();
-        let (mut least, mut best) = (f64::INFINITY, None);
+        let cost_now = self.cost();
+        let (mut cost_min, mut best) = (f64::INFINITY, None);
         let pairs =
             (1..self.selected.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
         for (first, second) in pairs {
@@ -305,7 +312,7 @@ impl<'a> StepwiseSelection<'a> {
             }
             let mut merged = self.clone();
             pair.iter().for_each(|place| merged.gram.remove(*place));
-            let brings =
+            let improvement_lost =
                 (merged.gram.residual_sum() - self.gram.residual_sum()) / self.design_effect;
             // Each of the two alone was already considered before the other was selected.
             let names = pair.map(|place| key(&self.entries[place].candidate));
@@ -316,8 +323,11 @@ impl<'a> StepwiseSelection<'a> {
             merged.selected.retain(|place| !pair.contains(place));
             merged.selected.push(place);
             let cost = merged.cost();
-            if cost < least.min(own + MERGE_INCREASE_MAX.max(MERGE_INCREASE_SHARE * brings)) {
-                (least, best) = (cost, Some(merged));
+            if cost
+                < cost_min
+                    .min(cost_now + MERGE_INCREASE_MAX.max(MERGE_INCREASE_SHARE * improvement_lost))
+            {
+                (cost_min, best) = (cost, Some(merged));
             }
         }
         let found = best.is_some();
@@ -347,45 +357,46 @@ impl<'a> StepwiseSelection<'a> {
         selection: &EffectSelection,
         k: usize,
     ) -> SelectedEffect {
-        let own = self.selected[k];
-        let gain = self.gram.estimate_beside_others(own);
+        let place_now = self.selected[k];
+        let gain = self.gram.estimate_beside_others(place_now);
         let mut gram = self.gram.clone();
-        gram.remove(own);
-        let mut seen = vec![key(&self.entries[own].candidate)];
-        let (mut near, mut variants) = (Vec::new(), Vec::new());
+        gram.remove(place_now);
+        let mut keys_seen = vec![key(&self.entries[place_now].candidate)];
+        let (mut close, mut variants) = (Vec::new(), Vec::new());
         let arm = &selection.fit.hypothesis.model.arm;
-        for (place, would, _) in self.ranked_candidates(&gram, &[own]) {
+        for (place, estimate, _) in self.ranked_candidates(&gram, &[place_now]) {
             let entry = &self.entries[place];
             let name = key(&entry.candidate);
-            let behind = (gain.gain - would.gain) / self.design_effect;
+            let behind = (gain.gain - estimate.gain) / self.design_effect;
             let is_variant =
-                name == seen[0] && !entry.fixed.is_empty() && entry.nonlinear_count() == 0;
+                name == keys_seen[0] && !entry.fixed.is_empty() && entry.nonlinear_count() == 0;
             if is_variant && behind < VARIANT_LOSS_MAX {
-                variants.extend(entry.candidate.effect(arm, &would.estimates));
+                variants.extend(entry.candidate.effect(arm, &estimate.estimates));
             }
             // Linearised at zero width, backlash differs from backlash of the width that a fit finds, so forms of the same law are always fitted.
-            let is_word = are_forms_of_one_law(&self.entries[own].candidate, &entry.candidate);
+            let is_same_law =
+                are_forms_of_one_law(&self.entries[place_now].candidate, &entry.candidate);
             let may_come = behind
                 < 2.0 * INDISTINGUISHABLE_LOSS + LOSS_SHARE_MAX * gain.gain / self.design_effect;
-            if !seen.contains(&name) && (may_come || is_word) {
-                seen.push(name);
-                near.insert(if is_word { 0 } else { near.len() }, (place, would));
+            if !keys_seen.contains(&name) && (may_come || is_same_law) {
+                keys_seen.push(name);
+                close.insert(if is_same_law { 0 } else { close.len() }, (place, estimate));
             }
         }
         let fitted = ALTERNATIVES_FITTED_MAX
             .min(ALTERNATIVES_FITTED_IN_ALL / selection.selected.len().max(1))
             .max(1);
         let mut alternatives = Vec::new();
-        for (place, would) in near.into_iter().take(fitted) {
-            let rival = self.alternative(search, selection, k, place, &would, gain.gain);
+        for (place, estimate) in close.into_iter().take(fitted) {
+            let rival = self.alternative(search, selection, k, place, &estimate, gain.gain);
             alternatives
                 .extend(rival.filter(|rival| rival.likelihood_loss < 2.0 * INDISTINGUISHABLE_LOSS));
         }
         alternatives.sort_by(|a, b| a.likelihood_loss.total_cmp(&b.likelihood_loss));
         SelectedEffect {
-            margin: 0.5 * self.improvement(&gain, &self.entries[own]),
+            margin: 0.5 * self.improvement(&gain, &self.entries[place_now]),
             gain: 0.5 * gain.gain / self.design_effect,
-            parameter_count: gain.parameter_count + self.entries[own].nonlinear_count(),
+            parameter_count: gain.parameter_count + self.entries[place_now].nonlinear_count(),
             share: search.used_share(),
             alternatives,
             variants,
@@ -395,52 +406,59 @@ impl<'a> StepwiseSelection<'a> {
 }
 
 impl StepwiseSelection<'_> {
-    /// The candidate `place` as an alternative of effect `k`, whose gain is `own`; fitted if the linearisation does not suffice.
+    /// The candidate `place` as an alternative of effect `k`, whose gain is `gain`; fitted if the linearisation does not suffice.
     fn alternative(
         &self,
         search: &Search<'_>,
         selection: &EffectSelection,
         k: usize,
         place: usize,
-        would: &CandidateEstimate,
-        own: f64,
+        estimate: &CandidateEstimate,
+        gain: f64,
     ) -> Option<AlternativeEffect> {
         let entry = &self.entries[place];
         let fit = &selection.fit;
         let arm = &fit.hypothesis.model.arm;
-        let numbers = would.parameter_count + entry.nonlinear_count();
+        let numbers = estimate.parameter_count + entry.nonlinear_count();
         let changes = entry.candidate.changes();
-        let told = |likelihood_loss: f64, effect, candidate, estimates| AlternativeEffect {
-            effect,
-            changes: changes.is_some(),
-            likelihood_loss,
-            numbers,
-            is_indistinguishable: likelihood_loss < INDISTINGUISHABLE_LOSS * search.used_share(),
-            candidate,
-            estimates,
-            fixed: entry.fixed,
-        };
+        let alternative_of =
+            |likelihood_loss: f64, effect, candidate, estimates| AlternativeEffect {
+                effect,
+                changes: changes.is_some(),
+                likelihood_loss,
+                numbers,
+                is_indistinguishable: likelihood_loss
+                    < INDISTINGUISHABLE_LOSS * search.used_share(),
+                candidate,
+                estimates,
+                fixed: entry.fixed,
+            };
         let named = &selection.selected[k];
         if !self.needs_fit(named, entry) {
-            let behind = 0.5 * (own - would.gain) / self.design_effect;
-            let effect = entry.candidate.effect(arm, &would.estimates)?;
-            return Some(told(behind, effect, entry.candidate.clone(), would.estimates.clone()));
+            let behind = 0.5 * (gain - estimate.gain) / self.design_effect;
+            let effect = entry.candidate.effect(arm, &estimate.estimates)?;
+            return Some(alternative_of(
+                behind,
+                effect,
+                entry.candidate.clone(),
+                estimate.estimates.clone(),
+            ));
         }
         let mut hypothesis = hypothesis_without(fit, &search.known.model, &[named]);
-        let (at, _) = Search::add_candidate(&mut hypothesis, entry, &would.estimates)?;
+        let (index, _) = Search::add_candidate(&mut hypothesis, entry, &estimate.estimates)?;
         let whole = *self.full_sum.get_or_init(|| {
             refit_with_fixed_weights(search.campaign, &fit.hypothesis, fit, search.settings.used)
                 .sum_of_squares
         });
         let fitted =
             refit_with_fixed_weights(search.campaign, &hypothesis, fit, search.settings.used);
-        let effect = *fitted.hypothesis.model.effects().nth(at)?;
+        let effect = *fitted.hypothesis.model.effects().nth(index)?;
         let behind = 0.5 * (fitted.sum_of_squares - whole) / self.design_effect;
         let (candidate, found) = match changes {
-            Some(_) => (entry.candidate.clone(), would.estimates.clone()),
+            Some(_) => (entry.candidate.clone(), estimate.estimates.clone()),
             None => entry.candidate.relinearised(arm, &effect, &[]),
         };
-        Some(told(behind, effect, candidate, found))
+        Some(alternative_of(behind, effect, candidate, found))
     }
 
     /// Whether an alternative must be fitted because the linearisation does not suffice: nonlinear parameters, corrections, two effects that depend on

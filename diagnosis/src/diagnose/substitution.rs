@@ -56,7 +56,7 @@ fn is_compatible(selection: &EffectSelection, k: usize, rival: &AlternativeEffec
         .selected
         .iter()
         .enumerate()
-        .filter(|(at, one)| *at != k && one.previous_priors.is_none());
+        .filter(|(index, one)| *index != k && one.previous_priors.is_none());
     let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
     !others.any(|effect| rival.candidate.excludes_effect(effect))
 }
@@ -115,12 +115,12 @@ impl Search<'_> {
         penalty: f64,
     ) -> Option<(EffectSelection, f64)> {
         let mut selected = selection.selected.clone();
-        let gone = &selection.selected[k];
-        let mut hypothesis = hypothesis_without(&selection.fit, &self.known.model, &[gone]);
+        let replaced = &selection.selected[k];
+        let mut hypothesis = hypothesis_without(&selection.fit, &self.known.model, &[replaced]);
         let entry = LinearisedCandidate::unfitted(rival.fixed, rival.candidate.clone());
         let (effect, previous_priors) =
             Self::add_candidate(&mut hypothesis, &entry, &rival.estimates)?;
-        shift_indices_after(&mut selected, gone);
+        shift_indices_after(&mut selected, replaced);
         let compared = |hypothesis: &Hypothesis| {
             refit_with_fixed_weights(self.campaign, hypothesis, &selection.fit, self.settings.used)
         };
@@ -128,18 +128,18 @@ impl Search<'_> {
         // Compared with the present fit, since other effects may have been replaced after the alternatives were determined.
         let before = compared(&selection.fit.hypothesis).sum_of_squares;
         let behind = 0.5 * (fit.sum_of_squares - before) / selection.fit.design_effect;
-        let loss = behind + gone.penalty_difference(rival, penalty);
-        let more = rival.numbers.saturating_sub(gone.parameter_count) as f64;
+        let loss = behind + replaced.penalty_difference(rival, penalty);
+        let more = rival.numbers.saturating_sub(replaced.parameter_count) as f64;
         selected[k] = SelectedEffect {
             candidate: entry.candidate,
             effect,
             previous_priors,
             fixed: rival.fixed,
-            waived_penalty: gone.waived_penalty.max(penalty * more),
-            gain: gone.gain - behind,
-            margin: gone.margin - loss,
+            waived_penalty: replaced.waived_penalty.max(penalty * more),
+            gain: replaced.gain - behind,
+            margin: replaced.margin - loss,
             parameter_count: rival.numbers,
-            share: gone.share,
+            share: replaced.share,
             alternatives: Vec::new(),
             variants: Vec::new(),
         };
@@ -168,9 +168,14 @@ mod tests {
         let given: &[(&str, &[f64])] = &[("offset", &[2e-3])];
         let zero = AnyEffect::build("joint_offset", &model.arm, Some(2), ParameterValues(given));
         truth.push(zero.expect("an effect")).expect("room");
-        let bare = unmeasured_campaign(3, 60);
-        let campaign =
-            campaign_simulation::simulate_readings(&bare, &truth, &bare.surroundings, 1.0, 5);
+        let unmeasured = unmeasured_campaign(3, 60);
+        let campaign = campaign_simulation::simulate_readings(
+            &unmeasured,
+            &truth,
+            &unmeasured.surroundings,
+            1.0,
+            5,
+        );
         let known = Hypothesis::fixed(model);
         let used = vec![true; 60];
         let (influence, effort) = (Influence::Equal, FitEffort::Full);

@@ -40,8 +40,8 @@ impl ThinnedRecordings {
             drop(outline);
             return Ok(Self { campaign: campaign(arm, recordings)?, rows, moves, chosen: None });
         };
-        let of = (arm, recordings);
-        let mut campaign = outline.campaign(of, &kept, &measured_kept)?;
+        let inputs = (arm, recordings);
+        let mut campaign = outline.campaign(inputs, &kept, &measured_kept)?;
         outline.set_moving(&mut campaign);
         preparation::relink_poses(&mut campaign);
         let step = rows.div_ceil(gross_errors::POSES_MAX).max(1);
@@ -54,7 +54,7 @@ impl ThinnedRecordings {
                 *measured && (count - 1) % step == 0
             })
             .collect();
-        let spread = outline.campaign(of, &few, &few)?;
+        let spread = outline.campaign(inputs, &few, &few)?;
         Ok(Self { campaign, rows, moves, chosen: Some((note, spread)) })
     }
 
@@ -78,8 +78,8 @@ impl ThinnedRecordings {
         let Self { campaign, chosen, .. } = self;
         match chosen {
             None => diagnose(campaign, model, sigma, held_out, seed, listener),
-            Some((says, _)) => {
-                let notes = vec![says];
+            Some((note, _)) => {
+                let notes = vec![note];
                 diagnose_selected_rows(campaign, notes, model, sigma, held_out, seed, listener)
             }
         }

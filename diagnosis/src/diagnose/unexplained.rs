@@ -93,25 +93,31 @@ pub(super) struct SmoothFunction {
 fn supported_function(
     search: &Search<'_>,
     selection: &EffectSelection,
-    words: &[Covariate],
+    covariates: &[Covariate],
     kept: &[bool],
 ) -> Option<SmoothFunction> {
     let fitted = ScoreTest::new(search.campaign, &selection.fit, &search.settings);
-    let best = best_varying_size(&fitted, words, search, selection, best_function(&fitted, words));
-    if_supported(&fitted, words, kept, best.filter(|law| law.improvement > 0.0)?)
+    let best = best_varying_size(
+        &fitted,
+        covariates,
+        search,
+        selection,
+        best_function(&fitted, covariates),
+    );
+    if_supported(&fitted, covariates, kept, best.filter(|law| law.improvement > 0.0)?)
 }
 
 /// The function if the validation set supports it, or if there is no validation set.
 fn if_supported(
     fitted: &ScoreTest<'_>,
-    words: &[Covariate],
+    covariates: &[Covariate],
     kept: &[bool],
     law: SmoothFunction,
 ) -> Option<SmoothFunction> {
     if !kept.contains(&true) {
         return Some(law);
     }
-    let sums = law.sums_of_squares(fitted, words, kept);
+    let sums = law.sums_of_squares(fitted, covariates, kept);
     law.is_supported(fitted.fit.design_effect, sums).then_some(law)
 }
 
@@ -138,10 +144,10 @@ pub(super) fn with_structure(
 fn instead_of_effects(
     search: &Search<'_>,
     selection: &EffectSelection,
-    words: &[Covariate],
+    covariates: &[Covariate],
     kept: &[bool],
 ) -> Option<(EffectSelection, SmoothFunction)> {
-    replacement(search, selection, words, kept, REPLACEMENT_MARGIN)
+    replacement(search, selection, covariates, kept, REPLACEMENT_MARGIN)
 }
 
 /// The same after the preselection, for many effects far behind the smooth function: further selection would take long and not catch up. Needs a
@@ -149,12 +155,12 @@ fn instead_of_effects(
 pub(super) fn early_replacement(
     search: &Search<'_>,
     selection: &EffectSelection,
-    words: &[Covariate],
+    covariates: &[Covariate],
     kept: &[bool],
 ) -> Option<(EffectSelection, SmoothFunction)> {
-    let many = selection.selected.len() >= IMITATING_EFFECTS_MIN && kept.contains(&true);
-    let (few, law) =
-        many.then(|| replacement(search, selection, words, kept, EARLY_REPLACEMENT_MARGIN))??;
+    let are_many = selection.selected.len() >= IMITATING_EFFECTS_MIN && kept.contains(&true);
+    let (few, law) = are_many
+        .then(|| replacement(search, selection, covariates, kept, EARLY_REPLACEMENT_MARGIN))??;
     (law.improvement > EARLY_IMPROVEMENT_MIN).then_some((few, law))
 }
 
@@ -163,60 +169,64 @@ pub(super) fn early_replacement(
 fn replacement(
     search: &Search<'_>,
     selection: &EffectSelection,
-    words: &[Covariate],
+    covariates: &[Covariate],
     kept: &[bool],
     share: f64,
 ) -> Option<(EffectSelection, SmoothFunction)> {
     let all: f64 = selection.selected.iter().map(|one| one.gain).sum();
-    let carries = |one: &&SelectedEffect| one.gain >= MAJOR_GAIN_SHARE * all;
-    let (few, gone): (Vec<&SelectedEffect>, Vec<&SelectedEffect>) =
-        selection.selected.iter().partition(carries);
+    let is_major = |one: &&SelectedEffect| one.gain >= MAJOR_GAIN_SHARE * all;
+    let (few, minor): (Vec<&SelectedEffect>, Vec<&SelectedEffect>) =
+        selection.selected.iter().partition(is_major);
     let every: Vec<&SelectedEffect> = selection.selected.iter().collect();
-    replacement_of(search, selection, [&every, &few], share, (words, kept)).or_else(|| {
-        let are_patches = gone.len() >= IMITATING_EFFECTS_MIN && gone.len() < every.len();
-        are_patches
-            .then(|| replacement_of(search, selection, [&gone, &gone], share, (words, kept)))?
+    replacement_of(search, selection, [&every, &few], share, (covariates, kept)).or_else(|| {
+        let are_patches = minor.len() >= IMITATING_EFFECTS_MIN && minor.len() < every.len();
+        are_patches.then(|| {
+            replacement_of(search, selection, [&minor, &minor], share, (covariates, kept))
+        })?
     })
 }
 
-/// The smooth function that exceeds the effects `gone`, and the effects `few` among them alone, beside the remaining ones.
+/// The smooth function that exceeds the effects `replaced`, and the effects `few` among them alone, beside the remaining ones.
 fn replacement_of(
     search: &Search<'_>,
     selection: &EffectSelection,
-    [gone, few]: [&[&SelectedEffect]; 2],
+    [replaced, few]: [&[&SelectedEffect]; 2],
     share: f64,
-    (words, kept): (&[Covariate], &[bool]),
+    (covariates, kept): (&[Covariate], &[bool]),
 ) -> Option<(EffectSelection, SmoothFunction)> {
-    if gone.is_empty() {
+    if replaced.is_empty() {
         return None;
     }
     let Search { campaign, known, settings, dictionary, .. } = search;
-    let beside = |gone: &[&SelectedEffect]| {
-        let left = hypothesis_without(&selection.fit, &known.model, gone);
+    let beside = |replaced: &[&SelectedEffect]| {
+        let left = hypothesis_without(&selection.fit, &known.model, replaced);
         refit_with_fixed_weights(campaign, &left, &selection.fit, settings.used)
     };
-    let bare = beside(gone);
-    let fitted = ScoreTest::new(campaign, &bare, settings);
+    let without = beside(replaced);
+    let fitted = ScoreTest::new(campaign, &without, settings);
     let worth = |sum: f64, names: &[&SelectedEffect]| {
         let numbers: usize = names.iter().map(|one| one.parameter_count).sum();
         let names = names.len() as f64 * penalty(&fitted, 0, dictionary.len());
-        (bare.sum_of_squares - sum) / bare.design_effect - penalty(&fitted, numbers, 1) - names
+        (without.sum_of_squares - sum) / without.design_effect
+            - penalty(&fitted, numbers, 1)
+            - names
     };
-    let mut names = worth(selection.fit.sum_of_squares, gone);
-    if few.len() < gone.len() {
+    let mut names = worth(selection.fit.sum_of_squares, replaced);
+    if few.len() < replaced.len() {
         let is_few = |one: &&SelectedEffect| few.iter().any(|few| std::ptr::eq(*few, *one));
         let others: Vec<&SelectedEffect> =
-            gone.iter().copied().filter(|one| !is_few(one)).collect();
+            replaced.iter().copied().filter(|one| !is_few(one)).collect();
         names = names.max(worth(beside(&others).sum_of_squares, few));
     }
-    let few = selection.without_effects(gone, bare.clone());
-    let best = best_varying_size(&fitted, words, search, &few, best_function(&fitted, words));
-    let law = if_supported(&fitted, words, kept, best.filter(|law| law.improvement > 0.0)?)?;
+    let few = selection.without_effects(replaced, without.clone());
+    let best =
+        best_varying_size(&fitted, covariates, search, &few, best_function(&fitted, covariates));
+    let law = if_supported(&fitted, covariates, kept, best.filter(|law| law.improvement > 0.0)?)?;
     if kept.contains(&true) {
         // On the validation set the function must leave a smaller residual than the effects that it replaces.
         let named = ScoreTest::new(campaign, &selection.fit, settings);
-        if law.sums_of_squares(&fitted, words, kept)[1]
-            >= law.sums_of_squares(&named, words, kept)[0]
+        if law.sums_of_squares(&fitted, covariates, kept)[1]
+            >= law.sums_of_squares(&named, covariates, kept)[0]
         {
             return None;
         }
@@ -225,19 +235,22 @@ fn replacement_of(
 }
 
 /// The function with the best criterion; `None` if none is significant.
-pub(super) fn best_function(fitted: &ScoreTest<'_>, words: &[Covariate]) -> Option<SmoothFunction> {
+pub(super) fn best_function(
+    fitted: &ScoreTest<'_>,
+    covariates: &[Covariate],
+) -> Option<SmoothFunction> {
     let joints = fitted.state.hypothesis.model.arm.count();
-    let mut best = best_over_joints(fitted, words, |joint| singles(words, joint), None);
-    best = best_over_joints(fitted, words, |joint| pairs(words, joint), best);
+    let mut best = best_over_joints(fitted, covariates, |joint| singles(covariates, joint), None);
+    best = best_over_joints(fitted, covariates, |joint| pairs(covariates, joint), best);
     // The covariate of the best function may interact with any other covariate.
     if let Some(one) = best.clone() {
         let with = |joint: usize| {
-            let all = (0..words.len()).filter(|_| joint == one.joint);
+            let all = (0..covariates.len()).filter(|_| joint == one.joint);
             all.filter(|w| !one.covariates.contains(w))
                 .map(|w| vec![one.covariates[0], w])
                 .collect()
         };
-        best = best_over_joints(fitted, words, with, best);
+        best = best_over_joints(fitted, covariates, with, best);
     }
     debug_assert!(best.as_ref().is_none_or(|law| law.joint < joints));
     best.filter(|law| law.improvement > 0.0)
@@ -246,7 +259,7 @@ pub(super) fn best_function(fitted: &ScoreTest<'_>, words: &[Covariate]) -> Opti
 /// The best function of `groups` of covariates (per joint), or `before` if that is better.
 fn best_over_joints(
     fitted: &ScoreTest<'_>,
-    words: &[Covariate],
+    covariates: &[Covariate],
     groups: impl Fn(usize) -> Vec<Vec<usize>>,
     before: Option<SmoothFunction>,
 ) -> Option<SmoothFunction> {
@@ -254,52 +267,60 @@ fn best_over_joints(
     let groups: Vec<Vec<Vec<usize>>> = (0..joints).map(groups).collect();
     let tried = groups.iter().map(Vec::len).sum();
     groups.iter().enumerate().fold(before, |best, (joint, groups)| {
-        best_in_groups(fitted, words, (joint, &ModulatedMotion::JointError), (groups, tried), best)
+        best_in_groups(
+            fitted,
+            covariates,
+            (joint, &ModulatedMotion::JointError),
+            (groups, tried),
+            best,
+        )
     })
 }
 
 /// The best function by which the size of a selected effect varies, or `before` if that is better.
 fn best_varying_size(
     fitted: &ScoreTest<'_>,
-    words: &[Covariate],
+    covariates: &[Covariate],
     search: &Search<'_>,
     selection: &EffectSelection,
     before: Option<SmoothFunction>,
 ) -> Option<SmoothFunction> {
     let whole = &selection.fit.hypothesis.model;
-    let tried = selection.selected.len() * words.len();
+    let tried = selection.selected.len() * covariates.len();
     selection.selected.iter().fold(before, |best, one| {
         let effect = whole.effects().nth(one.effect);
         let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { return best };
-        let bare = hypothesis_without(&selection.fit, &search.known.model, &[one]).model;
-        let own = own_covariate(effect, joint, words);
+        let without = hypothesis_without(&selection.fit, &search.known.model, &[one]).model;
+        let own_index = own_covariate(effect, joint, covariates);
         let groups: Vec<Vec<usize>> =
-            (0..words.len()).filter(|w| Some(*w) != own).map(|w| vec![w]).collect();
-        let carrier =
-            ModulatedMotion::EffectSize(displacements(search.campaign, &bare, whole).into(), own);
-        best_in_groups(fitted, words, (joint, &carrier), (&groups, tried), best)
+            (0..covariates.len()).filter(|w| Some(*w) != own_index).map(|w| vec![w]).collect();
+        let carrier = ModulatedMotion::EffectSize(
+            displacements(search.campaign, &without, whole).into(),
+            own_index,
+        );
+        best_in_groups(fitted, covariates, (joint, &carrier), (&groups, tried), best)
     })
 }
 
 /// The best function of `groups` of covariates that multiplies `carrier`, or `before` if that is better.
 fn best_in_groups(
     fitted: &ScoreTest<'_>,
-    words: &[Covariate],
+    covariates: &[Covariate],
     (joint, carrier): (usize, &ModulatedMotion),
     (groups, tried): (&[Vec<usize>], usize),
     before: Option<SmoothFunction>,
 ) -> Option<SmoothFunction> {
     let arm = &fitted.state.hypothesis.model.arm;
     let column_counts: Vec<usize> =
-        groups.iter().map(|group| count(words, group, carrier.degree())).collect();
-    let asked = ColumnGroups {
+        groups.iter().map(|group| count(covariates, group, carrier.degree())).collect();
+    let column_groups = ColumnGroups {
         sigmas: vec![carrier.coefficient_sigma(); column_counts.iter().sum()],
         column_counts,
     };
     let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
-    let scores = fitted.scores_of_multiples(&asked, unit, |pose, into| {
+    let scores = fitted.scores_of_multiples(&column_groups, unit, |pose, into| {
         groups.iter().for_each(|group| {
-            terms(words, group, (pose, carrier.degree()), |term| into.push(term));
+            terms(covariates, group, (pose, carrier.degree()), |term| into.push(term));
         });
     });
     let mut best = before;
@@ -321,7 +342,7 @@ fn best_in_groups(
 }
 
 /// Index of the covariate that an effect depends on by its equation.
-fn own_covariate(effect: &AnyEffect, joint: usize, words: &[Covariate]) -> Option<usize> {
+fn own_covariate(effect: &AnyEffect, joint: usize, covariates: &[Covariate]) -> Option<usize> {
     let needs = |need: Need| effect.spec().needs.contains(&need);
     let n = joint + 1;
     let name = match effect {
@@ -333,7 +354,7 @@ fn own_covariate(effect: &AnyEffect, joint: usize, words: &[Covariate]) -> Optio
         _ if needs(Need::Wrench) => "wrench".to_owned(),
         _ => format!("q{n}"),
     };
-    words.iter().position(|word| word.name == name)
+    covariates.iter().position(|covariate| covariate.name == name)
 }
 
 /// Penalty in the sum of squares: of `numbers` coefficients, and of the choice among `tried` functions.
@@ -344,10 +365,14 @@ fn penalty(fitted: &ScoreTest<'_>, numbers: usize, tried: usize) -> f64 {
 
 impl SmoothFunction {
     /// Names of the covariates that it depends on (docs/reference/results.md), each once.
-    pub(super) fn covariate_names(&self, words: &[Covariate]) -> Vec<String> {
-        let own = if let ModulatedMotion::EffectSize(_, own) = &self.carrier { *own } else { None };
-        let all = own.iter().chain(&self.covariates);
-        let mut names: Vec<String> = all.map(|word| words[*word].name.clone()).collect();
+    pub(super) fn covariate_names(&self, covariates: &[Covariate]) -> Vec<String> {
+        let own_index = if let ModulatedMotion::EffectSize(_, own_index) = &self.carrier {
+            *own_index
+        } else {
+            None
+        };
+        let all = own_index.iter().chain(&self.covariates);
+        let mut names: Vec<String> = all.map(|index| covariates[*index].name.clone()).collect();
         names.dedup();
         names
     }
@@ -360,11 +385,17 @@ impl SmoothFunction {
     }
 
     /// Tool displacement by it at a pose.
-    fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Covariate], pose: usize) -> ToolMotion {
+    fn motion(
+        &self,
+        arm: &Arm,
+        inputs: &Inputs,
+        covariates: &[Covariate],
+        pose: usize,
+    ) -> ToolMotion {
         let mut sum = 0.0;
         let mut found = self.coefficients.iter();
         let degree = self.carrier.degree();
-        terms(words, &self.covariates, (pose, degree), |term| {
+        terms(covariates, &self.covariates, (pose, degree), |term| {
             sum += term * found.next().unwrap_or(&0.0);
         });
         self.carrier.unit(arm, self.joint, inputs, pose).scaled(sum)
@@ -375,13 +406,13 @@ impl SmoothFunction {
     pub(super) fn sums_of_squares(
         &self,
         fitted: &ScoreTest<'_>,
-        words: &[Covariate],
+        covariates: &[Covariate],
         held: &[bool],
     ) -> [f64; 2] {
         let arm = &fitted.state.hypothesis.model.arm;
         let motion = |pose: usize, into: &mut Vec<ToolMotion>| {
             let inputs = &fitted.campaign.poses[pose].inputs;
-            *into = vec![self.motion(arm, inputs, words, pose)];
+            *into = vec![self.motion(arm, inputs, covariates, pose)];
         };
         let mut pull = vec![0.0; fitted.fit.columns().len()];
         fitted.rows(1, motion, |row, law, _| {
@@ -389,9 +420,9 @@ impl SmoothFunction {
         });
         let triangle = &fitted.fit.triangle;
         let follows = triangle.back(triangle.forward(pull));
-        let there = fitted.on_poses(held);
+        let on_held_poses = fitted.on_poses(held);
         let mut sums = [0.0; 2];
-        there.rows(1, motion, |row, law, left| {
+        on_held_poses.rows(1, motion, |row, law, left| {
             if left.abs() < OUTLIER_SIGMAS {
                 let with = left - law[0] + dot(row, &follows);
                 sums[0] += left * left;

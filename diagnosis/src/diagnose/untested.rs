@@ -21,9 +21,9 @@ pub struct UntestedEffect {
 pub(super) fn untested_effects(
     arm: &Arm,
     library: &[Candidate],
-    words: &[Covariate],
+    covariates: &[Covariate],
 ) -> Vec<UntestedEffect> {
-    let asked: Vec<(&str, Option<usize>)> = library
+    let tested: Vec<(&str, Option<usize>)> = library
         .iter()
         .filter_map(|candidate| candidate.probes.first())
         .map(|probe| (probe.effect.spec().kind, probe.effect.joint()))
@@ -37,8 +37,8 @@ pub(super) fn untested_effects(
             EffectScope::Robot => vec![None],
             _ => (0..arm.count()).map(Some).collect(),
         };
-        for joint in joints.into_iter().filter(|joint| !asked.contains(&(spec.kind, *joint))) {
-            list.extend(reason(arm, spec, joint, words).map(|why| UntestedEffect {
+        for joint in joints.into_iter().filter(|joint| !tested.contains(&(spec.kind, *joint))) {
+            list.extend(reason(arm, spec, joint, covariates).map(|why| UntestedEffect {
                 effect: spec.kind,
                 joint,
                 why,
@@ -46,24 +46,29 @@ pub(super) fn untested_effects(
         }
     }
     for joint in 0..arm.count() {
-        let still = !words.iter().any(|word| word.name == format!("q{}", joint + 1));
+        let still = !covariates.iter().any(|covariate| covariate.name == format!("q{}", joint + 1));
         if still {
             let why = format!("joint {} never moves", joint + 1);
             list.push(UntestedEffect { effect: "joint_ratio", joint: Some(joint), why });
         }
     }
-    let mut said: Vec<UntestedEffect> = Vec::new();
+    let mut unique: Vec<UntestedEffect> = Vec::new();
     for one in list {
-        if !said.iter().any(|s| s.effect == one.effect && s.joint == one.joint) {
-            said.push(one);
+        if !unique.iter().any(|s| s.effect == one.effect && s.joint == one.joint) {
+            unique.push(one);
         }
     }
-    said
+    unique
 }
 
 /// Why an effect cannot be identified; `None` if the joint type excludes it, or for no known reason.
-fn reason(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Covariate]) -> Option<String> {
-    let has = |name: &str| words.iter().any(|word| word.name.starts_with(name));
+fn reason(
+    arm: &Arm,
+    spec: &Spec,
+    joint: Option<usize>,
+    covariates: &[Covariate],
+) -> Option<String> {
+    let has = |name: &str| covariates.iter().any(|covariate| covariate.name.starts_with(name));
     let slides = joint.is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);
     if spec.scope == EffectScope::RevoluteJoint && slides {
         return None;

@@ -102,8 +102,9 @@ pub(super) fn remove_rows_at_boundaries(campaign: &mut Campaign, splits: [&HoldO
     let count = campaign.poses.len();
     let turns = |k: usize| splits.iter().any(|s| s.training[k] != s.training[k - 1]);
     let borders = (1..count).filter(|k| turns(*k) && moving(*k));
-    let near: Vec<usize> = borders.flat_map(|k| k.saturating_sub(BOUNDARY_POSES)..k).collect();
-    near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
+    let at_boundaries: Vec<usize> =
+        borders.flat_map(|k| k.saturating_sub(BOUNDARY_POSES)..k).collect();
+    at_boundaries.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
 /// Margin of an effect after validation, in log-likelihood; above zero: supported. `margin`: gain less penalty on the training set; `gain`: on the
@@ -129,8 +130,8 @@ pub(super) fn drop_unsupported(
     while !selection.selected.is_empty() && kept.contains(&true) {
         let held = FitEvaluator::new(campaign, (split, kept), &selection.fit);
         let left = held.whitened_sum(&selection.fit);
-        let told = |one: &SelectedEffect| {
-            let mut bare = hypothesis_without(&selection.fit, model, &[one]);
+        let supported_margin = |one: &SelectedEffect| {
+            let mut without = hypothesis_without(&selection.fit, model, &[one]);
             if one.previous_priors.is_some() {
                 // If the parameters stayed free within their stated uncertainty, they would be fitted to the corrected values and the gain would
                 // vanish.
@@ -139,10 +140,10 @@ pub(super) fn drop_unsupported(
                     let kind = candidate.probes.first().map(|probe| probe.effect.spec().kind);
                     Some(effect.spec().kind) == kind && effect.joint() == candidate.joint
                 };
-                bare.fix_at_stated_means(same);
+                without.fix_at_stated_means(same);
             }
-            let bare = held.compared(&bare, &selection.fit);
-            validation_margin(one.margin, 0.5 * (held.whitened_sum(&bare) - left) / together)
+            let without = held.compared(&without, &selection.fit);
+            validation_margin(one.margin, 0.5 * (held.whitened_sum(&without) - left) / together)
         };
         // Effects with large margins are supported whatever was removed; only the weakest are validated again.
         let mut order: Vec<usize> = (0..margins.len()).collect();
@@ -150,19 +151,19 @@ pub(super) fn drop_unsupported(
         let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
         order.truncate(first.max(REVALIDATED_EFFECTS));
         let steps = progress.steps(order.len());
-        let asked = order.par_iter().map(|k| {
-            let margin = told(&selection.selected[*k]);
+        let computed = order.par_iter().map(|k| {
+            let margin = supported_margin(&selection.selected[*k]);
             steps.step();
             margin
         });
-        let asked: Vec<f64> = asked.collect();
-        order.into_iter().zip(asked).for_each(|(k, margin)| margins[k] = margin);
+        let computed: Vec<f64> = computed.collect();
+        order.into_iter().zip(computed).for_each(|(k, margin)| margins[k] = margin);
         let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
         margins.remove(k);
         let hypothesis = hypothesis_without(&selection.fit, model, &[&selection.selected[k]]);
-        let gone = selection.selected.remove(k);
-        shift_indices_after(&mut selection.selected, &gone);
+        let removed = selection.selected.remove(k);
+        shift_indices_after(&mut selection.selected, &removed);
         selection.fit = held.compared(&hypothesis, &selection.fit);
         progress.selected(selection.selected.len());
     }
@@ -181,20 +182,23 @@ pub(super) struct FitEvaluator<'a> {
 }
 
 impl<'a> FitEvaluator<'a> {
-    /// `split`: training poses; `asked`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
+    /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
     pub(super) fn new(
         campaign: &'a Campaign,
-        (split, asked): (&'a HoldOutSplit, &[bool]),
+        (split, is_evaluated): (&'a HoldOutSplit, &[bool]),
         last: &Fit,
     ) -> Self {
-        let off = last.residuals(campaign);
-        let is_length = off.iter().any(|off| off.is_length);
-        let lengths = off.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
-        let far = OUTLIER_RATIO * median(lengths);
-        let counts = off.iter().map(|o| asked[o.pose] && o.is_length == is_length);
-        let is_counted =
-            counts.zip(&off).map(|(counts, o)| counts && o.residual.length() <= far).collect();
-        Self { campaign, split, is_evaluated: asked.to_vec(), is_counted, is_length }
+        let residuals = last.residuals(campaign);
+        let is_length = residuals.iter().any(|residual| residual.is_length);
+        let lengths =
+            residuals.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
+        let distance_max = OUTLIER_RATIO * median(lengths);
+        let counts = residuals.iter().map(|o| is_evaluated[o.pose] && o.is_length == is_length);
+        let is_counted = counts
+            .zip(&residuals)
+            .map(|(counts, o)| counts && o.residual.length() <= distance_max)
+            .collect();
+        Self { campaign, split, is_evaluated: is_evaluated.to_vec(), is_counted, is_length }
     }
 
     /// RMS error of scalar values, m or rad.
@@ -206,10 +210,10 @@ impl<'a> FitEvaluator<'a> {
     /// Difference of the predictions of two fits for the measurements that count.
     pub(super) fn size_between(&self, one: &Fit, other: &Fit) -> EffectSize {
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
-        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let numbers: Vec<usize> = numbers.map(|observation| observation.reading.count()).collect();
         let (one, other) = (one.residuals(self.campaign), other.residuals(self.campaign));
-        let asked = one.iter().zip(&other).filter(|(one, _)| self.is_counted[one.reading]);
-        EffectSize::of(asked.flat_map(|(one, other)| {
+        let counted = one.iter().zip(&other).filter(|(one, _)| self.is_counted[one.reading]);
+        EffectSize::of(counted.flat_map(|(one, other)| {
             let values = (one.residual - other.residual).to_array();
             values.into_iter().take(numbers[one.reading])
         }))
@@ -219,10 +223,12 @@ impl<'a> FitEvaluator<'a> {
     fn sum(&self, fit: &Fit) -> (f64, usize) {
         let (mut sum, mut count) = (0.0, 0_usize);
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
-        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
-        for off in fit.residuals(self.campaign).iter().filter(|off| self.is_counted[off.reading]) {
-            sum += off.residual.length_squared();
-            count += numbers[off.reading];
+        let numbers: Vec<usize> = numbers.map(|observation| observation.reading.count()).collect();
+        for residual in
+            fit.residuals(self.campaign).iter().filter(|residual| self.is_counted[residual.reading])
+        {
+            sum += residual.residual.length_squared();
+            count += numbers[residual.reading];
         }
         (sum, count)
     }
@@ -235,13 +241,16 @@ impl<'a> FitEvaluator<'a> {
         }
         let readings: Vec<_> = self.campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
         let mut encoders: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
-        for off in fit.residuals(self.campaign).iter().filter(|off| self.is_counted[off.reading]) {
-            let of = encoders.entry(series_index(&readings[off.reading].reading)).or_default();
-            let more = [1.0, off.residual.x, off.residual.x * off.residual.x];
-            of.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        for residual in
+            fit.residuals(self.campaign).iter().filter(|residual| self.is_counted[residual.reading])
+        {
+            let moments =
+                encoders.entry(series_index(&readings[residual.reading].reading)).or_default();
+            let more = [1.0, residual.residual.x, residual.residual.x * residual.residual.x];
+            moments.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         }
         let varies = |[count, sum, square]: &[f64; 3]| square - sum * sum / count;
-        let count: f64 = encoders.values().map(|of| of[0]).sum();
+        let count: f64 = encoders.values().map(|moments| moments[0]).sum();
         encoders.values().map(varies).sum::<f64>() / count.max(1.0)
     }
 
@@ -256,13 +265,13 @@ impl<'a> FitEvaluator<'a> {
         let surroundings = fit.surroundings.clone();
         let state = FitState { surroundings, hypothesis: fit.hypothesis.clone() };
         let mut filter = WhiteningFilter::new(self.campaign);
-        let look = VisitScope { used: Some(&self.is_evaluated), derivatives: false };
-        visit_readings(self.campaign, &state, look, |at| {
-            let weight = if self.is_counted[at.reading] { 1.0 } else { 0.0 };
-            for part in 0..at.rows.count {
-                let scale = weight / fit.factors[at.instrument];
-                let mut left = [scale * at.rows.residual[part]];
-                filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
+        let scope = VisitScope { used: Some(&self.is_evaluated), derivatives: false };
+        visit_readings(self.campaign, &state, scope, |reading| {
+            let weight = if self.is_counted[reading.reading] { 1.0 } else { 0.0 };
+            for part in 0..reading.rows.count {
+                let scale = weight / fit.factors[reading.instrument];
+                let mut left = [scale * reading.rows.residual[part]];
+                filter.pass(reading.pose, reading.instrument, reading.stream, part, &mut left);
                 sum += weight * left[0] * left[0];
                 count += weight;
             }
@@ -294,13 +303,13 @@ impl<'a> FitEvaluator<'a> {
     /// Weighted RMS residual of the training rows, corrected for the number of fitted parameters.
     fn rms_in_training(&self, fit: &Fit) -> f64 {
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
-        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let numbers: Vec<usize> = numbers.map(|observation| observation.reading.count()).collect();
         let (mut sum, mut count) = (0.0, 0.0);
-        for off in fit.residuals(self.campaign) {
-            if self.split.training[off.pose] && off.is_length == self.is_length {
-                let weight = fit.weights[off.reading];
-                sum += weight * off.residual.length_squared();
-                count += weight * numbers[off.reading] as f64;
+        for residual in fit.residuals(self.campaign) {
+            if self.split.training[residual.pose] && residual.is_length == self.is_length {
+                let weight = fit.weights[residual.reading];
+                sum += weight * residual.residual.length_squared();
+                count += weight * numbers[residual.reading] as f64;
             }
         }
         let freedom = (count - fit.columns().len() as f64).max(1.0);
@@ -309,9 +318,9 @@ impl<'a> FitEvaluator<'a> {
 
     /// The errors on the test set, `before` with the model as given and `after` with `last`.
     pub(super) fn test_errors(&self, before: f64, after: f64, last: &Fit) -> TestErrors {
-        let (says, noise) = (self.split.description.clone(), self.rms_in_training(last));
+        let (description, noise) = (self.split.description.clone(), self.rms_in_training(last));
         let excess = self.excess(last, &ExcessSettings::default());
-        TestErrors { says, before, after, noise, is_length: self.is_length, excess }
+        TestErrors { says: description, before, after, noise, is_length: self.is_length, excess }
     }
 
     /// The fit of `hypothesis` with the weights and noise of `last`, so that the sums of squares can be compared.
@@ -337,14 +346,14 @@ mod tests {
         let (zero, swing) = (5e-4, 1e-4);
         let mut campaign = unmeasured_campaign(0, 120);
         for (k, pose) in campaign.poses.iter_mut().enumerate() {
-            let off = [zero, if k % 2 == 0 { swing } else { -swing }];
+            let errors = [zero, if k % 2 == 0 { swing } else { -swing }];
             let whitening = ReadingNoise::Equal(1e-5).whitening(DVec3::ZERO).expect("sound");
-            let seen = off.iter().enumerate().map(|(joint, off)| Observation {
-                reading: Reading::JointPosition { joint, position: pose.inputs.q[joint] + off },
+            let observations = errors.iter().enumerate().map(|(joint, error)| Observation {
+                reading: Reading::JointPosition { joint, position: pose.inputs.q[joint] + error },
                 whitening,
                 instrument: 0,
             });
-            pose.seen = seen.collect();
+            pose.seen = observations.collect();
         }
         let used = vec![true; 120];
         let (influence, effort) = (Influence::Equal, FitEffort::Full);
@@ -359,9 +368,10 @@ mod tests {
 
     /// The excess on the test set of a campaign of the nominal robot, whose test poses have `scale` times the noise of the others.
     fn excess(scale: f64, seed: u64) -> Option<TestExcess> {
-        let bare = unmeasured_campaign(1, 220);
-        let measured =
-            |scale| simulate_readings(&bare, &nominal_robot(), &bare.surroundings, scale, seed);
+        let unmeasured = unmeasured_campaign(1, 220);
+        let measured = |scale| {
+            simulate_readings(&unmeasured, &nominal_robot(), &unmeasured.surroundings, scale, seed)
+        };
         let (mut campaign, louder) = (measured(1.0), measured(scale));
         let split = HoldOutSplit::in_blocks(&campaign, seed);
         let held_out = split.held_out();

@@ -33,30 +33,30 @@ pub(super) fn decide(found: &[SelectedEffect], fit: &Fit, explained: Option<f64>
 /// Whether an alternative explains the error as well. Other forms of the same law do not count; alternatives with more parameters only from the
 /// probability [`AMBIGUOUS_PROBABILITY`].
 pub(super) fn is_ambiguous(one: &SelectedEffect, fit: &Fit) -> bool {
-    let own = fit.hypothesis.model.effects().nth(one.effect);
+    let effect = fit.hypothesis.model.effects().nth(one.effect);
     let (_, shares) = confidence(one, fit);
-    let alike = |(rival, share): (&AlternativeEffect, f64)| {
+    let is_equivalent = |(rival, share): (&AlternativeEffect, f64)| {
         rival.is_indistinguishable
             && (rival.numbers <= one.parameter_count || share > AMBIGUOUS_PROBABILITY)
-            && !own.is_some_and(|own| is_same_error(own, rival))
+            && !effect.is_some_and(|effect| is_same_error(effect, rival))
     };
-    one.alternatives.iter().zip(shares).any(alike)
+    one.alternatives.iter().zip(shares).any(is_equivalent)
 }
 
 /// Whether an alternative describes the same error in this recording (another form of the same law, displacement of a parallel axis, growth in the
 /// same direction), so that docs/reference/effects.md decides which of the two is reported.
-fn is_same_error(own: &AnyEffect, rival: &AlternativeEffect) -> bool {
-    if are_of_one_law(own, &rival.effect) {
-        return rival.likelihood_loss.abs() < form_threshold(own);
+fn is_same_error(effect: &AnyEffect, rival: &AlternativeEffect) -> bool {
+    if are_of_one_law(effect, &rival.effect) {
+        return rival.likelihood_loss.abs() < form_threshold(effect);
     }
     let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
     let stretches = |effect: &AnyEffect| matches!(effect, AnyEffect::ThermalGrowth(_));
     let shifts = |effect: &AnyEffect| matches!(effect, AnyEffect::AxisShift(_));
-    let kin = |is: &dyn Fn(&AnyEffect) -> bool| is(own) && is(&rival.effect);
-    let parallel = kin(&shifts);
+    let both = |is: &dyn Fn(&AnyEffect) -> bool| is(effect) && is(&rival.effect);
+    let parallel = both(&shifts);
     // If the tool axis is parallel to the last link, growth of spindle and link are the same.
-    let one_way = kin(&|effect| grows(effect) || stretches(effect));
-    let apart = own.joint() != rival.effect.joint() && !grows(own) && !grows(&rival.effect);
+    let one_way = both(&|effect| grows(effect) || stretches(effect));
+    let apart = effect.joint() != rival.effect.joint() && !grows(effect) && !grows(&rival.effect);
     rival.likelihood_loss.abs() < SAME_ERROR_LOSS && (parallel || one_way && !apart)
 }
 
@@ -85,19 +85,19 @@ pub(super) fn are_forms_of_one_law(one: &Candidate, other: &Candidate) -> bool {
 ///
 /// A form is a special case of the other with some parameters fixed, so the penalty of the parameters counts in full. Between backlash and hysteresis
 /// there is a single test, not one of hundreds, so that [`BACKLASH_FORM_THRESHOLD`] replaces it.
-pub(super) fn form_penalty(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Option<f64> {
+pub(super) fn form_penalty(effect: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Option<f64> {
     let is_preferred = |effect: &AnyEffect| {
         matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
     };
-    let numbers = if is_backlash_or_hysteresis(own) { 0.0 } else { numbers };
-    let word = f64::from(i8::from(is_preferred(own)) - i8::from(is_preferred(rival)))
-        * form_threshold(own);
-    are_of_one_law(own, rival).then_some(numbers + word)
+    let numbers = if is_backlash_or_hysteresis(effect) { 0.0 } else { numbers };
+    let form_term = f64::from(i8::from(is_preferred(effect)) - i8::from(is_preferred(rival)))
+        * form_threshold(effect);
+    are_of_one_law(effect, rival).then_some(numbers + form_term)
 }
 
 /// Difference in log-likelihood that decides between two forms of this law.
-fn form_threshold(own: &AnyEffect) -> f64 {
-    if is_backlash_or_hysteresis(own) { BACKLASH_FORM_THRESHOLD } else { FORM_THRESHOLD }
+fn form_threshold(effect: &AnyEffect) -> f64 {
+    if is_backlash_or_hysteresis(effect) { BACKLASH_FORM_THRESHOLD } else { FORM_THRESHOLD }
 }
 
 fn is_backlash_or_hysteresis(effect: &AnyEffect) -> bool {
@@ -109,13 +109,13 @@ fn is_backlash_or_hysteresis(effect: &AnyEffect) -> bool {
 pub(super) fn confidence(one: &SelectedEffect, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
     let penalty = readings.max(2.0).ln();
-    let own = fit.hypothesis.model.effects().nth(one.effect);
+    let effect = fit.hypothesis.model.effects().nth(one.effect);
     let loss =
         |rival: &AlternativeEffect| rival.likelihood_loss + one.penalty_difference(rival, penalty);
     let (mut right, mut shares) =
         posterior(&one.alternatives.iter().map(loss).collect::<Vec<f64>>());
     for (rival, share) in one.alternatives.iter().zip(&mut shares) {
-        if own.is_some_and(|own| is_same_error(own, rival)) {
+        if effect.is_some_and(|effect| is_same_error(effect, rival)) {
             right += std::mem::take(share);
         }
     }
@@ -131,26 +131,26 @@ mod tests {
     #[test]
     fn a_word_for_a_case_of_a_law_stands_until_evidence_for_the_whole_law_is_there() {
         let arm = preset("irb120").expect("preset").model().expect("sound").physics.arm;
-        let of = |kind: &str, joint: usize, given: &[(&str, &[f64])]| {
+        let effect = |kind: &str, joint: usize, given: &[(&str, &[f64])]| {
             AnyEffect::build(kind, &arm, Some(joint), ParameterValues(given)).expect(kind)
         };
         let compliance: &[(&str, &[f64])] = &[("compliance", &[1e-5])];
-        let gravity = of("gravity_compliance", 2, compliance);
-        let sag = of("gravity_sag", 2, &[("sag", &[1e-4; 12])]);
+        let gravity = effect("gravity_compliance", 2, compliance);
+        let sag = effect("gravity_sag", 2, &[("sag", &[1e-4; 12])]);
         let (gap, lag) = (
-            of("backlash", 2, &[("width", &[1e-4])]),
-            of("hysteresis", 2, &[("amplitude", &[1e-4]), ("reversal", &[1e-4])]),
+            effect("backlash", 2, &[("width", &[1e-4])]),
+            effect("hysteresis", 2, &[("amplitude", &[1e-4]), ("reversal", &[1e-4])]),
         );
         assert_eq!(form_penalty(&gravity, &sag, 30.0), Some(30.0), "weights that nobody doubts");
         let penalty = form_penalty(&gap, &lag, 30.0).expect("one law");
         assert!(penalty > 1.0 && penalty < 5.0, "one number, asked once: {penalty}");
         assert_eq!(form_penalty(&lag, &gap, -30.0), Some(-penalty));
-        let whole = of("joint_compliance", 2, compliance);
+        let whole = effect("joint_compliance", 2, compliance);
         assert!(
             form_penalty(&gravity, &whole, 0.0).is_some_and(|penalty| penalty < 0.0),
             "preferred"
         );
-        let elsewhere = of("joint_compliance", 1, compliance);
+        let elsewhere = effect("joint_compliance", 1, compliance);
         assert_eq!(form_penalty(&gravity, &elsewhere, 0.0), None, "another joint is another law");
     }
 }

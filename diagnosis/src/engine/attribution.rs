@@ -39,9 +39,9 @@ mod tests {
     const MOVED: [[f64; 3]; 3] = [[3.0, 1.0, 0.0], [2.5, -1.0, 0.5], [0.0, 0.4, 2.0]];
     const ERROR: [f64; 3] = [5.7, 0.3, 2.3];
 
-    fn left(gone: &[usize]) -> f64 {
-        let there = (0..3).filter(|k| !gone.contains(k));
-        let rest = there.fold(ERROR, |rest, k| std::array::from_fn(|i| rest[i] - MOVED[k][i]));
+    fn left(removed: &[usize]) -> f64 {
+        let remaining = (0..3).filter(|k| !removed.contains(k));
+        let rest = remaining.fold(ERROR, |rest, k| std::array::from_fn(|i| rest[i] - MOVED[k][i]));
         rest.iter().map(|x| x * x).sum()
     }
 
@@ -50,8 +50,9 @@ mod tests {
         let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
         let mut mean = [0.0; 3];
         for order in orders {
-            for at in 0..3 {
-                mean[order[at]] += (left(&order[at..]) - left(&order[at + 1..])) / 6.0;
+            for position in 0..3 {
+                mean[order[position]] +=
+                    (left(&order[position..]) - left(&order[position + 1..])) / 6.0;
             }
         }
         let energies = ErrorEnergies {

@@ -90,10 +90,10 @@ impl CandidateDictionary {
     /// Adds a candidate with columns of its own.
     pub(crate) fn add(&mut self, family: CandidateTerm, columns: Vec<Regressor>) {
         let from = self.columns.len();
-        let own = (from..from + columns.len()).collect();
+        let places = (from..from + columns.len()).collect();
         self.prior.resize(from + columns.len(), 0.0);
         self.columns.extend(columns);
-        self.terms.push(CandidateTerm { columns: own, ..family });
+        self.terms.push(CandidateTerm { columns: places, ..family });
     }
 
     /// Adds a column that several candidates share; returns its index.

@@ -45,12 +45,12 @@ pub(crate) fn estimate_from_residual(
     for run in &table.runs {
         let mut goes_on = false;
         for row in run.clone() {
-            let here = counts(row);
-            if here && !goes_on {
+            let is_counted = counts(row);
+            if is_counted && !goes_on {
                 pieces.push(Vec::new());
             }
-            goes_on = here;
-            if here {
+            goes_on = is_counted;
+            if is_counted {
                 pieces.last_mut().into_iter().for_each(|piece| piece.push(left[row] / size));
             }
         }

@@ -45,8 +45,8 @@ impl NormalEquations {
         };
         // Elimination first determines the linearly independent columns.
         let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
-            let own = if i == j { self.prior[columns[i]] } else { 0.0 };
-            self.gram[(columns[i], columns[j])] + own
+            let prior = if i == j { self.prior[columns[i]] } else { 0.0 };
+            self.gram[(columns[i], columns[j])] + prior
         });
         let taken = Self::independent_columns(columns, &mut rest);
         if taken.is_empty() {
@@ -56,8 +56,8 @@ impl NormalEquations {
             taken.iter().map(|k| 1.0 / libm::sqrt(self.gram[(*k, *k)] + self.prior[*k])).collect();
         let count = taken.len();
         let normal = DMatrix::from_fn(count, count, |i, j| {
-            let own = if i == j { self.prior[taken[i]] } else { 0.0 };
-            (self.gram[(taken[i], taken[j])] + own) * scale[i] * scale[j]
+            let prior = if i == j { self.prior[taken[i]] } else { 0.0 };
+            (self.gram[(taken[i], taken[j])] + prior) * scale[i] * scale[j]
         });
         let Some(factors): Option<Cholesky<f64, Dyn>> = normal.cholesky() else { return solved };
         let right = DVector::from_fn(count, |i, _| self.right[taken[i]] * scale[i]);
@@ -102,12 +102,12 @@ impl NormalEquations {
     /// Log marginal likelihood of the right-hand side with the coefficients of these columns integrated out, up to a term that is the same for all
     /// choices of columns. Its increase by further rows is their log predictive density under the posterior from the rows before.
     pub(crate) fn log_marginal_likelihood(&self, columns: &[usize]) -> f64 {
-        let own = |k: usize| self.gram[(k, k)] + self.prior[k];
-        let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(own(*k))).collect();
+        let diagonal = |k: usize| self.gram[(k, k)] + self.prior[k];
+        let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(diagonal(*k))).collect();
         let count = columns.len();
         let normal = DMatrix::from_fn(count, count, |i, j| {
             let (a, b) = (columns[i], columns[j]);
-            let whole = if i == j { own(a) } else { self.gram[(a, b)] };
+            let whole = if i == j { diagonal(a) } else { self.gram[(a, b)] };
             whole * scale[i] * scale[j]
         });
         let Some(factors) = normal.cholesky() else { return f64::NEG_INFINITY };
@@ -145,8 +145,8 @@ impl NormalEquations {
         let through: Vec<DVector<f64>> = beside.iter().map(|b| &solved.inverse * b).collect();
         let values = DVector::from_column_slice(&solved.values);
         let mut left = DMatrix::from_fn(count, count, |i, j| {
-            let own = if i == j { self.prior[open[i]] } else { 0.0 };
-            self.gram[(open[i], open[j])] + own - beside[i].dot(&through[j])
+            let prior = if i == j { self.prior[open[i]] } else { 0.0 };
+            self.gram[(open[i], open[j])] + prior - beside[i].dot(&through[j])
         });
         let mut right =
             DVector::from_fn(count, |i, _| self.right[open[i]] - beside[i].dot(&values));
@@ -162,24 +162,27 @@ impl NormalEquations {
         let Some(factors) = left.cholesky() else { return (0.0, vec![0.0; columns.len()]) };
         let numbers = factors.solve(&right);
         let gain = 0.5 * right.dot(&numbers);
-        let of = |k: &usize| open.iter().position(|o| o == k).map_or(0.0, |at| numbers[at]);
-        (gain, columns.iter().map(of).collect())
+        let number_of =
+            |k: &usize| open.iter().position(|o| o == k).map_or(0.0, |index| numbers[index]);
+        (gain, columns.iter().map(number_of).collect())
     }
 }
 
 impl LeastSquaresSolution {
     /// The coefficient of a column; `None` if it is not in the solution.
     pub(crate) fn value(&self, column: usize) -> Option<f64> {
-        let at = self.columns.iter().position(|k| *k == column)?;
-        Some(self.values[at])
+        let index = self.columns.iter().position(|k| *k == column)?;
+        Some(self.values[index])
     }
 
     /// Gain in log-likelihood of these columns beside the others in the solution: `½ βᵀ C⁻¹ β`, where C is their block of the inverse.
     pub(crate) fn gain_of(&self, columns: &[usize]) -> f64 {
-        let at: Vec<usize> =
+        let places: Vec<usize> =
             columns.iter().filter_map(|k| self.columns.iter().position(|c| c == k)).collect();
-        let part = DMatrix::from_fn(at.len(), at.len(), |i, j| self.inverse[(at[i], at[j])]);
-        let values = DVector::from_fn(at.len(), |i, _| self.values[at[i]]);
+        let part = DMatrix::from_fn(places.len(), places.len(), |i, j| {
+            self.inverse[(places[i], places[j])]
+        });
+        let values = DVector::from_fn(places.len(), |i, _| self.values[places[i]]);
         part.cholesky().map_or(0.0, |factors| 0.5 * values.dot(&factors.solve(&values)))
     }
 

@@ -14,32 +14,32 @@ pub(crate) struct PartialCholesky {
 }
 
 impl PartialCholesky {
-    /// Factorises the normal matrix `cell` with the right-hand side `right` over `columns`. `shows` decides whether a column is kept, from its index
+    /// Factorises the normal matrix `cell` with the right-hand side `right` over `columns`. `is_significant` decides whether a column is kept, from its index
     /// and the square of its remaining length. `None` if no column is kept.
     pub(crate) fn of(
         columns: impl IntoIterator<Item = usize>,
         cell: impl Fn(usize, usize) -> f64,
         right: impl Fn(usize) -> f64,
-        shows: impl Fn(usize, f64) -> bool,
+        is_significant: impl Fn(usize, f64) -> bool,
     ) -> Option<Self> {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let mut own = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
+        let mut partial = Self { kept: Vec::new(), factor: Vec::new(), forward: Vec::new() };
         for k in columns {
-            let mut row: Vec<f64> = Vec::with_capacity(own.kept.len() + 1);
-            for (other, known) in own.kept.iter().zip(&own.factor) {
+            let mut row: Vec<f64> = Vec::with_capacity(partial.kept.len() + 1);
+            for (other, known) in partial.kept.iter().zip(&partial.factor) {
                 row.push((cell(*other, k) - product(known, &row)) / known[row.len()]);
             }
             let left = cell(k, k) - product(&row, &row);
-            if !shows(k, left) {
+            if !is_significant(k, left) {
                 continue;
             }
             let pivot = left.sqrt();
-            own.forward.push((right(k) - product(&row, &own.forward)) / pivot);
+            partial.forward.push((right(k) - product(&row, &partial.forward)) / pivot);
             row.push(pivot);
-            own.factor.push(row);
-            own.kept.push(k);
+            partial.factor.push(row);
+            partial.kept.push(k);
         }
-        (!own.kept.is_empty()).then_some(own)
+        (!partial.kept.is_empty()).then_some(partial)
     }
 
     /// Reduction of the sum of squares.

@@ -21,9 +21,9 @@ mod tests {
 
     #[test]
     fn two_hypotheses_that_explain_as_much_share_their_probability_and_all_add_up_to_one() {
-        let (own, others) = posterior(&[0.0, 3.0_f64.ln(), 100.0]);
-        assert!((own - 3.0 / 7.0).abs() < 1e-12 && (others[1] - 1.0 / 7.0).abs() < 1e-12);
-        assert!((own + others.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        let (probability, others) = posterior(&[0.0, 3.0_f64.ln(), 100.0]);
+        assert!((probability - 3.0 / 7.0).abs() < 1e-12 && (others[1] - 1.0 / 7.0).abs() < 1e-12);
+        assert!((probability + others.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         assert_eq!(posterior(&[]).0, 1.0);
         assert!(posterior(&[-1e9]).0 > 0.0);
     }

@@ -27,10 +27,10 @@ struct ChannelProducts {
     colour: ArModel,
     /// Standard deviation of the noise, N m or N.
     size: f64,
-    /// The right-hand side, then one column for each of `of`, filtered.
+    /// The right-hand side, then one column for each of `column_values`, filtered.
     white: Vec<f64>,
     /// Indices of columns, with the values that were multiplied.
-    of: Vec<(usize, CachedValues)>,
+    column_values: Vec<(usize, CachedValues)>,
     /// Products of all columns in `white`.
     products: DMatrix<f64>,
 }
@@ -55,14 +55,14 @@ impl ProductCache {
             let counts = |row: &usize| used[*row] && table.counts[joint][*row];
             let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
             let (colour, size) = &table.noise[joint];
-            let had = before.iter().position(|block| block.joint == joint);
-            let mut block = match had.map(|at| before.swap_remove(at)) {
+            let previous = before.iter().position(|block| block.joint == joint);
+            let mut block = match previous.map(|index| before.swap_remove(index)) {
                 Some(block) if block.rows == rows && block.colour == *colour => block,
-                had => ChannelProducts::none(
+                previous => ChannelProducts::none(
                     table,
                     joint,
                     rows,
-                    had.map_or(Vec::new(), |had| had.white),
+                    previous.map_or(Vec::new(), |previous| previous.white),
                 ),
             };
             block.size = *size;
@@ -77,11 +77,11 @@ impl ProductCache {
         let rows = self.blocks.iter().map(|block| block.rows.len()).sum();
         let mut gram = DMatrix::zeros(self.columns, self.columns);
         let mut right = DVector::zeros(self.columns);
-        for ChannelProducts { size, of, products, .. } in &self.blocks {
+        for ChannelProducts { size, column_values, products, .. } in &self.blocks {
             let weight = 1.0 / (size * size);
-            for (a, (k, _)) in of.iter().enumerate() {
+            for (a, (k, _)) in column_values.iter().enumerate() {
                 right[*k] += weight * products[(0, a + 1)];
-                for (b, (other, _)) in of.iter().enumerate() {
+                for (b, (other, _)) in column_values.iter().enumerate() {
                     gram[(*other, *k)] += weight * products[(b + 1, a + 1)];
                 }
             }
@@ -110,7 +110,8 @@ impl ChannelProducts {
         room.resize(rows.len(), 0.0);
         let (colour, size) = table.noise[joint].clone();
         let products = DMatrix::zeros(1, 1);
-        let mut block = Self { joint, rows, colour, size, white: room, of: Vec::new(), products };
+        let mut block =
+            Self { joint, rows, colour, size, white: room, column_values: Vec::new(), products };
         table.target[joint].iter().for_each(|target| block.put(0, table, target));
         block
     }
@@ -130,35 +131,35 @@ impl ChannelProducts {
             parts.find(|(joint, _)| *joint == self.joint).map(|(_, values)| values)
         };
         let count = self.rows.len();
-        while self.of.last().is_some_and(|(k, _)| part(*k).is_none()) {
-            self.of.pop();
+        while self.column_values.last().is_some_and(|(k, _)| part(*k).is_none()) {
+            self.column_values.pop();
         }
         for k in (0..columns.len()).filter(|k| part(*k).is_some()) {
-            if self.of.iter().all(|(other, _)| *other != k) {
-                self.of.push((k, None));
+            if self.column_values.iter().all(|(other, _)| *other != k) {
+                self.column_values.push((k, None));
             }
         }
-        let changed = |(at, (k, had)): (usize, &(usize, CachedValues))| {
+        let changed = |(index, (k, previous)): (usize, &(usize, CachedValues))| {
             let now = part(*k);
-            let same = match (had, now) {
-                (Some(had), Some(now)) => Arc::ptr_eq(had, now),
-                (had, now) => had.is_none() && now.is_none(),
+            let same = match (previous, now) {
+                (Some(previous), Some(now)) => Arc::ptr_eq(previous, now),
+                (previous, now) => previous.is_none() && now.is_none(),
             };
-            (!same).then(|| (at, now.cloned()))
+            (!same).then(|| (index, now.cloned()))
         };
         let changed: Vec<(usize, CachedValues)> =
-            self.of.iter().enumerate().filter_map(changed).collect();
-        let wide = self.of.len() + 1;
+            self.column_values.iter().enumerate().filter_map(changed).collect();
+        let wide = self.column_values.len() + 1;
         self.white.resize(count * wide, 0.0);
         self.products.resize_mut(wide, wide, 0.0);
         let mut moved = Vec::with_capacity(changed.len());
-        for (at, values) in changed {
+        for (index, values) in changed {
             match &values {
-                Some(values) => self.put(at + 1, table, values),
-                None => self.white[(at + 1) * count..(at + 2) * count].fill(0.0),
+                Some(values) => self.put(index + 1, table, values),
+                None => self.white[(index + 1) * count..(index + 2) * count].fill(0.0),
             }
-            self.of[at].1 = values;
-            moved.push(at + 1);
+            self.column_values[index].1 = values;
+            moved.push(index + 1);
         }
         self.multiply(&moved);
     }
@@ -168,21 +169,21 @@ impl ChannelProducts {
         if places.is_empty() {
             return;
         }
-        let (count, wide) = (self.rows.len(), self.of.len() + 1);
+        let (count, wide) = (self.rows.len(), self.column_values.len() + 1);
         let white = DMatrixView::from_slice(&self.white, count, wide);
         let mut product = DMatrix::zeros(places.len(), wide);
         for from in (0..count).step_by(PIECE) {
             let piece = white.rows(from, PIECE.min(count - from));
-            let own = piece.select_columns(places);
+            let selected = piece.select_columns(places);
             if places.len() > FEW {
-                product.gemm(1.0, &own.transpose(), &piece, 1.0);
+                product.gemm(1.0, &selected.transpose(), &piece, 1.0);
             } else {
-                product.gemm_tr(1.0, &own, &piece, 1.0);
+                product.gemm_tr(1.0, &selected, &piece, 1.0);
             }
         }
-        for (row, at) in places.iter().enumerate() {
-            self.products.row_mut(*at).copy_from(&product.row(row));
-            self.products.column_mut(*at).tr_copy_from(&product.row(row));
+        for (row, place) in places.iter().enumerate() {
+            self.products.row_mut(*place).copy_from(&product.row(row));
+            self.products.column_mut(*place).tr_copy_from(&product.row(row));
         }
     }
 }
@@ -217,22 +218,22 @@ mod tests {
         columns[2] = column(&[1]);
         columns[3].parts.clear();
         columns.push(column(&[0]));
-        let of = |before: Option<&ProductCache>, table: &RegressionData, used: &[bool]| {
+        let products = |before: Option<&ProductCache>, table: &RegressionData, used: &[bool]| {
             ProductCache::updated(before.cloned(), table, &columns, used).products(Vec::new())
         };
-        let (again, anew) = (of(Some(&kept), &table, &used), of(None, &table, &used));
+        let (again, anew) = (products(Some(&kept), &table, &used), products(None, &table, &used));
         assert!((&again.gram - &anew.gram).amax() < 1e-12, "{}", &again.gram - &anew.gram);
         assert!((&again.right - &anew.right).amax() < 1e-12);
         assert!((&anew.gram - anew.gram.transpose()).amax() < 1e-12);
         let fewer: Vec<bool> = used.iter().enumerate().map(|(row, u)| *u && row > 30).collect();
-        let others = of(Some(&kept), &table, &fewer);
+        let others = products(Some(&kept), &table, &fewer);
         assert!((&others.gram - &anew.gram).amax() > 0.1);
-        assert!((&others.gram - of(None, &table, &fewer).gram).amax() < 1e-12);
+        assert!((&others.gram - products(None, &table, &fewer).gram).amax() < 1e-12);
         let louder = RegressionData {
             noise: table.noise.iter().map(|n| (n.0.clone(), 3.0)).collect(),
             ..table
         };
-        let (again, anew) = (of(Some(&kept), &louder, &used), of(None, &louder, &used));
+        let (again, anew) = (products(Some(&kept), &louder, &used), products(None, &louder, &used));
         assert!((&again.gram - &anew.gram).amax() < 1e-12);
     }
 }

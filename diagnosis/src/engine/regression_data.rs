@@ -71,7 +71,7 @@ impl Regressor {
     ) -> Vec<f64> {
         let mut all = vec![0.0; rows];
         for (column, number) in columns {
-            for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
+            for (_, part) in column.parts.iter().filter(|(channel, _)| *channel == joint) {
                 all.iter_mut().zip(part.iter()).for_each(|(sum, x)| *sum += number * x);
             }
         }
@@ -112,17 +112,17 @@ pub(crate) fn whitened_columns(
     solved: &LeastSquaresSolution,
     joint: usize,
 ) -> Vec<(usize, Vec<f64>)> {
-    let own = |(k, column): (usize, &usize)| {
+    let whitened = |(k, column): (usize, &usize)| {
         let mut parts = columns[*column].parts.iter();
-        let (_, values) = parts.find(|(at, _)| *at == joint)?;
+        let (_, values) = parts.find(|(channel, _)| *channel == joint)?;
         Some((k, table.whitened(joint, values)))
     };
-    solved.columns.iter().enumerate().filter_map(own).collect()
+    solved.columns.iter().enumerate().filter_map(whitened).collect()
 }
 
-/// Rows of block `k` of `of`.
-fn rows_of(k: usize, rows: usize, of: usize) -> Range<usize> {
-    (k * rows).div_ceil(of)..((k + 1) * rows).div_ceil(of)
+/// Rows of block `k` of `count`.
+fn rows_of(k: usize, rows: usize, count: usize) -> Range<usize> {
+    (k * rows).div_ceil(count)..((k + 1) * rows).div_ceil(count)
 }
 
 /// Scores and normal matrices of blocks of time.
@@ -130,19 +130,21 @@ fn blocks(
     (table, columns): (&RegressionData, &[Regressor]),
     solved: &LeastSquaresSolution,
     used: &[bool],
-    of: usize,
+    block_count: usize,
 ) -> Vec<BlockSums> {
     let count = solved.columns.len();
-    let mut all: Vec<BlockSums> = (0..of).map(|_| BlockSums::new(count)).collect();
+    let mut all: Vec<BlockSums> = (0..block_count).map(|_| BlockSums::new(count)).collect();
     let rows = table.rows();
     for joint in table.joints() {
         let left = table.whitened(joint, &residual(table, columns, solved, joint));
         let white = whitened_columns(table, columns, solved, joint);
         for (k, block) in all.iter_mut().enumerate() {
             let counts = |row: &usize| used[*row] && table.counts[joint][*row];
-            let here: Vec<usize> = rows_of(k, rows, of).filter(counts).collect();
-            let part = DMatrix::from_fn(here.len(), white.len(), |i, j| white[j].1[here[i]]);
-            let rest = DVector::from_fn(here.len(), |i, _| left[here[i]]);
+            let counted_rows: Vec<usize> = rows_of(k, rows, block_count).filter(counts).collect();
+            let part = DMatrix::from_fn(counted_rows.len(), white.len(), |i, j| {
+                white[j].1[counted_rows[i]]
+            });
+            let rest = DVector::from_fn(counted_rows.len(), |i, _| left[counted_rows[i]]);
             let (score, gram) = (part.tr_mul(&rest), part.tr_mul(&part));
             for (i, (a, _)) in white.iter().enumerate() {
                 block.score[*a] += score[i];

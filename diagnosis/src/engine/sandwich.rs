@@ -58,9 +58,9 @@ pub(crate) fn covariance(
     }
     let mut meat = DMatrix::zeros(count, count);
     for BlockSums { score, gram } in blocks {
-        let own = DMatrix::identity(count, count) - gram * inverse;
+        let leverage = DMatrix::identity(count, count) - gram * inverse;
         // A parameter that a single block determines has full leverage and no jackknife estimate: the uncorrected score is used.
-        let freed = own.lu().solve(&score).filter(|freed| freed.iter().all(|x| x.is_finite()));
+        let freed = leverage.lu().solve(&score).filter(|freed| freed.iter().all(|x| x.is_finite()));
         let freed = freed.unwrap_or(score);
         meat.ger(1.0, &freed, &freed, 1.0);
     }
@@ -100,11 +100,11 @@ mod tests {
         let (blocks, size) = (40, 10);
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { random.sample(StandardNormal) };
-        let own = (1.0 - shared * shared).sqrt();
+        let unshared = (1.0 - shared * shared).sqrt();
         let values: Vec<Vec<f64>> = (0..blocks)
             .map(|_| {
                 let level = shared * normal();
-                (0..size).map(|_| level + own * normal()).collect()
+                (0..size).map(|_| level + unshared * normal()).collect()
             })
             .collect();
         let count = (blocks * size) as f64;
@@ -114,11 +114,11 @@ mod tests {
             gram: DMatrix::from_element(1, 1, size as f64),
         };
         let inverse = DMatrix::from_element(1, 1, 1.0 / count);
-        let told =
+        let estimated =
             covariance(&inverse, values.iter().map(block).collect(), &BlockSettings::DRIVE_OR_CUT)
                 [(0, 0)]
                 .sqrt();
-        (told, inverse[(0, 0)].sqrt())
+        (estimated, inverse[(0, 0)].sqrt())
     }
 
     #[test]

@@ -75,15 +75,15 @@ impl RowSets {
             let pieces =
                 if whole { 1 } else { ((stretches as f64 * share).round() as usize).max(1) };
             for piece in 0..pieces {
-                let at = |k: usize| rows.start + k * rows.len() / pieces;
-                let here = at(piece)..at(piece + 1);
+                let bound = |k: usize| rows.start + k * rows.len() / pieces;
+                let rows = bound(piece)..bound(piece + 1);
                 let turn = (stretch + every - first) % every;
                 let is_test = if is_reserved { *reserved == Some(true) } else { turn == 0 };
                 kept += usize::from(is_test);
                 if is_test {
-                    test[here].fill(true);
+                    test[rows].fill(true);
                 } else if turn == beside {
-                    validation[here].fill(true);
+                    validation[rows].fill(true);
                 }
                 stretch += 1;
             }
@@ -91,7 +91,10 @@ impl RowSets {
         let beside = beside_borders(runs, &test, &validation);
         let is_train = |row: usize| !test[row] && !validation[row] && !beside[row];
         let train = (0..count).map(is_train).collect();
-        validation.iter_mut().zip(&beside).for_each(|(own, beside)| *own &= !beside);
+        validation
+            .iter_mut()
+            .zip(&beside)
+            .for_each(|(is_validation, beside)| *is_validation &= !beside);
         let what = if whole { "runs" } else { "stretches" };
         let description = if is_reserved {
             "what the recordings reserve for validation".to_owned()
@@ -102,23 +105,23 @@ impl RowSets {
     }
 
     /// All rows but those of the test set.
-    pub(crate) fn seen(&self) -> Vec<bool> {
+    pub(crate) fn fitted(&self) -> Vec<bool> {
         self.train.iter().zip(&self.validation).map(|(a, b)| *a || *b).collect()
     }
 }
 
 /// Rows within the gap of a border between sets.
 fn beside_borders(runs: &[RunSpan], test: &[bool], validation: &[bool]) -> Vec<bool> {
-    let mut near = vec![false; test.len()];
+    let mut beside = vec![false; test.len()];
     for RunSpan { rows, gap, .. } in runs {
         for row in rows.start + 1..rows.end {
             if (test[row], validation[row]) != (test[row - 1], validation[row - 1]) {
                 let first = row.saturating_sub(*gap).max(rows.start);
-                near[first..(row + gap).min(rows.end)].fill(true);
+                beside[first..(row + gap).min(rows.end)].fill(true);
             }
         }
     }
-    near
+    beside
 }
 
 #[cfg(test)]
@@ -133,14 +136,14 @@ mod tests {
     fn sets_are_disjoint_and_rows_beside_a_border_train_nothing() {
         for seed in 0..5 {
             let sets = RowSets::of(&[run(0..1000, None)], seed, &SplitSettings::default());
-            let count = |set: &[bool]| set.iter().filter(|own| **own).count();
+            let count = |set: &[bool]| set.iter().filter(|is_member| **is_member).count();
             assert_eq!(count(&sets.test), 200, "seed {seed}");
             assert!((150..=200).contains(&count(&sets.validation)), "seed {seed}");
             for row in 0..1000 {
-                let own = [sets.train[row], sets.validation[row], sets.test[row]];
-                assert!(own.iter().filter(|own| **own).count() <= 1);
-                let near = row.saturating_sub(2)..(row + 3).min(1000);
-                assert!(!(sets.train[row] && sets.test[near].contains(&true)), "row {row}");
+                let memberships = [sets.train[row], sets.validation[row], sets.test[row]];
+                assert!(memberships.iter().filter(|is_member| **is_member).count() <= 1);
+                let neighbours = row.saturating_sub(2)..(row + 3).min(1000);
+                assert!(!(sets.train[row] && sets.test[neighbours].contains(&true)), "row {row}");
             }
         }
     }
@@ -149,15 +152,18 @@ mod tests {
     fn what_a_recording_reserves_is_the_test_set_and_nothing_else() {
         let runs = [run(0..100, Some(false)), run(100..150, Some(true))];
         let sets = RowSets::of(&runs, 1, &SplitSettings::default());
-        assert!(sets.test[100..].iter().all(|own| *own) && !sets.test[..100].contains(&true));
+        assert!(
+            sets.test[100..].iter().all(|is_test| *is_test) && !sets.test[..100].contains(&true)
+        );
     }
 
     #[test]
     fn of_many_runs_whole_ones_are_held_out() {
         let runs: Vec<RunSpan> = (0..10).map(|k| run(10 * k..10 * k + 10, None)).collect();
         let sets = RowSets::of(&runs, 0, &SplitSettings::default());
-        let held: Vec<usize> =
-            (0..10).filter(|k| sets.test[10 * k..10 * k + 10].iter().all(|own| *own)).collect();
+        let held: Vec<usize> = (0..10)
+            .filter(|k| sets.test[10 * k..10 * k + 10].iter().all(|is_test| *is_test))
+            .collect();
         assert_eq!(held, [0, 5]);
         assert!(sets.description.starts_with("2 of 10 runs"), "{}", sets.description);
     }

@@ -179,14 +179,14 @@ impl TermSearch<'_> {
         barred: &'a [usize],
     ) -> impl Iterator<Item = (usize, f64)> + 'a {
         let families = &self.library.terms;
-        let stands = move |name: usize| {
+        let is_selected = move |name: usize| {
             selection
                 .terms
                 .iter()
                 .any(|in_| *in_ == name || families[*in_].is_same_effect(&families[name]))
         };
         (0..families.len())
-            .filter(move |name| !barred.contains(name) && !stands(*name))
+            .filter(move |name| !barred.contains(name) && !is_selected(*name))
             .map(|name| (name, self.gain_beside(selection, name) - self.penalty_of(name)))
     }
 
@@ -245,8 +245,8 @@ impl TermSearch<'_> {
     ) -> TermSelection {
         for _ in 0..EXCHANGES {
             let better = |name: &usize| self.exchange(&selection, never, *name);
-            let mut asked = selection.terms.iter().filter(|name| wanted(name));
-            let Some(next) = asked.find_map(better) else { break };
+            let mut wanted_terms = selection.terms.iter().filter(|name| wanted(name));
+            let Some(next) = wanted_terms.find_map(better) else { break };
             selection = next;
         }
         selection

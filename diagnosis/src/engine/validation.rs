@@ -63,17 +63,18 @@ pub(crate) fn significant(
         let covariance = covariance(&solved);
         let sure = |name: usize| {
             let columns = search.library.terms[name].columns.iter();
-            let places = columns.filter_map(|k| solved.columns.iter().position(|own| own == k));
+            let places =
+                columns.filter_map(|k| solved.columns.iter().position(|column| column == k));
             let places: Vec<usize> = places.collect();
             let count = places.len();
             let values = DVector::from_fn(count, |i, _| solved.values[places[i]]);
-            let own = |i: usize, k: usize| covariance[(places[i], places[k])];
-            wald_ratio(&values, DMatrix::from_fn(count, count, own))
+            let shared = |i: usize, k: usize| covariance[(places[i], places[k])];
+            wald_ratio(&values, DMatrix::from_fn(count, count, shared))
         };
-        let asked = names.iter().filter(|name| !is_belief(**name));
-        let least = asked.map(|name| (*name, sure(*name)));
-        let least = least.min_by(|a, b| a.1.total_cmp(&b.1));
-        match least {
+        let tested = names.iter().filter(|name| !is_belief(**name));
+        let weakest = tested.map(|name| (*name, sure(*name)));
+        let weakest = weakest.min_by(|a, b| a.1.total_cmp(&b.1));
+        match weakest {
             Some((name, sure)) if sure < 1.0 => names.retain(|n| *n != name),
             _ => return names,
         }
@@ -95,15 +96,15 @@ pub(crate) fn supported(
     rms: &dyn Fn(&LeastSquaresSolution) -> f64,
     is_belief: &dyn Fn(usize) -> bool,
 ) -> (Vec<usize>, Vec<usize>) {
-    let of = |names: &[usize]| rms(&search.solve(names).solved);
+    let error_of = |names: &[usize]| rms(&search.solve(names).solved);
     let mut refuted = Vec::new();
     loop {
-        let whole = of(&names);
-        let asked = names.iter().filter(|name| !is_belief(**name));
+        let whole = error_of(&names);
+        let tested = names.iter().filter(|name| !is_belief(**name));
         // A candidate is not removed if its removal gives another one the wrong sign: the comparison would then be with an impossible model.
-        let rest = asked.map(|name| (*name, without_term(&names, *name)));
-        let stands = rest.filter(|(_, rest)| search.admissible(rest.clone()) == *rest);
-        let harm = stands.map(|(name, rest)| (name, whole - of(&rest)));
+        let rest = tested.map(|name| (*name, without_term(&names, *name)));
+        let admissible = rest.filter(|(_, rest)| search.admissible(rest.clone()) == *rest);
+        let harm = admissible.map(|(name, rest)| (name, whole - error_of(&rest)));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
             return (names, refuted);
@@ -118,10 +119,10 @@ pub(crate) fn size_of(
     table: &RegressionData,
     columns: &[Regressor],
     solved: &LeastSquaresSolution,
-    own: &[usize],
+    own_columns: &[usize],
 ) -> EffectSize {
     let parts: Vec<(&Regressor, f64)> = (solved.columns.iter().zip(&solved.values))
-        .filter(|(column, _)| own.contains(column))
+        .filter(|(column, _)| own_columns.contains(column))
         .map(|(column, value)| (&columns[*column], *value))
         .collect();
     let mut values = Vec::new();
@@ -163,11 +164,11 @@ pub(crate) fn attributed(
         is_later(a).cmp(&is_later(b)).then(b_left.total_cmp(a_left)).then(a.cmp(b))
     });
     let mut before = rms(&search.solve(&[]).solved);
-    let mut there: Vec<usize> = Vec::new();
+    let mut included: Vec<usize> = Vec::new();
     let mut listed = Vec::new();
     for (name, heldout_without) in names {
-        there.push(name);
-        let after = rms(&search.solve(&there).solved);
+        included.push(name);
+        let after = rms(&search.solve(&included).solved);
         listed.push(RankedTerm { name, heldout: [before, after], heldout_without });
         before = after;
     }

@@ -77,8 +77,9 @@ pub(crate) fn decide_verdict(
 }
 
 fn is_clear(findings: &[FindingEvidence], settings: &VerdictSettings) -> bool {
-    let gains =
-        |of: bool| findings.iter().filter(move |one| one.is_ambiguous == of).map(|one| one.gain);
+    let gains = |is_ambiguous: bool| {
+        findings.iter().filter(move |one| one.is_ambiguous == is_ambiguous).map(|one| one.gain)
+    };
     let (ambiguous, clear): (f64, f64) = (gains(true).sum(), gains(false).sum());
     let surest = gains(false).fold(0.0, f64::max);
     ambiguous <= settings.ambiguous_most * (ambiguous + clear) || surest >= settings.sure_gain
@@ -114,9 +115,9 @@ mod tests {
     #[test]
     fn a_finding_is_claimed_from_a_half_on_and_an_undetermined_set_holds_all() {
         let found = vec![0.98, 0.49, 0.5, 0.0];
-        let (claims, candidates) =
+        let (claimed_ones, candidates) =
             claimed(Verdict::MissingPhysics, found.clone(), &SETTINGS, |one| *one);
-        assert_eq!((claims, candidates), (vec![0.98, 0.5], vec![0.49, 0.0]));
+        assert_eq!((claimed_ones, candidates), (vec![0.98, 0.5], vec![0.49, 0.0]));
         let (set, candidates) =
             claimed(Verdict::Undetermined, found.clone(), &SETTINGS, |one| *one);
         assert_eq!((set, candidates), (found, Vec::new()));

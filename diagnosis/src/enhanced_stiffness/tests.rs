@@ -34,11 +34,12 @@ fn wrench(f: [f64; 3], m: [f64; 3]) -> Wrench {
 fn differences(
     arm: &Arm,
     q: &Joints,
-    of: impl Fn(&Loads) -> Joints,
+    torques: impl Fn(&Loads) -> Joints,
     wrench: Wrench,
 ) -> JointMatrix {
     let h = 1e-5;
-    let torque = |q: &Joints| SVector::from(of(&Loads::on(arm, &Chain::nominal(arm, q), wrench)));
+    let torque =
+        |q: &Joints| SVector::from(torques(&Loads::on(arm, &Chain::nominal(arm, q), wrench)));
     let mut found = JointMatrix::zeros();
     for j in 0..arm.count() {
         let (mut up, mut down) = (*q, *q);
@@ -83,8 +84,8 @@ proptest! {
         prop_assert!(asymmetry(wrench(f, [0.0; 3])) < 1e-10);
         // The skew-symmetric part is (z_j × z_i)·M for joints j before i.
         let moment = chain.axis(0).cross(chain.axis(4)) * 14.0;
-        let seen = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
-        prop_assert!(seen >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{seen}");
+        let measured = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
+        prop_assert!(measured >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{measured}");
     }
 }
 
@@ -92,7 +93,7 @@ proptest! {
 fn the_tangent_is_the_one_of_the_bent_arm() {
     let (arm, compliance) = (arm("irb1600-6-145-thesis"), thesis_compliance());
     let c = JointMatrix::from_diagonal(&SVector::from(compliance));
-    let (mut off, mut without) = (0.0, 0.0);
+    let (mut with_enhanced, mut without) = (0.0, 0.0);
     for i in 1..200 {
         let wave = |k: f64| (f64::from(i) * k).sin();
         let q = all(&[1.1, 1.7, 2.3, 2.9, 3.7, 4.3].map(|k| 1.2 * wave(k)));
@@ -102,20 +103,20 @@ fn the_tangent_is_the_one_of_the_bent_arm() {
         };
         let mut bent = SVector::zeros();
         for _ in 0..60 {
-            let at: Joints = std::array::from_fn(|i| q[i] + bent[i]);
-            bent = c * torque(&at);
+            let deflected: Joints = std::array::from_fn(|i| q[i] + bent[i]);
+            bent = c * torque(&deflected);
         }
         let softening = wrench_stiffness(&arm, &Chain::nominal(&arm, &q), &wrench);
         let inverse = joint_compliance(&compliance, &softening).expect("far from buckling");
-        off += (bent - inverse * torque(&q)).norm();
+        with_enhanced += (bent - inverse * torque(&q)).norm();
         without += (bent - c * torque(&q)).norm();
     }
     println!(
         "off by {:.1e} rad with K_C, {:.1e} rad without, in the mean",
-        off / 199.0,
+        with_enhanced / 199.0,
         without / 199.0
     );
-    assert!(off < 0.1 * without, "{off} against {without}");
+    assert!(with_enhanced < 0.1 * without, "{with_enhanced} against {without}");
 }
 
 #[test]
@@ -138,8 +139,8 @@ fn under_a_cutting_force_it_is_worth_less_than_a_tracker_sees() {
             enhanced_effect(&arm, &p.q, p.wrench_base, &compliance).expect("far from buckling")
         })
         .collect();
-    let median = |of: fn(&EnhancedEffect) -> f64| {
-        let mut all: Vec<f64> = effects.iter().map(of).collect();
+    let median = |quantity: fn(&EnhancedEffect) -> f64| {
+        let mut all: Vec<f64> = effects.iter().map(quantity).collect();
         all.sort_by(f64::total_cmp);
         (all[250] * 1e6, all[499] * 1e6)
     };

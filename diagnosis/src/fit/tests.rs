@@ -47,8 +47,8 @@ fn value(found: &Fit, kind: &str, joint: usize, value: usize) -> (f64, Option<f6
         let effect = hypothesis.effect_of(free).expect("there");
         effect.spec().kind == kind && effect.joint() == Some(joint) && free.value == value
     };
-    let at = hypothesis.free.iter().position(wanted).expect("free");
-    (values[at], found.sigma(found.column_of(at)))
+    let index = hypothesis.free.iter().position(wanted).expect("free");
+    (values[index], found.sigma(found.column_of(index)))
 }
 
 #[test]
@@ -101,12 +101,12 @@ fn a_joint_that_never_moves_is_named_and_nothing_explodes() {
     );
     let used = vec![true; 200];
     let found = fit(&campaign, &open(), &settings(&used, Influence::Equal));
-    let said: Vec<String> =
+    let messages: Vec<String> =
         found.undetermined.iter().map(crate::UndeterminedParameter::message).collect();
-    assert!(said.iter().any(|s| s.contains("joint 5's offset")), "{said:#?}");
+    assert!(messages.iter().any(|s| s.contains("joint 5's offset")), "{messages:#?}");
     assert!(
-        said.iter().any(|s| s.contains("joint 6's offset") && s.contains("target")),
-        "{said:#?}"
+        messages.iter().any(|s| s.contains("joint 6's offset") && s.contains("target")),
+        "{messages:#?}"
     );
     assert!(
         found.converged && found.sum_of_squares / (found.readings as f64) < 1.3,
@@ -153,7 +153,10 @@ fn without_tracker() -> Campaign {
     around.targets[0] = FitParameter::known(around.targets[0].value);
     around.anchors = vec![DVec3::new(0.9, 0.4, 0.1), DVec3::new(0.6, -0.7, 0.2)]
         .into_iter()
-        .map(|at| Anchor { place: FitParameter::unknown(at), offset_m: FitParameter::known(0.0) })
+        .map(|position| Anchor {
+            place: FitParameter::unknown(position),
+            offset_m: FitParameter::known(0.0),
+        })
         .collect();
     around.planes = [DVec3::Z, DVec3::new(-1.0, 0.0, 0.0)]
         .map(|normal| FitParameter::unknown(Plane { normal, offset_m: 0.1 }))
@@ -244,10 +247,11 @@ fn gross_errors_in_every_twentieth_reading_cost_next_to_nothing_and_are_listed()
             seed,
         );
         let (spoilt, rows) = spoilt(seed);
-        for (campaign, off) in [(&clean, &mut clean_off), (&spoilt, &mut spoilt_off)] {
+        for (campaign, sum) in [(&clean, &mut clean_off), (&spoilt, &mut spoilt_off)] {
             let found = fit(campaign, &open(), &settings(&used, Influence::Redescending));
-            let lengths = found.residuals(&clean).into_iter().map(|off| off.residual.length());
-            *off += lengths.sum::<f64>();
+            let lengths =
+                found.residuals(&clean).into_iter().map(|residual| residual.residual.length());
+            *sum += lengths.sum::<f64>();
             assert!(found.converged && (found.factors[0] - 1.0).abs() < 0.1, "{:?}", found.factors);
         }
         let found = fit(&spoilt, &open(), &settings(&used, Influence::Redescending));
@@ -270,16 +274,16 @@ fn a_stated_belief_and_the_data_are_one_where_each_alone_is_weak() {
     };
     let wrist = hypothesis.free.iter().position(is_wrist).expect("free");
     let used = vec![true; 60];
-    let unsaid = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
-    let seen = unsaid.sigma(unsaid.column_of(wrist)).expect("seen");
+    let without_prior = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
+    let data_sigma = without_prior.sigma(without_prior.column_of(wrist)).expect("seen");
     let free = &mut hypothesis.free[wrist];
     (free.mean, free.sigma, free.prior_source) =
         (1.9e-3, 2e-4, crate::hypothesis::PriorSource::Stated);
-    let said = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
-    let sigma = said.sigma(said.column_of(wrist)).expect("believed");
-    let both = (seen.powi(-2) + 2e-4_f64.powi(-2)).sqrt().recip();
+    let with_prior = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
+    let sigma = with_prior.sigma(with_prior.column_of(wrist)).expect("believed");
+    let both = (data_sigma.powi(-2) + 2e-4_f64.powi(-2)).sqrt().recip();
     assert!((sigma / both - 1.0).abs() < 0.02, "{sigma}, not {both}");
-    assert!(said.converged);
+    assert!(with_prior.converged);
 }
 
 #[test]
@@ -304,9 +308,9 @@ fn a_wave_is_found_from_the_opposite_phase() {
         assert!(found.converged && found.steps < 40, "{} steps", found.steps);
         let values = found.hypothesis.values();
         let [amplitude, phase] = values[values.len() - 2..] else { unreachable!() };
-        let off = (amplitude * phase.cos() - 3e-4 * 1.0_f64.cos())
+        let error = (amplitude * phase.cos() - 3e-4 * 1.0_f64.cos())
             .hypot(amplitude * phase.sin() - 3e-4 * 1.0_f64.sin());
-        assert!(off < 6e-5, "{amplitude} {phase}");
+        assert!(error < 6e-5, "{amplitude} {phase}");
     }
 }
 
@@ -318,8 +322,8 @@ fn with_play() -> Campaign {
     for (k, pose) in campaign.poses.iter_mut().enumerate() {
         let play = if k / 5 % 2 == 0 { 20.0 } else { -20.0 } * NOISE_RAD;
         let position = |joint: usize| {
-            let off = if joint == 1 { play } else { 0.0 };
-            pose.inputs.q[joint] + off + noise(3 * k + joint)
+            let change = if joint == 1 { play } else { 0.0 };
+            pose.inputs.q[joint] + change + noise(3 * k + joint)
         };
         let reading = |joint| Reading::JointPosition { joint, position: position(joint) };
         let whitening = ReadingNoise::Equal(NOISE_RAD).whitening(DVec3::ZERO).expect("sound");
@@ -332,8 +336,8 @@ fn with_play() -> Campaign {
 #[test]
 fn what_half_of_an_encoders_readings_say_is_no_reading_gone_wrong() {
     let mut campaign = with_play();
-    let wild = &mut campaign.poses[60].seen[0].reading;
-    if let Reading::JointPosition { position, .. } = wild {
+    let outlier = &mut campaign.poses[60].seen[0].reading;
+    if let Reading::JointPosition { position, .. } = outlier {
         *position += 4e-4;
     }
     let used = vec![true; 120];

@@ -122,13 +122,13 @@ pub(super) fn compare(
 ) -> Result<CutComparison, NoComparison> {
     let (mut case, rows) = set_up(model, recording, signal)?;
     case.uncertain_parameters = candidates::uncertain_parameters(model, sigma);
-    let told = case.estimates.spindle.clone();
+    let stated = case.estimates.spindle.clone();
     let found = spindle::find(&case, &case.row_sets.train);
     case.estimates.spindle = found.clone();
     gross_errors::check(&case)?;
-    let as_told = Case { estimates: Estimates::as_stated(told.clone()), ..case.clone() };
-    let mut best = select_effects(as_told, model, &rows, false);
-    if found != told {
+    let as_stated = Case { estimates: Estimates::as_stated(stated.clone()), ..case.clone() };
+    let mut best = select_effects(as_stated, model, &rows, false);
+    if found != stated {
         let other = select_effects(case, model, &rows, true);
         if supports_other_spindle_motion(&best, &other) {
             best = other;
@@ -140,22 +140,23 @@ pub(super) fn compare(
 
 /// Whether the forces support another spindle angle or speed than stated, after a penalty for these parameters; both variants are compared on the
 /// same rows with the same noise model.
-fn supports_other_spindle_motion(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
-    let mut as_told = told.0.clone();
-    as_told.table.noise.clone_from(&other.0.table.noise);
-    as_told.table.counts.clone_from(&other.0.table.counts);
+fn supports_other_spindle_motion(stated: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
+    let mut as_stated = stated.0.clone();
+    as_stated.table.noise.clone_from(&other.0.table.noise);
+    as_stated.table.counts.clone_from(&other.0.table.counts);
     let cost = |case: &Case, names: &[usize]| {
         let products = case.products(&case.row_sets.train);
         let search =
             TermSearch { library: &case.library, products: &products, always: &case.always };
         let (_, misfit) =
             case.fit_nonlinear(&case.estimates, &search.columns(names), &case.row_sets.train);
-        let prices = names.iter().map(|name| search.penalty(&case.library.terms[*name]));
-        misfit + prices.sum::<f64>()
+        let penalties = names.iter().map(|name| search.penalty(&case.library.terms[*name]));
+        misfit + penalties.sum::<f64>()
     };
     let free = other.0.nuisance.spindle.len() as f64;
-    let rows = as_told.model.rows.len() as f64;
-    cost(&as_told, &told.1) - cost(&other.0, &other.1) > SPINDLE_GAIN_LEAST + 0.5 * free * rows.ln()
+    let rows = as_stated.model.rows.len() as f64;
+    cost(&as_stated, &stated.1) - cost(&other.0, &other.1)
+        > SPINDLE_GAIN_LEAST + 0.5 * free * rows.ln()
 }
 
 /// Selects effects for the given spindle angle and speed, which are fitted too if `is_doubted`.
@@ -180,10 +181,10 @@ fn select_effects(
         names = select_linearised(&case, &names, &train);
         refit(&mut case, &names, &train);
         case.select_counted_rows(&rows.is_transition);
-        let is_heard = add_line_candidate(&mut case, &names, &mut listened);
+        let has_line = add_line_candidate(&mut case, &names, &mut listened);
         case.linearise();
         case.estimate_noise();
-        if before == names && !is_heard {
+        if before == names && !has_line {
             break;
         }
     }
@@ -195,8 +196,8 @@ fn select_effects(
             names.clone_from(better);
             refit(&mut case, &names, &train);
         }
-        let is_heard = add_line_candidate(&mut case, &names, &mut listened);
-        if better.is_none() && !is_heard {
+        let has_line = add_line_candidate(&mut case, &names, &mut listened);
+        if better.is_none() && !has_line {
             break;
         }
         case.linearise();
@@ -224,11 +225,11 @@ fn add_line_candidate(case: &mut Case, names: &[usize], listened: &mut Option<Ve
         return false;
     }
     *listened = Some(names.to_vec());
-    let heard = residual_lines::strongest_line(case, &case.row_sets.train);
-    if let Some(tone_hz) = heard {
+    let line_hz = residual_lines::strongest_line(case, &case.row_sets.train);
+    if let Some(tone_hz) = line_hz {
         candidates::add_oscillation(case, tone_hz);
     }
-    heard.is_some()
+    line_hz.is_some()
 }
 
 /// Selects effects with the linearised model.
@@ -251,8 +252,8 @@ fn refit(case: &mut Case, names: &[usize], used: &[bool]) {
     let selection = search.solve(names);
     let columns = search.columns(names);
     let start = case.estimates_from(&case.estimates, &selection.solved);
-    let (belief, _) = case.fit_nonlinear(&start, &columns, used);
-    case.estimates = belief;
+    let (estimates, _) = case.fit_nonlinear(&start, &columns, used);
+    case.estimates = estimates;
 }
 
 /// Drops the effects that the validation set does not support.
@@ -260,13 +261,13 @@ fn confirmed_by_validation(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.row_sets.train);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     loop {
-        let of = |names: &[usize]| {
+        let misfit = |names: &[usize]| {
             case.negative_log_likelihood(&search.solve(names).solved, &case.row_sets.validation)
         };
-        let whole = of(&names);
-        let harm = |name: &usize| of(&without_term(&names, *name)) - whole;
-        let asked = names.iter().filter(|name| !case.library.terms[**name].corrects_stated);
-        let worst = asked.map(|name| (*name, harm(name)));
+        let whole = misfit(&names);
+        let harm = |name: &usize| misfit(&without_term(&names, *name)) - whole;
+        let tested = names.iter().filter(|name| !case.library.terms[**name].corrects_stated);
+        let worst = tested.map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((name, harm)) if harm < VALIDATION_GAIN_LEAST => names.retain(|n| *n != name),
@@ -302,11 +303,11 @@ fn set_up(
     };
     let rows = Rows::from_recording(recording, &cutter, signal)?;
     let count = rows.indices.len();
-    if rows.states.iter().filter(|stood| stood.is_cutting).count() < ROWS_LEAST {
+    if rows.states.iter().filter(|state| state.is_cutting).count() < ROWS_LEAST {
         return Err(NoComparison::NoRows);
     }
     let mut stated_forces: Vec<CutForce> =
-        rows.states.iter().map(|stood| force(stood.time_s)).collect();
+        rows.states.iter().map(|state| force(state.time_s)).collect();
     if stated_forces.iter().all(|force| *force == stated_forces[0]) {
         stated_forces.truncate(1);
     }

@@ -73,12 +73,12 @@ pub(super) fn find_lines(
     let bin_hz = signal.rate_hz / length as f64;
     let mut tones: Vec<SpectralLine> = Vec::new();
     for (channel, (_, samples)) in signal.channels.iter().enumerate() {
-        let of = |state: State| {
+        let spectrum_of = |state: State| {
             let runs: Vec<&[f64]> = rows(state).map(|phase| &samples[phase.rows.clone()]).collect();
             AveragedSpectrum::from_runs(runs, &plan).ok()
         };
-        let Some(inside) = of(State::Cut) else { continue };
-        let air = of(State::Air);
+        let Some(inside) = spectrum_of(State::Cut) else { continue };
+        let air = spectrum_of(State::Air);
         let swings = inside.mean.power.iter().skip(2).sum::<f64>() * bin_hz;
         for line in inside.lines().into_iter().take(LINES_MOST) {
             let in_air = air.as_ref().and_then(|air| line_near(&air.mean, line.frequency, bin_hz));
@@ -98,9 +98,9 @@ pub(super) fn find_lines(
                 channel,
                 cause,
             };
-            let near =
+            let is_same_line =
                 |one: &&mut SpectralLine| (one.frequency_hz - line.frequency).abs() < 2.0 * bin_hz;
-            match tones.iter_mut().find(near) {
+            match tones.iter_mut().find(is_same_line) {
                 Some(known) if known.amplitude < tone.amplitude => *known = tone,
                 Some(_) => {}
                 None => tones.push(tone),
@@ -122,8 +122,8 @@ fn spindle_frequency(recording: &Recording, cut: &[&Phase], rate_hz: f64) -> Opt
             &of_pulses
         }
     };
-    let here = cut.iter().filter_map(|phase| speed.get(phase.rows.clone())).flatten();
-    let rpm = median(here.copied().filter(|rpm| *rpm > 0.0));
+    let speeds = cut.iter().filter_map(|phase| speed.get(phase.rows.clone())).flatten();
+    let rpm = median(speeds.copied().filter(|rpm| *rpm > 0.0));
     (rpm > 0.0).then_some(rpm / 60.0)
 }
 
@@ -138,8 +138,8 @@ fn harmonic_number(
     (1..=HARMONICS_MOST).find(|k| {
         let true_hz = f64::from(*k) * spindle_hz;
         // Harmonics whose uncertainty reaches half their spacing match anything and are not used.
-        let off = (SPEED_SIGMA * true_hz).max(bin_hz);
-        off < 0.25 * spindle_hz.max(2.0 * bin_hz)
-            && (folded_hz(true_hz, rate_hz) - frequency_hz).abs() < off
+        let tolerance = (SPEED_SIGMA * true_hz).max(bin_hz);
+        tolerance < 0.25 * spindle_hz.max(2.0 * bin_hz)
+            && (folded_hz(true_hz, rate_hz) - frequency_hz).abs() < tolerance
     })
 }

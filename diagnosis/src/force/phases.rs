@@ -104,8 +104,9 @@ pub(super) fn block_levels(signal: &Signal) -> BlockLevels {
         let mut from = run.start;
         while from + length <= run.end {
             let rows = from..from + length;
-            let of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
-            let (mean, scatter) = signal.channels.iter().map(|(_, samples)| of(samples)).unzip();
+            let moments_of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
+            let (mean, scatter) =
+                signal.channels.iter().map(|(_, samples)| moments_of(samples)).unzip();
             blocks.push(Block { rows, run: number, mean, scatter, level: 0.0 });
             from += length;
         }
@@ -118,8 +119,9 @@ pub(super) fn block_levels(signal: &Signal) -> BlockLevels {
     let base: Vec<f64> =
         (0..channels).map(|k| median(quiet.iter().map(|b| blocks[*b].mean[k]))).collect();
     for block in &mut blocks {
-        let off = block.mean.iter().zip(&base).map(|(mean, base)| (mean - base) * (mean - base));
-        block.level = libm::sqrt(off.sum::<f64>() + swing(block));
+        let squares =
+            block.mean.iter().zip(&base).map(|(mean, base)| (mean - base) * (mean - base));
+        block.level = libm::sqrt(squares.sum::<f64>() + swing(block));
     }
     let axes = signal.channels.iter().map(|(axis, _)| *axis).collect();
     BlockLevels { blocks, axes, t_s: signal.t_s.clone() }
@@ -195,8 +197,8 @@ fn blocks_of_one_state(states: &[State], levels: &BlockLevels) -> Vec<std::ops::
     let mut all: Vec<std::ops::Range<usize>> = Vec::new();
     for k in 0..states.len() {
         let run = |k: usize| levels.blocks[k].run;
-        let goes_on = k > 0 && states[k] == states[k - 1] && run(k) == run(k - 1);
-        match all.last_mut().filter(|_| goes_on) {
+        let is_contiguous = k > 0 && states[k] == states[k - 1] && run(k) == run(k - 1);
+        match all.last_mut().filter(|_| is_contiguous) {
             Some(piece) => piece.end = k + 1,
             None => all.push(k..k + 1),
         }
@@ -207,8 +209,9 @@ fn blocks_of_one_state(states: &[State], levels: &BlockLevels) -> Vec<std::ops::
 fn phases_from_states(signal: &Signal, levels: &BlockLevels, states: &[State]) -> Vec<Phase> {
     let one = |blocks: std::ops::Range<usize>| {
         let rows = levels.blocks[blocks.start].rows.start..levels.blocks[blocks.end - 1].rows.end;
-        let of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
-        let (mean, scatter) = signal.channels.iter().map(|(_, samples)| of(samples)).unzip();
+        let moments_of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
+        let (mean, scatter) =
+            signal.channels.iter().map(|(_, samples)| moments_of(samples)).unzip();
         Phase {
             state: states[blocks.start],
             from_s: signal.t_s[rows.start],
@@ -248,14 +251,15 @@ pub(super) fn bias_finding(levels: &BlockLevels, phases: &[Phase]) -> Option<Fin
     let mut heldout = [0.0; 2];
     let (mut held, mut is_sure) = (0.0, false);
     for (k, axis) in levels.axes.iter().enumerate() {
-        let seen = blocks.iter().enumerate().filter(|(at, _)| at % HELD_OUT_EVERY != 0);
-        let means: Vec<f64> = seen.map(|(_, block)| block.mean[k]).collect();
+        let training = blocks.iter().enumerate().filter(|(index, _)| index % HELD_OUT_EVERY != 0);
+        let means: Vec<f64> = training.map(|(_, block)| block.mean[k]).collect();
         let (mean, scatter) = moments(&means);
         // Block means are autocorrelated, so the difference of the two halves is included in the uncertainty.
         let (a, b) = means.split_at(means.len() / 2);
         let wander = 0.5 * (moments(a).0 - moments(b).0).abs();
         let uncertain = (scatter / libm::sqrt(means.len() as f64)).hypot(wander);
-        for (_, block) in blocks.iter().enumerate().filter(|(at, _)| at % HELD_OUT_EVERY == 0) {
+        for (_, block) in blocks.iter().enumerate().filter(|(index, _)| index % HELD_OUT_EVERY == 0)
+        {
             let swing = block.scatter[k] * block.scatter[k];
             heldout[0] += block.mean[k] * block.mean[k] + swing;
             heldout[1] += (block.mean[k] - mean) * (block.mean[k] - mean) + swing;

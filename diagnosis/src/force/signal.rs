@@ -74,10 +74,10 @@ impl Signal {
             if !is_whole(row) {
                 continue;
             }
-            let goes_on = row > 0
+            let is_contiguous = row > 0
                 && recording.segment[row] == recording.segment[row - 1]
                 && t_s[row] - t_s[row - 1] < GAP_STEPS * step_s;
-            match runs.last_mut().filter(|run| run.end == row && goes_on) {
+            match runs.last_mut().filter(|run| run.end == row && is_contiguous) {
                 Some(run) => run.end = row + 1,
                 None => runs.push(row..row + 1),
             }
@@ -118,14 +118,15 @@ impl Signal {
 fn saturation_limit(taken: &[f64]) -> Option<(f64, f64)> {
     let mut sorted = taken.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let least = (SATURATED_SHARE_LEAST * taken.len() as f64).max(SATURATED_ROWS_LEAST);
+    let rows_min = (SATURATED_SHARE_LEAST * taken.len() as f64).max(SATURATED_ROWS_LEAST);
     let furthest = sorted.iter().map(|x| x.abs()).fold(0.0, f64::max);
     let at_end = |values: &[f64]| {
         let end = *values.first().filter(|end| end.abs() >= EXTREME_SHARE_LEAST * furthest)?;
         let same = values.partition_point(|x| *x == end);
         let beside = *values.get(same)?;
         let next = values[same..].partition_point(|x| *x == beside);
-        let is_crowded = same as f64 >= least && same as f64 > SATURATED_RATIO_LEAST * next as f64;
+        let is_crowded =
+            same as f64 >= rows_min && same as f64 > SATURATED_RATIO_LEAST * next as f64;
         is_crowded.then(|| (end, same as f64 / taken.len() as f64))
     };
     let low = at_end(&sorted);

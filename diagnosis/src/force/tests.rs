@@ -68,10 +68,12 @@ fn air_entry_cut_and_exit_are_told_apart_where_they_are() {
     let found = diagnose(&made((0.0, 0.0), (0.0, 0.0), None)).expect("sound");
     let states: Vec<State> = found.phases.iter().map(|phase| phase.state).collect();
     assert_eq!(states, [State::Air, State::Entry, State::Cut, State::Exit, State::Air]);
-    let near = |a: f64, b: f64| (a - b).abs() < 0.08;
+    let is_close = |a: f64, b: f64| (a - b).abs() < 0.08;
     let cut = &found.phases[2];
     assert!(
-        near(found.phases[0].to_s, 1.0) && near(cut.from_s, 1.17) && near(cut.to_s, 3.01),
+        is_close(found.phases[0].to_s, 1.0)
+            && is_close(cut.from_s, 1.17)
+            && is_close(cut.to_s, 3.01),
         "{:?}",
         found.phases
     );

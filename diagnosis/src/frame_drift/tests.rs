@@ -24,7 +24,7 @@ fn tool(row: usize) -> DVec3 {
 }
 
 /// Measurements in each row by a tracker whose drift is `seen_from_still`.
-fn seen(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
+fn recording_from(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut normal = || rng.sample::<f64, _>(StandardNormal);
     let mut made = Recording::new((0..ROWS).map(|row| row as f64).collect());
@@ -32,7 +32,7 @@ fn seen(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
     for row in 0..ROWS {
         let wander = seen_from_still(row);
         let noisy = places()
-            .map(|at| wander.point(at) + NOISE_M * DVec3::new(normal(), normal(), normal()));
+            .map(|place| wander.point(place) + NOISE_M * DVec3::new(normal(), normal(), normal()));
         let points = [[wander.point(tool(row))].as_slice(), &noisy].concat();
         let values = points.iter().flat_map(DVec3::to_array);
         columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
@@ -66,7 +66,7 @@ fn left(recording: &Recording, nests: &FrameDrift) -> f64 {
 
 #[test]
 fn a_tracker_that_wanders_reads_as_one_that_stands_still() {
-    let recording = seen(warming);
+    let recording = recording_from(warming);
     let nests = FrameDrift::of(&recording).expect("three nests");
     assert!(left(&recording, &nests) < NOISE_M, "{:e}", left(&recording, &nests));
     assert!(nests.drift_m > 2e-5 && nests.inconsistent_rows.is_empty(), "{nests:?}");
@@ -76,7 +76,7 @@ fn a_tracker_that_wanders_reads_as_one_that_stands_still() {
 fn a_step_of_the_stand_is_not_smeared_over_the_rows_around_it() {
     let kicked =
         |row| Frame::new(glam::DMat3::IDENTITY, DVec3::X * if row < 200 { 0.0 } else { 2e-4 });
-    let recording = seen(kicked);
+    let recording = recording_from(kicked);
     let nests = FrameDrift::of(&recording).expect("three nests");
     assert_eq!(nests.averaged_rows, 1);
     assert!(left(&recording, &nests) < 1e-5);
@@ -84,7 +84,7 @@ fn a_step_of_the_stand_is_not_smeared_over_the_rows_around_it() {
 
 #[test]
 fn nests_of_a_tracker_that_stands_still_add_less_than_a_third_of_their_own_noise() {
-    let recording = seen(|_| Frame::IDENTITY);
+    let recording = recording_from(|_| Frame::IDENTITY);
     let nests = FrameDrift::of(&recording).expect("three nests");
     assert!(nests.averaged_rows >= 81, "{}", nests.averaged_rows);
     assert!(left(&recording, &nests) < NOISE_M / 3.0);
@@ -92,7 +92,7 @@ fn nests_of_a_tracker_that_stands_still_add_less_than_a_third_of_their_own_noise
 
 #[test]
 fn a_nest_taken_for_another_says_nothing_and_its_neighbours_speak_for_it() {
-    let mut recording = seen(warming);
+    let mut recording = recording_from(warming);
     let sound = left(&recording, &FrameDrift::of(&recording).expect("three nests"));
     for row in [50, 51, 300] {
         let (first, second) = (at(&recording, 1, row), at(&recording, 2, row));
@@ -112,7 +112,7 @@ fn a_nest_taken_for_another_says_nothing_and_its_neighbours_speak_for_it() {
 
 #[test]
 fn nests_that_are_read_now_and_then_tell_of_the_rows_between() {
-    let mut recording = seen(warming);
+    let mut recording = recording_from(warming);
     for target in 1..4 {
         for axis in 0..3 {
             let channel = Channel::Target(target, axis);
@@ -135,8 +135,9 @@ fn nests_that_are_read_now_and_then_tell_of_the_rows_between() {
 
 #[test]
 fn each_station_has_a_frame_of_its_own() {
-    let far = Frame::new(rotation_from_vector(DVec3::Z), DVec3::new(-3.0, 1.0, 0.4));
-    let mut recording = seen(|row| if row < 200 { Frame::IDENTITY } else { far });
+    let moved_station = Frame::new(rotation_from_vector(DVec3::Z), DVec3::new(-3.0, 1.0, 0.4));
+    let mut recording =
+        recording_from(|row| if row < 200 { Frame::IDENTITY } else { moved_station });
     let station = |row| if row < 200 { 1.0 } else { 2.0 };
     recording.set(Channel::Station, (0..ROWS).map(station).collect());
     let nests = FrameDrift::of(&recording).expect("three nests");
@@ -145,10 +146,10 @@ fn each_station_has_a_frame_of_its_own() {
 
 #[test]
 fn two_nests_or_nests_on_a_line_lay_nothing() {
-    let mut recording = seen(warming);
+    let mut recording = recording_from(warming);
     recording.metadata.targets_on_link.insert(3, 1);
     assert!(FrameDrift::of(&recording).is_none());
-    let mut recording = seen(warming);
+    let mut recording = recording_from(warming);
     for axis in 0..3 {
         let middle = |row| 0.5 * (at(&recording, 1, row) + at(&recording, 2, row))[axis];
         let column = (0..ROWS).map(middle).collect();
@@ -174,8 +175,9 @@ fn rows_that_all_contradict_each_other_lay_nothing() {
         let mut made = Recording::new((0..40).map(f64::from).collect());
         for k in 0..3 * count {
             let place = ((7 * k) % 11) as f64;
-            let at = |row: usize| place + if row % count == k / 3 { 1.0 + row as f64 } else { 0.0 };
-            made.set(Channel::Target(k / 3, k % 3), (0..40).map(at).collect());
+            let value_at =
+                |row: usize| place + if row % count == k / 3 { 1.0 + row as f64 } else { 0.0 };
+            made.set(Channel::Target(k / 3, k % 3), (0..40).map(value_at).collect());
             made.metadata.targets_on_link.insert(k / 3, 0);
         }
         lay_nothing_and_say_so(&made);

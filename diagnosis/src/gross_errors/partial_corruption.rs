@@ -27,7 +27,7 @@ pub fn detect_partial_corruption(campaign: &Campaign, model: &Model) -> Option<S
     let joints = model.arm.count();
     let frozen = (0..joints).filter_map(|joint| frozen(&few, model, joint, joints, spread_m));
     let worst = frozen.max_by(|a, b| a.before_m.total_cmp(&b.before_m));
-    worst.or_else(|| far(&few, model, spread_m))
+    worst.or_else(|| displaced_part(&few, model, spread_m))
 }
 
 fn errors(few: &Campaign, model: &Model, used: &[bool], wanted: &[bool]) -> PositionErrors {
@@ -48,16 +48,21 @@ fn frozen(
     let q = |pose: usize| &few.poses[pose].inputs.q;
     let changes = |k: &usize| q(*k)[joint] != q(*k - 1)[joint];
     let last = (1..count).rev().find(changes)?;
-    let own = few.poses[last].recording;
-    let is_early = |pose: usize| pose < last && few.poses[pose].recording == own;
+    let recording = few.poses[last].recording;
+    let is_early = |pose: usize| pose < last && few.poses[pose].recording == recording;
     let early: Vec<bool> = (0..count).map(is_early).collect();
-    let late: Vec<bool> = (0..count).map(|k| k > last && few.poses[k].recording == own).collect();
-    let of = |side: &[bool]| side.iter().filter(|own| **own).count();
-    let least = (STRETCH * count as f64).max(LEAST);
-    let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
+    let late: Vec<bool> =
+        (0..count).map(|k| k > last && few.poses[k].recording == recording).collect();
+    let count_of = |side: &[bool]| side.iter().filter(|is_member| **is_member).count();
+    let rows_min = (STRETCH * count as f64).max(LEAST);
+    let others_move = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
     // A joint that moved only occasionally may well be at rest.
-    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > of(&early);
-    if (of(&early) as f64) < least || (of(&late) as f64) < least || !goes_on || !busy {
+    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > count_of(&early);
+    if (count_of(&early) as f64) < rows_min
+        || (count_of(&late) as f64) < rows_min
+        || !others_move
+        || !busy
+    {
         return None;
     }
     let before_m = errors(few, model, &early, &late).quantile(0.5);
@@ -79,7 +84,7 @@ fn frozen(
 }
 
 /// Too many measurements of something else.
-fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<SuspectedError> {
+fn displaced_part(few: &Campaign, model: &Model, spread_m: f64) -> Option<SuspectedError> {
     let all = vec![true; few.poses.len()];
     let errors = errors(few, model, &all, &all);
     let edge = UNEXPLAINED_LEAST_M.max(UNEXPLAINED_FRACTION * spread_m);

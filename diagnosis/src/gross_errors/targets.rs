@@ -26,11 +26,11 @@ pub(super) fn medians(campaign: &Campaign, model: &Model) -> BTreeMap<Option<usi
         effort: FitEffort::Sketch,
     };
     let found = fit(campaign, &Hypothesis::fixed(*model), &settings);
-    let seen: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
+    let observations: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
     let mut errors: BTreeMap<Option<usize>, Vec<f64>> = BTreeMap::new();
-    for off in found.residuals(campaign).iter().filter(|off| off.is_length) {
-        let target = target_of(&seen[off.reading].reading);
-        errors.entry(target).or_default().push(off.residual.length());
+    for residual in found.residuals(campaign).iter().filter(|residual| residual.is_length) {
+        let target = target_of(&observations[residual.reading].reading);
+        errors.entry(target).or_default().push(residual.residual.length());
     }
     // If all targets have few measurements, they are evaluated together.
     if errors.values().all(|errors| errors.len() < READINGS_LEAST) {
@@ -69,7 +69,7 @@ pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campa
         return Vec::new();
     }
     let gross_m = LEAST_M.max(GROSS * workspace_radius(campaign));
-    let suspects = medians.into_iter().filter(|(_, off)| *off > gross_m);
+    let suspects = medians.into_iter().filter(|(_, deviation)| *deviation > gross_m);
     let changes: [(&str, PointTransform); 8] = [
         ("its columns x and y are swapped", |p| DVec3::new(p.y, p.x, p.z)),
         ("its columns y and z are swapped", |p| DVec3::new(p.x, p.z, p.y)),
@@ -80,20 +80,20 @@ pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campa
         ("its columns are in m, but mm is stated", |p| p * 1e3),
         ("its columns are in mm, but m is stated", |p| p * 1e-3),
     ];
-    let of = |target: usize| {
-        changes.map(|(says, change)| {
-            let says = format!("only target {} has a gross error: {says}", target + 1);
-            (says, with_target(campaign, target, change))
+    let changes_of = |target: usize| {
+        changes.map(|(message, change)| {
+            let message = format!("only target {} has a gross error: {message}", target + 1);
+            (message, with_target(campaign, target, change))
         })
     };
-    suspects.filter_map(|(target, _)| target).flat_map(of).collect()
+    suspects.filter_map(|(target, _)| target).flat_map(changes_of).collect()
 }
 
 pub(super) fn with_target(campaign: &Campaign, target: usize, change: PointTransform) -> Campaign {
     let mut changed = campaign.clone();
-    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
-        if target_of(&seen.reading) == Some(target)
-            && let Reading::Point { at, .. } = &mut seen.reading
+    for observation in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if target_of(&observation.reading) == Some(target)
+            && let Reading::Point { at, .. } = &mut observation.reading
         {
             *at = change(*at);
         }

@@ -4,14 +4,18 @@ use super::*;
 use crate::test_campaigns::{nominal_robot, simulated_campaign};
 use recording::model::presets::preset;
 
-fn said(campaign: &Campaign) -> Vec<String> {
+fn messages_of(campaign: &Campaign) -> Vec<String> {
     detect_global_errors(campaign, &nominal_robot()).into_iter().map(|s| s.message).collect()
 }
 
 #[test]
 fn a_sound_recording_of_an_uncalibrated_robot_raises_no_suspicion() {
     for targets in [0, 1, 3] {
-        assert_eq!(said(&simulated_campaign(targets)), Vec::<String>::new(), "{targets} targets");
+        assert_eq!(
+            messages_of(&simulated_campaign(targets)),
+            Vec::<String>::new(),
+            "{targets} targets"
+        );
     }
 }
 
@@ -33,8 +37,8 @@ fn each_gross_fault_is_named() {
         ("factor of 1000 too small", with_points(&simulated_campaign(0), |p| p * 1e-3)),
     ];
     for (wanted, campaign) in faults {
-        let said = said(&campaign);
-        assert!(said.first().is_some_and(|s| s.contains(wanted)), "{wanted}: {said:?}");
+        let messages = messages_of(&campaign);
+        assert!(messages.first().is_some_and(|s| s.contains(wanted)), "{wanted}: {messages:?}");
     }
 }
 
@@ -57,8 +61,8 @@ fn measurements_that_stand_a_row_late_are_noticed() {
     for k in 1..60 {
         late.poses[k].seen.clone_from(&sound.poses[k - 1].seen);
     }
-    let said = said(&late);
-    assert!(said.first().is_some_and(|s| s.contains("one row after")), "{said:?}");
+    let messages = messages_of(&late);
+    assert!(messages.first().is_some_and(|s| s.contains("one row after")), "{messages:?}");
 }
 
 /// The campaign with one target's points changed.
@@ -91,8 +95,8 @@ fn columns_of_one_target_that_are_wrong_are_named_though_the_others_are_right() 
         ),
     ];
     for (wanted, campaign) in faults {
-        let said = said(&campaign);
-        assert!(said.first().is_some_and(|s| s.contains(wanted)), "{wanted}: {said:?}");
+        let messages = messages_of(&campaign);
+        assert!(messages.first().is_some_and(|s| s.contains(wanted)), "{wanted}: {messages:?}");
     }
 }
 
@@ -107,9 +111,9 @@ fn what_the_instrument_is_said_to_be_off_by_is_no_gross_fault() {
         1.0,
         1,
     );
-    assert!(said(&noisy).is_empty());
-    for seen in rough.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
-        seen.whitening = glam::DMat3::from_diagonal(DVec3::splat(1.0 / said_m));
+    assert!(messages_of(&noisy).is_empty());
+    for observation in rough.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        observation.whitening = glam::DMat3::from_diagonal(DVec3::splat(1.0 / said_m));
     }
     let rough = crate::campaign_simulation::simulate_readings(
         &rough,
@@ -118,5 +122,5 @@ fn what_the_instrument_is_said_to_be_off_by_is_no_gross_fault() {
         1.0,
         1,
     );
-    assert_eq!(said(&rough), Vec::<String>::new());
+    assert_eq!(messages_of(&rough), Vec::<String>::new());
 }

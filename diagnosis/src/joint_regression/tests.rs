@@ -88,9 +88,9 @@ fn the_thesis_figures_come_back_from_sweeps_as_surely_as_they_say() {
             let found = regress(&start, &sweeps);
             assert_eq!(found.determined, vec![true; truth.len()], "joint {}", joint + 1);
             for (free, wanted) in found.hypothesis.free.iter().zip(&truth) {
-                let off = (free.mean - wanted).abs() / free.sigma;
-                largest = largest.max(off);
-                inside += u32::from(off < 1.96);
+                let ratio = (free.mean - wanted).abs() / free.sigma;
+                largest = largest.max(ratio);
+                inside += u32::from(ratio < 1.96);
                 all += 1;
                 if round == 0 {
                     println!(

@@ -137,8 +137,8 @@ fn scene(path: &[[f64; 6]]) -> (Campaign, FitState) {
     let mut campaign =
         Campaign { poses, surroundings: around.clone(), instruments, recordings: Vec::new() };
     let mut tools = Vec::new();
-    visit_poses(&hypothesis.model, &campaign, None, |_, seen, _| {
-        tools.push(seen.real.base_from_tool);
+    visit_poses(&hypothesis.model, &campaign, None, |_, evaluation, _| {
+        tools.push(evaluation.real.base_from_tool);
     });
     for (pose, tool) in campaign.poses.iter_mut().zip(tools) {
         pose.seen = readings(&tool, &around, pose.inputs.q[0]);
@@ -149,8 +149,8 @@ fn scene(path: &[[f64; 6]]) -> (Campaign, FitState) {
 /// All residuals in order.
 fn residuals(campaign: &Campaign, state: &FitState) -> Vec<f64> {
     let mut all = Vec::new();
-    visit_readings(campaign, state, VisitScope { used: None, derivatives: false }, |at| {
-        all.extend_from_slice(&at.rows.residual.to_array()[..at.rows.count]);
+    visit_readings(campaign, state, VisitScope { used: None, derivatives: false }, |reading| {
+        all.extend_from_slice(&reading.rows.residual.to_array()[..reading.rows.count]);
     });
     all
 }
@@ -163,14 +163,14 @@ proptest! {
         let (campaign, state) = scene(&path);
         let weighing = ReadingWeights::equal(&campaign, &vec![true; campaign.poses.len()]);
         let all: Vec<usize> = (0..state.width()).collect();
-        let mut said: Vec<Vec<f64>> = Vec::new();
-        data_rows(&campaign, &state, &weighing, &all, |_, row, _| said.push(row.to_vec()));
+        let mut analytic: Vec<Vec<f64>> = Vec::new();
+        data_rows(&campaign, &state, &weighing, &all, |_, row, _| analytic.push(row.to_vec()));
         let (sizes, values) = (state.plausible_sizes(), state.hypothesis.values());
         let first = state.surroundings.parameters().len();
         for column in all {
             // Central difference, within the range of parameters that must stay positive.
-            let stands = column.checked_sub(first).map_or(0.0, |k| values[k].abs());
-            let room = if stands > 0.0 { 0.5 * stands } else { 1.0 };
+            let size = column.checked_sub(first).map_or(0.0, |k| values[k].abs());
+            let room = if size > 0.0 { 0.5 * size } else { 1.0 };
             let step = (1e-4 * sizes[column].min(1.0)).min(room);
             let beside = |by: f64| {
                 let mut full = vec![0.0; state.width()];
@@ -179,10 +179,10 @@ proptest! {
             };
             let (above, below) = (beside(step), beside(-step));
             let found: Vec<f64> = below.iter().zip(&above).map(|(b, a)| (b - a) / (2.0 * step)).collect();
-            let most = found.iter().chain(said.iter().map(|row| &row[column])).fold(0.0_f64, |m, x| m.max(x.abs()));
+            let most = found.iter().chain(analytic.iter().map(|row| &row[column])).fold(0.0_f64, |m, x| m.max(x.abs()));
             // Rounding: residuals are metres divided by tens of micrometres.
             let allowed = 2e-5 * most + 1e-9 / step;
-            for (row, found) in said.iter().zip(&found) {
+            for (row, found) in analytic.iter().zip(&found) {
                 let error = (row[column] - found).abs();
                 prop_assert!(error <= allowed, "column {column} ({}): {} not {found}", name(&state, column), row[column]);
             }

@@ -33,13 +33,13 @@ impl ArmConstraints {
                 arm.joints().get(i).map_or(0.0, |joint| joint.point.distance(arm.next_point(i)))
             })
             .sum();
-        let stands = arm.gravity.try_normalize().is_some_and(|down| down.z < -0.99);
+        let is_upright = arm.gravity.try_normalize().is_some_and(|down| down.z < -0.99);
         Self {
             margin_rad: 5.0_f64.to_radians(),
             margin_m: 0.01,
             link_radius_m: 0.08 * length,
             base_radius_m: 0.16 * length,
-            floor_m: stands.then_some(0.0),
+            floor_m: is_upright.then_some(0.0),
             keep_out: Vec::new(),
         }
     }
@@ -87,9 +87,13 @@ impl ArmConstraints {
         if base.as_ref().is_some_and(meets_base) {
             return false;
         }
-        let near =
+        let is_too_close =
             |link: &&&LinkSegment, corners: &[DVec3; 2]| distance_to_box(link, corners) < apart;
-        if self.keep_out.iter().any(|corners| beyond.iter().any(|link| near(&link, corners))) {
+        if self
+            .keep_out
+            .iter()
+            .any(|corners| beyond.iter().any(|link| is_too_close(&link, corners)))
+        {
             return false;
         }
         !links_collide(&links, apart)
@@ -138,7 +142,8 @@ impl LinkSegment {
         let (d1, d2, r) = (self.b - self.a, other.b - other.a, self.a - other.a);
         let (a, e, f) = (d1.length_squared(), d2.length_squared(), d2.dot(r));
         let (c, b) = (d1.dot(r), d1.dot(d2));
-        let share = |x: f64, of: f64| if of > 0.0 { (x / of).clamp(0.0, 1.0) } else { 0.0 };
+        let share =
+            |x: f64, range: f64| if range > 0.0 { (x / range).clamp(0.0, 1.0) } else { 0.0 };
         let mut s = share(b * f - c * e, a * e - b * b);
         let mut t = share(b * s + f, e);
         s = share(b * t - c, a);
@@ -185,18 +190,18 @@ mod tests {
             let (one, two) = (LinkSegment { a, b, from: 0 }, LinkSegment { a: c, b: d, from: 0 });
             let shares = || (0..=60).map(|k| f64::from(k) / 60.0);
             let all = shares().flat_map(|s| shares().map(move |t| (s, t)));
-            let least = all.map(|(s, t)| one.at(s).distance(two.at(t))).fold(f64::INFINITY, f64::min);
+            let minimum = all.map(|(s, t)| one.at(s).distance(two.at(t))).fold(f64::INFINITY, f64::min);
             let found = one.distance(&two);
-            prop_assert!(found <= least + 1e-12 && found > least - 0.06, "{found} {least}");
+            prop_assert!(found <= minimum + 1e-12 && found > minimum - 0.06, "{found} {minimum}");
         }
 
         #[test]
         fn a_box_is_as_far_as_its_nearest_point(a in point(), b in point()) {
             let corners = [DVec3::splat(-0.2), DVec3::splat(0.2)];
             let line = LinkSegment { a, b, from: 0 };
-            let least = (0..=1000).map(|k| line.at(f64::from(k) * 1e-3)).map(|p| p.distance(p.clamp(corners[0], corners[1])));
-            let least = least.fold(f64::INFINITY, f64::min);
-            prop_assert!((distance_to_box(&line, &corners) - least).abs() < 3e-3);
+            let minimum = (0..=1000).map(|k| line.at(f64::from(k) * 1e-3)).map(|p| p.distance(p.clamp(corners[0], corners[1])));
+            let minimum = minimum.fold(f64::INFINITY, f64::min);
+            prop_assert!((distance_to_box(&line, &corners) - minimum).abs() < 3e-3);
         }
     }
 

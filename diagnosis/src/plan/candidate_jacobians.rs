@@ -45,12 +45,12 @@ impl CandidateJacobians {
         let state = state(task);
         let all: Vec<usize> = (0..state.width()).collect();
         let mut triangle = QrFactor::new(all.len());
-        let seen = whitened_jacobians(&state, &candidates, &all);
+        let whitened = whitened_jacobians(&state, &candidates, &all);
         let push = |triangle: &mut QrFactor, rows: &DMatrix<f64>| {
             rows.row_iter()
                 .for_each(|row| triangle.push(&row.iter().copied().collect::<Vec<_>>(), 0.0));
         };
-        seen.iter().for_each(|rows| push(&mut triangle, rows));
+        whitened.iter().for_each(|rows| push(&mut triangle, rows));
         let old = known.map(|known| measured_rows(known, &state, &all));
         old.iter().for_each(|rows| push(&mut triangle, rows));
         triangle.reduce();
@@ -73,7 +73,7 @@ impl CandidateJacobians {
                 (rows.transpose() * &rows, rows.nrows())
             });
         Ok(Self {
-            jacobians: seen.iter().map(part).collect(),
+            jacobians: whitened.iter().map(part).collect(),
             prior_information: &measured_information.0
                 + DMatrix::identity(columns.len(), columns.len()),
             tool_error_form: tool_error_form(task, &state, &columns, &scales),
@@ -113,8 +113,8 @@ pub(crate) fn whitened_jacobians(
         candidates.iter().enumerate().flat_map(|(k, c)| c.poses.iter().map(move |_| k)).collect();
     let weighing = ReadingWeights::equal(&campaign, &vec![true; campaign.poses.len()]);
     let mut flat: Vec<Vec<f64>> = vec![Vec::new(); candidates.len()];
-    data_rows(&campaign, state, &weighing, columns, |at, row, _| {
-        flat[owner[at.pose]].extend_from_slice(row);
+    data_rows(&campaign, state, &weighing, columns, |reading, row, _| {
+        flat[owner[reading.pose]].extend_from_slice(row);
     });
     let width = columns.len();
     flat.iter()
@@ -170,7 +170,7 @@ fn tcp_jacobian(hypothesis: &Hypothesis, q: &Joints) -> DMatrix<f64> {
         row: 0,
         seen: Vec::new(),
     };
-    let asked = Campaign {
+    let campaign = Campaign {
         poses: vec![pose],
         surroundings: crate::Extrinsics::default(),
         instruments: Vec::new(),
@@ -178,8 +178,8 @@ fn tcp_jacobian(hypothesis: &Hypothesis, q: &Joints) -> DMatrix<f64> {
     };
     let mut rows = DMatrix::zeros(3, hypothesis.free.len());
     let mut at_pose = ToolJacobian::of(hypothesis);
-    visit_poses(&hypothesis.model, &asked, None, |_, seen, memories| {
-        for (k, motion) in at_pose.at(&inputs, memories, seen).iter().enumerate() {
+    visit_poses(&hypothesis.model, &campaign, None, |_, evaluation, memories| {
+        for (k, motion) in at_pose.at(&inputs, memories, evaluation).iter().enumerate() {
             (0..3).for_each(|axis| rows[(axis, k)] = motion.shift[axis]);
         }
     });

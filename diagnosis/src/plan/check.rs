@@ -21,7 +21,7 @@ use crate::fit::{FitEffort, FitSettings, fit};
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
 use crate::least_squares::FitState;
 use crate::robust_weights::Influence;
-use evidence::{DamageColumns, Evidence, least_seen};
+use evidence::{DamageColumns, Evidence, minimum_detectable};
 use nalgebra::DMatrix;
 use physics::{AnyEffect, JointKind, Joints, Model, ParameterValues};
 use rand_chacha::ChaCha8Rng;
@@ -212,13 +212,14 @@ impl DamageModel {
     fn detectable(&self, evidence: &Evidence, terms: &ErrorRates) -> Vec<DetectableDamage> {
         let tests = self.bonferroni_divisor();
         let each = self.damages.iter().zip(self.damage_columns());
-        each.map(|((damage, ..), look)| {
-            let weakest = evidence.weakest(look);
-            let seen = weakest.filter(|noises| *noises > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
-            let noises = least_seen(look.count, terms.alarm / tests, terms.power);
+        each.map(|((damage, ..), columns)| {
+            let weakest = evidence.weakest(columns);
+            let observable =
+                weakest.filter(|information| *information > 1.0 / (DAMAGE_MAX * DAMAGE_MAX));
+            let required = minimum_detectable(columns.count, terms.alarm / tests, terms.power);
             DetectableDamage {
                 damage: *damage,
-                least: seen.map(|seen| (noises / seen).sqrt() * DAMAGE_SCALE),
+                least: observable.map(|observable| (required / observable).sqrt() * DAMAGE_SCALE),
             }
         })
         .collect()
@@ -238,28 +239,28 @@ impl DamageModel {
 pub fn plan_check(
     task: &Task,
     sigma: &[Vec<f64>],
-    wish: &PlanSettings,
+    settings: &PlanSettings,
     terms: &ErrorRates,
 ) -> Result<PlannedCheck, PlanError> {
     let watch = DamageModel::of(&task.hypothesis.model, sigma);
-    let mut rng = ChaCha8Rng::seed_from_u64(wish.seed);
-    let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
+    let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+    let drawn = task.draw(&mut rng, settings.candidates, settings.count)?;
     let state = watch.state(&task.surroundings);
     let all: Vec<usize> = (0..state.width()).collect();
     let rows = whitened_jacobians(&state, &drawn, &all);
     let nuisance = state.surroundings.parameters().len() + watch.stated;
     let widths = state.prior_sigmas();
     let rows: Vec<DMatrix<f64>> = rows.into_iter().map(|rows| scaled(rows, &widths)).collect();
-    let of = |picks: &[usize]| {
+    let evidence_of = |picks: &[usize]| {
         let mut evidence = Evidence::new(nuisance, widths.len() - nuisance);
         picks.iter().for_each(|pick| evidence.add(&rows[*pick], &[]));
         evidence
     };
     let looks = watch.damage_columns();
-    let worths = |picks: &[usize]| of(picks).worths(&rows, &looks);
-    let mut picks = select_greedily(&worths, wish.count);
+    let worths = |picks: &[usize]| evidence_of(picks).worths(&rows, &looks);
+    let mut picks = select_greedily(&worths, settings.count);
     exchange(&worths, &mut picks);
-    let detectable = watch.detectable(&of(&picks), terms);
+    let detectable = watch.detectable(&evidence_of(&picks), terms);
     if detectable.iter().all(|found| found.least.is_none()) {
         return Err(PlanError::NothingIdentifiable);
     }
@@ -293,14 +294,14 @@ pub fn check_model(
     let tests = watch.bonferroni_divisor();
     let (sum, freedom) = (evidence.sum(), evidence.freedom(state.surroundings.parameters().len()));
     let p = evidence::p_above(freedom, sum);
-    let (noise, noises) = evidence.noise();
-    let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
+    let (noise, freedom_of_noise) = evidence.noise();
+    let is_quiet = evidence::p_below(freedom_of_noise, noise) < 0.5 * terms.alarm;
     // Relative noise at which the whole sum of squares has its expected value; it includes the error of the model.
     let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
     let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);
     let mut suspects = Vec::new();
-    for ((damage, ..), look) in watch.damages.iter().zip(watch.damage_columns()) {
-        let Some(found) = evidence.explained(look) else { continue };
+    for ((damage, ..), columns) in watch.damages.iter().zip(watch.damage_columns()) {
+        let Some(found) = evidence.explained(columns) else { continue };
         let size: Vec<f64> = found.size.iter().map(|size| size * DAMAGE_SCALE).collect();
         let suspect = SuspectedDamage {
             damage: *damage,

@@ -53,28 +53,29 @@ struct Now {
 /// Standard uncertainty of every parameter, without and with `picks`.
 pub(super) fn parameter_uncertainties(
     task: &Task,
-    bank: &CandidateJacobians,
+    jacobians: &CandidateJacobians,
     picks: &[usize],
 ) -> Vec<UncertaintyReduction> {
-    let mut information = bank.prior_information.clone();
-    let before = evaluate(bank, &information);
-    picks.iter().for_each(|pick| information += information_of(bank, *pick));
-    let after = evaluate(bank, &information);
+    let mut information = jacobians.prior_information.clone();
+    let before = evaluate(jacobians, &information);
+    picks.iter().for_each(|pick| information += information_of(jacobians, *pick));
+    let after = evaluate(jacobians, &information);
     let state = state(task);
-    (bank.nuisance_count..bank.columns.len())
-        .map(|k| reduction(task, bank, &ColumnNames(&state), k, [&before, &after]))
+    (jacobians.nuisance_count..jacobians.columns.len())
+        .map(|k| reduction(task, jacobians, &ColumnNames(&state), k, [&before, &after]))
         .collect()
 }
 
 fn reduction(
     task: &Task,
-    bank: &CandidateJacobians,
+    jacobians: &CandidateJacobians,
     names: &ColumnNames<'_>,
     k: usize,
     [before, after]: [&Now; 2],
 ) -> UncertaintyReduction {
-    let sigma = |now: &Now| (bank.design_effect * now.covariance[(k, k)]).sqrt() * bank.scales[k];
-    let column = bank.columns[k];
+    let sigma =
+        |now: &Now| (jacobians.design_effect * now.covariance[(k, k)]).sqrt() * jacobians.scales[k];
+    let column = jacobians.columns[k];
     UncertaintyReduction {
         what: names.of(column),
         from: sigma(before),
@@ -83,56 +84,58 @@ fn reduction(
     }
 }
 
-pub(super) fn information_of(bank: &CandidateJacobians, pick: usize) -> DMatrix<f64> {
-    bank.jacobians[pick].transpose() * &bank.jacobians[pick]
+pub(super) fn information_of(jacobians: &CandidateJacobians, pick: usize) -> DMatrix<f64> {
+    jacobians.jacobians[pick].transpose() * &jacobians.jacobians[pick]
 }
 
 /// RMS of the expected tool error at the test poses, m.
-pub(super) fn tool_error_m(bank: &CandidateJacobians, information: &DMatrix<f64>) -> f64 {
-    evaluate(bank, information).tool_m
+pub(super) fn tool_error_m(jacobians: &CandidateJacobians, information: &DMatrix<f64>) -> f64 {
+    evaluate(jacobians, information).tool_m
 }
 
-fn evaluate(bank: &CandidateJacobians, information: &DMatrix<f64>) -> Now {
+fn evaluate(jacobians: &CandidateJacobians, information: &DMatrix<f64>) -> Now {
     let covariance = inverse(information);
-    let around = information.view((0, 0), (bank.nuisance_count, bank.nuisance_count)).into_owned();
+    let around =
+        information.view((0, 0), (jacobians.nuisance_count, jacobians.nuisance_count)).into_owned();
     let log_det = log_det(information.clone()) - log_det(around);
-    let tool_m =
-        (bank.design_effect * (&bank.tool_error_form * &covariance).trace()).max(0.0).sqrt();
+    let tool_m = (jacobians.design_effect * (&jacobians.tool_error_form * &covariance).trace())
+        .max(0.0)
+        .sqrt();
     Now { covariance, log_det, tool_m }
 }
 
 /// Contribution of each of `picks` in this order.
 pub(super) fn contributions(
     task: &Task,
-    bank: &CandidateJacobians,
+    jacobians: &CandidateJacobians,
     picks: &[usize],
 ) -> Vec<PoseContribution> {
     let state = state(task);
     let names = ColumnNames(&state);
-    let mut information = bank.prior_information.clone();
-    let (mut data, mut read) = bank.measured_information.clone();
-    let mut before = evaluate(bank, &information);
+    let mut information = jacobians.prior_information.clone();
+    let (mut data, mut read) = jacobians.measured_information.clone();
+    let mut before = evaluate(jacobians, &information);
     let mut added = Vec::with_capacity(picks.len());
     for pick in picks {
-        let square = information_of(bank, *pick);
+        let square = information_of(jacobians, *pick);
         information += &square;
         data += square;
-        let readings = bank.jacobians[*pick].nrows();
+        let readings = jacobians.jacobians[*pick].nrows();
         read += readings;
-        let after = evaluate(bank, &information);
-        let mut order: Vec<(usize, f64)> = (bank.nuisance_count..bank.columns.len())
+        let after = evaluate(jacobians, &information);
+        let mut order: Vec<(usize, f64)> = (jacobians.nuisance_count..jacobians.columns.len())
             .map(|k| (k, (before.covariance[(k, k)] / after.covariance[(k, k)]).ln()))
             .collect();
         order.sort_by(|a, b| b.1.total_cmp(&a.1));
         let falls = order
             .iter()
             .take(PARAMETERS_LISTED)
-            .map(|(k, _)| reduction(task, bank, &names, *k, [&before, &after]));
+            .map(|(k, _)| reduction(task, jacobians, &names, *k, [&before, &after]));
         added.push(PoseContribution {
-            q: bank.candidates[*pick].q,
+            q: jacobians.candidates[*pick].q,
             readings,
             log_det_gain: after.log_det - before.log_det,
-            o1: o1_index(bank, &data, read),
+            o1: o1_index(jacobians, &data, read),
             tool_m: [before.tool_m, after.tool_m],
             reductions: falls.collect(),
         });
@@ -155,9 +158,9 @@ fn unit(task: &Task, column: usize) -> (&'static str, f64) {
 }
 
 /// O1 index of the readings alone, `(s₁ … s_L)^(1/L) / √n`, with the extrinsic parameters projected out.
-fn o1_index(bank: &CandidateJacobians, data: &DMatrix<f64>, read: usize) -> Option<f64> {
-    let nuisance = bank.nuisance_count;
-    let found = bank.columns.len() - nuisance;
+fn o1_index(jacobians: &CandidateJacobians, data: &DMatrix<f64>, read: usize) -> Option<f64> {
+    let nuisance = jacobians.nuisance_count;
+    let found = jacobians.columns.len() - nuisance;
     let whole = log_det(data.clone());
     let around = log_det(data.view((0, 0), (nuisance, nuisance)).into_owned());
     let mean = (whole - around) / (2.0 * found as f64);

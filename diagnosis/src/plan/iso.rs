@@ -66,8 +66,9 @@ pub fn cube(
         let mut poses = [first; 5];
         let corners = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
         for (slot, [out, side]) in poses.iter_mut().skip(1).zip(corners) {
-            let at = middle + 0.5 * DIAGONAL_SHARE * edge_m * DVec3::new(out, side, out);
-            *slot = solve_tool_pose(arm, &first, at, &turned).filter(|q| reach.allows(arm, q))?;
+            let corner = middle + 0.5 * DIAGONAL_SHARE * edge_m * DVec3::new(out, side, out);
+            *slot =
+                solve_tool_pose(arm, &first, corner, &turned).filter(|q| reach.allows(arm, q))?;
         }
         Some(IsoCube { middle, edge_m, poses })
     })
@@ -101,13 +102,15 @@ pub fn largest_cube(arm: &Arm, reach: &ArmConstraints, along: DVec3, seed: u64) 
 pub fn pose_visits(arm: &Arm, campaign: &Campaign) -> Vec<PoseVisits> {
     let mut all: Vec<PoseVisits> = Vec::new();
     for pose in &campaign.poses {
-        let Some((place, frame, at)) = pose.seen.iter().find_map(|seen| match seen.reading {
-            Reading::Point { place, frame, at } => Some((place, frame, at)),
-            _ => None,
-        }) else {
+        let Some((place, frame, at)) =
+            pose.seen.iter().find_map(|observation| match observation.reading {
+                Reading::Point { place, frame, at } => Some((place, frame, at)),
+                _ => None,
+            })
+        else {
             continue;
         };
-        let orientation = pose.seen.iter().find_map(|seen| match seen.reading {
+        let orientation = pose.seen.iter().find_map(|observation| match observation.reading {
             Reading::Orientation { measuring_from_tool, .. } => {
                 Some(DQuat::from_mat3(&measuring_from_tool))
             }

@@ -34,14 +34,14 @@ impl LineOfSight {
         radius_m: f64,
     ) -> bool {
         let tool = &chain.base_from_tool;
-        let (at, facing) = match place {
+        let (reflector, facing) = match place {
             ToolPoint::Tcp => (tool.origin, self.facing_tool.first()),
             ToolPoint::Target(i) => {
                 let place = surroundings.targets.get(i).map_or(DVec3::ZERO, |target| target.value);
                 (tool.point(place), self.facing_tool.get(i))
             }
         };
-        let away = self.instrument_base - at;
+        let away = self.instrument_base - reflector;
         let distance = away.length();
         let [nearest, farthest] = self.range_m;
         let Some(beam) = away.try_normalize().filter(|_| (nearest..=farthest).contains(&distance))
@@ -51,7 +51,7 @@ impl LineOfSight {
         let turned = facing.copied().flatten().map(|facing| tool.rotation * facing);
         let accepts = |axis: DVec3| axis.dot(beam) >= self.acceptance_rad.cos();
         // The ray ends before the target, which is mounted on the arm.
-        let end = at + beam * (1.5 * radius_m).min(distance);
+        let end = reflector + beam * (1.5 * radius_m).min(distance);
         let ray = LinkSegment { a: self.instrument_base, b: end, from: 0 };
         turned.is_none_or(accepts) && links(arm, chain).iter().all(|l| l.distance(&ray) >= radius_m)
     }
@@ -91,11 +91,11 @@ mod tests {
         let arm = nominal_robot().arm;
         let tool = Chain::nominal(&arm, &Joints::default()).base_from_tool.rotation;
         let towards = |base: DVec3| Some(tool.transpose() * base);
-        let at = DVec3::new(4.0, 0.0, 1.1865);
-        assert!(sees(&sight(at, towards(DVec3::X))));
-        assert!(!sees(&sight(at, towards(DVec3::Y))), "looks aside");
-        assert!(!sees(&sight(at, towards(DVec3::NEG_X))), "looks away");
-        assert!(!sees(&LineOfSight { range_m: [0.5, 2.0], ..sight(at, None) }), "too far");
-        assert!(!sees(&LineOfSight { range_m: [5.0, 9.0], ..sight(at, None) }), "too near");
+        let instrument = DVec3::new(4.0, 0.0, 1.1865);
+        assert!(sees(&sight(instrument, towards(DVec3::X))));
+        assert!(!sees(&sight(instrument, towards(DVec3::Y))), "looks aside");
+        assert!(!sees(&sight(instrument, towards(DVec3::NEG_X))), "looks away");
+        assert!(!sees(&LineOfSight { range_m: [0.5, 2.0], ..sight(instrument, None) }), "too far");
+        assert!(!sees(&LineOfSight { range_m: [5.0, 9.0], ..sight(instrument, None) }), "too near");
     }
 }

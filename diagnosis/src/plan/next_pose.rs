@@ -41,21 +41,29 @@ pub fn best_next_pose(
 ) -> Result<NextPose, PlanError> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let drawn = task.draw(&mut rng, candidates, LOOKAHEAD_POSES)?;
-    let bank = CandidateJacobians::of(task, known, drawn)?;
-    let design = PoseCriterion::of(&bank, Criterion::Zone);
+    let jacobians = CandidateJacobians::of(task, known, drawn)?;
+    let design = PoseCriterion::of(&jacobians, Criterion::Zone);
     let ahead = select_greedily(&|picks| design.improvements(picks), LOOKAHEAD_POSES);
     let after = design.information(&ahead);
     let last = known.and_then(|known| known.campaign.poses.last()).map(|pose| pose.inputs.q);
-    let pick = nearest(task, &bank, &design.improvements(&[]), last);
-    let pose = contributions(task, &bank, &[pick]).pop().ok_or(PlanError::NothingIdentifiable)?;
-    let tool_m = [tool_error_m(&bank, &bank.prior_information), tool_error_m(&bank, &after)];
+    let pick = nearest(task, &jacobians, &design.improvements(&[]), last);
+    let pose =
+        contributions(task, &jacobians, &[pick]).pop().ok_or(PlanError::NothingIdentifiable)?;
+    let tool_m =
+        [tool_error_m(&jacobians, &jacobians.prior_information), tool_error_m(&jacobians, &after)];
     Ok(NextPose { pose, tool_m, enough: tool_m[0] - tool_m[1] < worth_m })
 }
 
-fn nearest(task: &Task, bank: &CandidateJacobians, worths: &[f64], last: Option<Joints>) -> usize {
+fn nearest(
+    task: &Task,
+    jacobians: &CandidateJacobians,
+    worths: &[f64],
+    last: Option<Joints>,
+) -> usize {
     let most = worths.iter().copied().fold(0.0, f64::max);
-    let away =
-        |pick: usize| last.map_or(0.0, |last| time_s(task.arm(), &last, &bank.candidates[pick].q));
+    let away = |pick: usize| {
+        last.map_or(0.0, |last| time_s(task.arm(), &last, &jacobians.candidates[pick].q))
+    };
     let good = (0..worths.len()).filter(|pick| worths[*pick] >= NEARLY_BEST_SHARE * most);
     good.min_by(|a, b| away(*a).total_cmp(&away(*b))).unwrap_or(0)
 }

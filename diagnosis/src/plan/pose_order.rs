@@ -32,15 +32,15 @@ pub fn time_s(arm: &Arm, from: &Joints, to: &Joints) -> f64 {
 pub fn visit(arm: &Arm, start: &Joints, stops: &[Joints]) -> Vec<usize> {
     let mut left: Vec<usize> = (0..stops.len()).collect();
     let mut order = Vec::with_capacity(stops.len());
-    let mut at = *start;
+    let mut current = *start;
     while let Some(next) = (0..left.len()).min_by(|a, b| {
-        time_s(arm, &at, &stops[left[*a]]).total_cmp(&time_s(arm, &at, &stops[left[*b]]))
+        time_s(arm, &current, &stops[left[*a]]).total_cmp(&time_s(arm, &current, &stops[left[*b]]))
     }) {
         let stop = left.remove(next);
-        at = stops[stop];
+        current = stops[stop];
         order.push(stop);
     }
-    let at = |order: &[usize], place: usize| {
+    let stop_at = |order: &[usize], place: usize| {
         place.checked_sub(1).map_or(*start, |before| stops[order[before]])
     };
     let mut shorter = true;
@@ -48,7 +48,7 @@ pub fn visit(arm: &Arm, start: &Joints, stops: &[Joints]) -> Vec<usize> {
         shorter = false;
         for i in 0..order.len() {
             for j in i + 1..order.len() {
-                let (before, first, last) = (at(&order, i), stops[order[i]], stops[order[j]]);
+                let (before, first, last) = (stop_at(&order, i), stops[order[i]], stops[order[j]]);
                 let after = order.get(j + 1).map(|stop| stops[*stop]);
                 let tail = |end: &Joints| after.map_or(0.0, |after| time_s(arm, end, &after));
                 let now = time_s(arm, &before, &first) + tail(&last);
@@ -79,10 +79,12 @@ mod tests {
         sorted.sort_unstable();
         assert_eq!(sorted, (0..40).collect::<Vec<_>>());
         let length = |order: &[usize]| {
-            let mut at = start;
+            let mut current = start;
             order
                 .iter()
-                .map(|stop| time_s(&arm, &std::mem::replace(&mut at, stops[*stop]), &stops[*stop]))
+                .map(|stop| {
+                    time_s(&arm, &std::mem::replace(&mut current, stops[*stop]), &stops[*stop])
+                })
                 .sum::<f64>()
         };
         let (tour, chance) = (length(&order), length(&(0..40).collect::<Vec<_>>()));

@@ -42,8 +42,8 @@ impl<'a> PoseCriterion<'a> {
         }
         let total = first.last().copied().unwrap_or(0);
         let mut stacked = DMatrix::zeros(total, jacobians.columns.len());
-        for (rows, at) in jacobians.jacobians.iter().zip(&first) {
-            stacked.rows_mut(*at, rows.nrows()).copy_from(rows);
+        for (rows, row) in jacobians.jacobians.iter().zip(&first) {
+            stacked.rows_mut(*row, rows.nrows()).copy_from(rows);
         }
         Self { jacobians, criterion, stacked, first }
     }
@@ -62,15 +62,15 @@ impl<'a> PoseCriterion<'a> {
     pub(crate) fn improvements(&self, picks: &[usize]) -> Vec<f64> {
         let information = self.information(picks);
         let covariance = inverse(&information);
-        let seen = &self.stacked * &covariance;
+        let through = &self.stacked * &covariance;
         match self.criterion {
             Criterion::Zone => {
                 let focused =
                     &self.stacked * (&covariance * &self.jacobians.tool_error_form * &covariance);
-                self.for_each_candidate(|at, rows, count| {
-                    let gain =
-                        DMatrix::identity(count, count) + seen.rows(at, count) * rows.transpose();
-                    let fallen = focused.rows(at, count) * rows.transpose();
+                self.for_each_candidate(|first_row, rows, count| {
+                    let gain = DMatrix::identity(count, count)
+                        + through.rows(first_row, count) * rows.transpose();
+                    let fallen = focused.rows(first_row, count) * rows.transpose();
                     gain.cholesky().map_or(0.0, |gain| gain.solve(&fallen).trace())
                 })
             }
@@ -82,11 +82,11 @@ impl<'a> PoseCriterion<'a> {
                 let read = self.jacobians.measured_information.1
                     + picks.iter().map(|p| self.jacobians.jacobians[*p].nrows()).sum::<usize>();
                 let found = (self.jacobians.columns.len() - nuisance) as f64;
-                self.for_each_candidate(|at, rows, count| {
+                self.for_each_candidate(|first_row, rows, count| {
                     let one = || DMatrix::identity(count, count);
-                    let all = log_det(one() + seen.rows(at, count) * rows.transpose());
+                    let all = log_det(one() + through.rows(first_row, count) * rows.transpose());
                     let around = rows.columns(0, nuisance).transpose();
-                    let gain = all - log_det(one() + other.rows(at, count) * around);
+                    let gain = all - log_det(one() + other.rows(first_row, count) * around);
                     if self.criterion != Criterion::O1 {
                         return gain;
                     }
@@ -98,7 +98,7 @@ impl<'a> PoseCriterion<'a> {
 
     fn for_each_candidate(&self, worth: impl Fn(usize, &DMatrix<f64>, usize) -> f64) -> Vec<f64> {
         let all = self.jacobians.jacobians.iter().zip(&self.first);
-        all.map(|(rows, at)| worth(*at, rows, rows.nrows())).collect()
+        all.map(|(rows, first_row)| worth(*first_row, rows, rows.nrows())).collect()
     }
 }
 

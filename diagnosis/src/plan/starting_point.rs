@@ -107,7 +107,7 @@ fn readings(arm: &Arm, recordings: &[Recording]) -> Result<Option<Campaign>, Cam
 
 /// Standard uncertainty of a length, estimated from the residuals of the fit, m.
 fn length_sigma_m(campaign: &Campaign, found: &Fit) -> Option<f64> {
-    let mut seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
-    let length = seen.find(|seen| seen.reading.is_length())?;
+    let mut observations = campaign.poses.iter().flat_map(|pose| &pose.seen);
+    let length = observations.find(|observation| observation.reading.is_length())?;
     Some(found.factors.get(length.instrument)? / length.whitening.x_axis.length())
 }

@@ -119,18 +119,18 @@ impl Task {
         &self.hypothesis.model.arm
     }
 
-    /// Up to `wanted` poses that satisfy the constraints, at least `least`.
+    /// Up to `wanted` poses that satisfy the constraints, at least `minimum`.
     pub(crate) fn draw(
         &self,
         rng: &mut ChaCha8Rng,
         wanted: usize,
-        least: usize,
+        minimum: usize,
     ) -> Result<Vec<CandidatePose>, PlanError> {
         if !self.given_poses.is_empty() {
             let free = self.given_poses.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
             let found: Vec<CandidatePose> =
                 self.given_poses.iter().filter_map(|q| self.candidate(q)).collect();
-            return self.check_count(self.given_poses.len(), free, found, least);
+            return self.check_count(self.given_poses.len(), free, found, minimum);
         }
         let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
         while found.len() < wanted && drawn < DRAWS_PER_POSE_MAX * wanted.max(100) {
@@ -140,7 +140,7 @@ impl Task {
             free += usize::from(self.reach.allows(self.arm(), &q));
             found.extend(self.candidate(&q));
         }
-        self.check_count(drawn, free, found, least)
+        self.check_count(drawn, free, found, minimum)
     }
 
     /// The poses found, if these are as many as are wanted.
@@ -149,10 +149,10 @@ impl Task {
         drawn: usize,
         free: usize,
         found: Vec<CandidatePose>,
-        least: usize,
+        minimum: usize,
     ) -> Result<Vec<CandidatePose>, PlanError> {
-        let (seen, wanted) = (found.len(), least.max(1));
-        if seen >= wanted {
+        let (found_count, wanted) = (found.len(), minimum.max(1));
+        if found_count >= wanted {
             return Ok(found);
         }
         let (origin, remedy) = match (self.given_poses.is_empty(), &self.sight) {
@@ -163,7 +163,7 @@ impl Task {
             (true, None) => ("drawn", "relax what bars a pose"),
             (true, Some(_)) => ("drawn", "move the instrument, or relax what bars a pose"),
         };
-        Err(PlanError::TooFewPoses { drawn, origin, free, seen, wanted, remedy })
+        Err(PlanError::TooFewPoses { drawn, origin, free, seen: found_count, wanted, remedy })
     }
 
     /// Random poses near `q` that satisfy the constraints.
@@ -176,10 +176,10 @@ impl Task {
     ) -> Vec<CandidatePose> {
         let mut found = Vec::new();
         for _ in 0..if self.given_poses.is_empty() { count } else { 0 } {
-            let mut near = *q;
-            let moved = near.iter_mut().take(self.arm().count());
+            let mut perturbed = *q;
+            let moved = perturbed.iter_mut().take(self.arm().count());
             moved.for_each(|q| *q += by * (2.0 * rng.random::<f64>() - 1.0));
-            found.extend(self.move_to_measurable(rng, &near).and_then(|q| self.candidate(&q)));
+            found.extend(self.move_to_measurable(rng, &perturbed).and_then(|q| self.candidate(&q)));
         }
         found
     }
@@ -244,16 +244,16 @@ impl Task {
                 match *patch {
                     TouchSurface::Plane { plane, .. } => {
                         let plane = self.surroundings.planes.get(plane)?.value;
-                        let off = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
-                        solve_tip_on_surface(arm, q, tip, |p| (off(p), plane.normal))
+                        let distance = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
+                        solve_tip_on_surface(arm, q, tip, |p| (distance(p), plane.normal))
                     }
                     TouchSurface::Sphere(sphere) => {
                         let sphere = self.surroundings.spheres.get(sphere)?;
                         let (centre, radius) = (sphere.centre.value, sphere.radius_m.value);
-                        let off = |p: DVec3| {
+                        let distance_and_normal = |p: DVec3| {
                             ((p - centre).length() - radius, (p - centre).normalize_or_zero())
                         };
-                        solve_tip_on_surface(arm, q, tip, off)
+                        solve_tip_on_surface(arm, q, tip, distance_and_normal)
                     }
                 }
             }
@@ -280,8 +280,7 @@ impl Task {
         let pose = |side: &f64| {
             let mut inputs = Inputs::at_rest(*q);
             inputs.direction.iter_mut().take(self.arm().count()).for_each(|d| *d = *side);
-            let seen = readings.clone();
-            Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen }
+            Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen: readings.clone() }
         };
         Some(CandidatePose { q: *q, poses: sides.iter().map(pose).collect() })
     }
@@ -299,8 +298,8 @@ impl Task {
                 vec![(self.touch_reading(chain, patches)?, self.noise, DVec3::ZERO)]
             }
         };
-        let observe = |(reading, noise, at): (Reading, ReadingNoise, DVec3)| {
-            Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
+        let observe = |(reading, noise, position): (Reading, ReadingNoise, DVec3)| {
+            Some(Observation { reading, whitening: noise.whitening(position)?, instrument: 0 })
         };
         readings.drain(..).map(observe).collect()
     }
@@ -308,7 +307,7 @@ impl Task {
     fn point_readings(
         &self,
         chain: &Chain,
-        least: usize,
+        minimum: usize,
         orientation_rad: Option<f64>,
     ) -> Option<Vec<(Reading, ReadingNoise, DVec3)>> {
         let station = self.surroundings.frames.first()?.value.measuring_from_base;
@@ -323,23 +322,23 @@ impl Task {
                 sight.sees(self.arm(), chain, &self.surroundings, *place, radius)
             })
         };
-        let mut seen = Vec::new();
+        let mut readings = Vec::new();
         for place in places.into_iter().filter(is_seen) {
             let on_tool = match place {
                 ToolPoint::Tcp => DVec3::ZERO,
                 ToolPoint::Target(i) => self.surroundings.targets[i].value,
             };
-            let at = station.point(chain.base_from_tool.point(on_tool));
-            seen.push((Reading::Point { place, frame, at }, self.noise, at));
+            let position = station.point(chain.base_from_tool.point(on_tool));
+            readings.push((Reading::Point { place, frame, at: position }, self.noise, position));
         }
-        if seen.len() < least.max(1) {
+        if readings.len() < minimum.max(1) {
             return None;
         }
         if let Some(sigma) = orientation_rad {
             let reading = Reading::Orientation { frame, measuring_from_tool: DMat3::IDENTITY };
-            seen.push((reading, ReadingNoise::Equal(sigma), DVec3::ZERO));
+            readings.push((reading, ReadingNoise::Equal(sigma), DVec3::ZERO));
         }
-        Some(seen)
+        Some(readings)
     }
 
     /// The reading of the surface that the probe touches.
@@ -351,16 +350,16 @@ impl Task {
         let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
         patches.iter().find_map(|patch| match *patch {
             TouchSurface::Plane { plane, centre, radius_m } => {
-                let thing = self.surroundings.planes.get(plane)?.value;
-                let on = (thing.normal.dot(tip) - thing.offset_m).abs() < 1e-6;
+                let touched_plane = self.surroundings.planes.get(plane)?.value;
+                let on = (touched_plane.normal.dot(tip) - touched_plane.offset_m).abs() < 1e-6;
                 let reading = Reading::Plane { place, plane, radius_m: 0.0 };
-                (on && tip.distance(centre) <= radius_m && points_in(thing.normal))
+                (on && tip.distance(centre) <= radius_m && points_in(touched_plane.normal))
                     .then_some(reading)
             }
             TouchSurface::Sphere(sphere) => {
-                let thing = self.surroundings.spheres.get(sphere)?;
-                let out = tip - thing.centre.value;
-                let on = (out.length() - thing.radius_m.value).abs() < 1e-6;
+                let touched_sphere = self.surroundings.spheres.get(sphere)?;
+                let out = tip - touched_sphere.centre.value;
+                let on = (out.length() - touched_sphere.radius_m.value).abs() < 1e-6;
                 let reading = Reading::Sphere { place, sphere, radius_m: 0.0 };
                 (on && points_in(out.normalize_or_zero())).then_some(reading)
             }

@@ -39,7 +39,7 @@ pub(super) fn task() -> Task {
     task
 }
 
-fn wish(criterion: Criterion, count: usize, seed: u64) -> PlanSettings {
+fn plan_settings(criterion: Criterion, count: usize, seed: u64) -> PlanSettings {
     PlanSettings { count, criterion, candidates: 300, seed }
 }
 
@@ -70,13 +70,13 @@ fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
         effort: FitEffort::Full,
     };
     let found = fit(&made, &task.hypothesis, &settings);
-    let at = |model: &Model, q: &Joints| {
+    let tool_at = |model: &Model, q: &Joints| {
         model.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool.origin
     };
     let squares = task
         .test_poses
         .iter()
-        .map(|q| at(&found.hypothesis.model, q).distance_squared(at(&truth, q)));
+        .map(|q| tool_at(&found.hypothesis.model, q).distance_squared(tool_at(&truth, q)));
     (squares.sum::<f64>() / task.test_poses.len() as f64).sqrt()
 }
 
@@ -94,7 +94,7 @@ fn with_known_surroundings() -> Task {
 fn planned_poses_are_within_limits_seen_and_out_of_the_base() {
     let task = task();
     let arm = &task.hypothesis.model.arm;
-    let plan = plan(&task, None, &wish(Criterion::D, 20, 3)).expect("a plan");
+    let plan = plan(&task, None, &plan_settings(Criterion::D, 20, 3)).expect("a plan");
     assert_eq!(plan.poses.len(), 20);
     for pose in &plan.poses {
         assert!(arm.within_limits(&pose.q));
@@ -112,7 +112,7 @@ fn planned_poses_beat_random_ones_in_what_the_tool_really_errs_by() {
     let task = with_known_surroundings();
     let (mut planned, mut random) = (0.0, 0.0);
     for seed in 0..8 {
-        let plan = plan(&task, None, &wish(Criterion::D, 15, seed)).expect("a plan");
+        let plan = plan(&task, None, &plan_settings(Criterion::D, 15, seed)).expect("a plan");
         let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
         let drawn = task.random(15, 1000 + seed).expect("drawn");
         planned += erred(&task, &stops, seed).powi(2);
@@ -125,7 +125,7 @@ fn planned_poses_beat_random_ones_in_what_the_tool_really_errs_by() {
 #[test]
 fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
     let task = task();
-    let plan = plan(&task, None, &wish(Criterion::D, 25, 5)).expect("a plan");
+    let plan = plan(&task, None, &plan_settings(Criterion::D, 25, 5)).expect("a plan");
     let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
     let campaign = task.campaign(&stops);
     let made = campaign_simulation::simulate_readings(
@@ -146,10 +146,10 @@ fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
     let mut compared = 0;
     for (k, free) in task.hypothesis.free.iter().enumerate() {
         let name = task.hypothesis.describe(free);
-        let said = plan.numbers.iter().find(|number| number.what == name);
+        let planned = plan.numbers.iter().find(|number| number.what == name);
         let sigma = found.sigma(found.column_of(k));
-        if let (Some(said), Some(sigma)) = (said, sigma) {
-            let ratio = said.to / (sigma / found.design_effect.sqrt());
+        if let (Some(planned), Some(sigma)) = (planned, sigma) {
+            let ratio = planned.to / (sigma / found.design_effect.sqrt());
             assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio}");
             compared += 1;
         }
@@ -160,15 +160,15 @@ fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
 #[test]
 fn the_error_that_is_said_falls_with_every_pose_and_ends_where_the_tool_errs() {
     let task = with_known_surroundings();
-    let plan = plan(&task, None, &wish(Criterion::Zone, 15, 2)).expect("a plan");
+    let plan = plan(&task, None, &plan_settings(Criterion::Zone, 15, 2)).expect("a plan");
     for pose in &plan.poses {
         assert!(pose.tool_m[1] <= pose.tool_m[0] && pose.log_det_gain > 0.0);
         assert!(pose.reductions.iter().all(|falls| falls.to <= falls.from));
     }
     let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
     let errors = (0..12).map(|seed| erred(&task, &stops, seed).powi(2)).sum::<f64>() / 12.0;
-    let said = plan.poses.last().expect("poses").tool_m[1];
-    let ratio = errors.sqrt() / said;
+    let planned_m = plan.poses.last().expect("poses").tool_m[1];
+    let ratio = errors.sqrt() / planned_m;
     // Twelve campaigns of about thirty parameters.
     assert!((0.8..1.25).contains(&ratio), "{ratio}");
 }
@@ -177,7 +177,7 @@ fn the_error_that_is_said_falls_with_every_pose_and_ends_where_the_tool_errs() {
 fn each_criterion_is_the_best_at_its_own() {
     let task = task();
     let figures = |criterion| {
-        let plan = plan(&task, None, &wish(criterion, 20, 4)).expect("a plan");
+        let plan = plan(&task, None, &plan_settings(criterion, 20, 4)).expect("a plan");
         let gain: f64 = plan.poses.iter().map(|pose| pose.log_det_gain).sum();
         (gain, plan.poses.last().expect("poses").tool_m[1])
     };
@@ -190,7 +190,7 @@ fn each_criterion_is_the_best_at_its_own() {
 #[test]
 fn what_was_measured_already_counts() {
     let task = task();
-    let first = plan(&task, None, &wish(Criterion::D, 15, 6)).expect("a plan");
+    let first = plan(&task, None, &plan_settings(Criterion::D, 15, 6)).expect("a plan");
     let stops: Vec<Joints> = first.poses.iter().map(|pose| pose.q).collect();
     let campaign = campaign_simulation::simulate_readings(
         &task.campaign(&stops),
@@ -209,12 +209,16 @@ fn what_was_measured_already_counts() {
     let found = fit(&campaign, &task.hypothesis, &settings);
     let known = ExistingMeasurements { campaign: &campaign, fit: &found };
     let go_on = Task { surroundings: found.surroundings.clone(), ..task };
-    let second = plan(&go_on, Some(known), &wish(Criterion::D, 5, 7)).expect("a plan");
+    let second = plan(&go_on, Some(known), &plan_settings(Criterion::D, 5, 7)).expect("a plan");
     let (left, begins) = (first.poses[14].tool_m[1], second.poses[0].tool_m[0]);
     assert!((begins / left - 1.0).abs() < 0.25, "{begins} {left}");
-    let far = best_next_pose(&go_on, None, 200, 1e-6, 1).expect("a pose");
-    let near = best_next_pose(&go_on, Some(known), 200, 1e-6, 1).expect("a pose");
-    assert!(!far.enough && far.tool_m[0] > near.tool_m[0] && near.tool_m[1] < near.tool_m[0]);
+    let unmeasured_before = best_next_pose(&go_on, None, 200, 1e-6, 1).expect("a pose");
+    let with_measured = best_next_pose(&go_on, Some(known), 200, 1e-6, 1).expect("a pose");
+    assert!(
+        !unmeasured_before.enough
+            && unmeasured_before.tool_m[0] > with_measured.tool_m[0]
+            && with_measured.tool_m[1] < with_measured.tool_m[0]
+    );
     assert!(best_next_pose(&go_on, Some(known), 200, 1.0, 1).expect("a pose").enough);
 }
 
@@ -222,7 +226,7 @@ fn what_was_measured_already_counts() {
 fn the_same_seed_gives_the_same_poses_and_a_place_without_sight_none() {
     let task = task();
     let q = |seed| {
-        plan(&task, None, &wish(Criterion::O1, 6, seed))
+        plan(&task, None, &plan_settings(Criterion::O1, 6, seed))
             .expect("a plan")
             .poses
             .iter()
@@ -236,7 +240,7 @@ fn the_same_seed_gives_the_same_poses_and_a_place_without_sight_none() {
         sight.range_m = [0.0, 0.5];
     }
     assert!(matches!(
-        plan(&blind, None, &wish(Criterion::D, 6, 1)),
+        plan(&blind, None, &plan_settings(Criterion::D, 6, 1)),
         Err(PlanError::TooFewPoses { seen: 0, .. })
     ));
 }
@@ -247,7 +251,7 @@ fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
     let place = FitParameter::unknown(DVec3::new(0.9, 0.0, 0.2));
     bar.surroundings.anchors = vec![Anchor { place, offset_m: FitParameter::known(0.0) }];
     bar.measurement = MeasurementKind::Distance { length_m: [0.598, 0.602] };
-    let planned = plan(&bar, None, &wish(Criterion::D, 8, 1)).expect("a plan");
+    let planned = plan(&bar, None, &plan_settings(Criterion::D, 8, 1)).expect("a plan");
     let arm = &bar.hypothesis.model.arm;
     for pose in &planned.poses {
         let tip = physics::Chain::nominal(arm, &pose.q)
@@ -262,7 +266,7 @@ fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
     let centre = DVec3::new(0.8, 0.0, 0.3);
     probe.measurement =
         MeasurementKind::Touch(vec![TouchSurface::Plane { plane: 0, centre, radius_m: 0.3 }]);
-    let planned = plan(&probe, None, &wish(Criterion::D, 8, 1)).expect("a plan");
+    let planned = plan(&probe, None, &plan_settings(Criterion::D, 8, 1)).expect("a plan");
     for pose in &planned.poses {
         let tip = physics::Chain::nominal(arm, &pose.q)
             .base_from_tool
@@ -282,20 +286,20 @@ fn an_offset_effect_that_is_stated_starts_from_what_is_stated() {
         )
         .expect("room");
     let task = Task { hypothesis: calibration_hypothesis(&model, &[vec![1e-5]]), ..task() };
-    let plan = plan(&task, None, &wish(Criterion::D, 4, 1)).expect("a plan");
-    let said =
+    let plan = plan(&task, None, &plan_settings(Criterion::D, 4, 1)).expect("a plan");
+    let planned =
         plan.numbers.iter().find(|number| number.what.contains("joint 3's offset")).expect("named");
-    assert!((said.from - 1e-5).abs() < 1e-12 && said.to <= said.from);
+    assert!((planned.from - 1e-5).abs() < 1e-12 && planned.to <= planned.from);
 }
 
 #[test]
 fn a_list_of_poses_that_are_known_to_be_free_is_all_that_is_chosen_from() {
     let mut task = task();
     task.given_poses = task.random(40, 3).expect("drawn");
-    let planned = plan(&task, None, &wish(Criterion::D, 10, 1)).expect("a plan");
+    let planned = plan(&task, None, &plan_settings(Criterion::D, 10, 1)).expect("a plan");
     assert!(planned.poses.iter().all(|pose| task.given_poses.contains(&pose.q)));
     assert!(matches!(
-        plan(&task, None, &wish(Criterion::D, 41, 1)),
+        plan(&task, None, &plan_settings(Criterion::D, 41, 1)),
         Err(PlanError::TooFewPoses { drawn: 40, .. })
     ));
 }

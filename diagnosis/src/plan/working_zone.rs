@@ -37,19 +37,19 @@ impl WorkingZone {
                 break;
             };
             let share = DVec3::new(rng.random(), rng.random(), rng.random());
-            let at = self.corners[0] + (self.corners[1] - self.corners[0]) * share;
-            found.extend(joints_at(arm, reach, rng, at, *along));
+            let position = self.corners[0] + (self.corners[1] - self.corners[0]) * share;
+            found.extend(joints_at(arm, reach, rng, position, *along));
         }
         found
     }
 }
 
-/// Joint positions with the TCP at `at` (base frame, m) and the tool's z axis along `along`, if the constraints are satisfied.
+/// Joint positions with the TCP at `position` (base frame, m) and the tool's z axis along `along`, if the constraints are satisfied.
 pub(super) fn joints_at(
     arm: &Arm,
     reach: &ArmConstraints,
     rng: &mut ChaCha8Rng,
-    at: DVec3,
+    position: DVec3,
     along: DVec3,
 ) -> Option<Joints> {
     for _ in 0..STARTS_MAX {
@@ -60,7 +60,7 @@ pub(super) fn joints_at(
             let (low, high) = (low.max(-3.0), high.min(3.0).max(low));
             *slot = low + (high - low).max(0.0) * rng.random::<f64>();
         }
-        let found = solve_tool_axis(arm, &start, at, along).filter(|q| reach.allows(arm, q));
+        let found = solve_tool_axis(arm, &start, position, along).filter(|q| reach.allows(arm, q));
         if found.is_some() {
             return found;
         }

@@ -38,7 +38,7 @@ impl Station {
         let seen_from_laid =
             self.drift.as_ref().map(|drift| drift.common_from_measured(row).inverse());
         seen_from_laid
-            .map_or(self.measuring_from_base, |seen| seen.after(&self.measuring_from_base))
+            .map_or(self.measuring_from_base, |drift| drift.after(&self.measuring_from_base))
     }
 
     /// The station of a recording.
@@ -97,8 +97,8 @@ impl Station {
 
 /// Evenly spaced rows with measurements.
 fn evenly_spread(campaign: &Campaign) -> Vec<bool> {
-    let seen = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    let step = seen.div_ceil(ROWS).max(1);
+    let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+    let step = measured.div_ceil(ROWS).max(1);
     let mut number = 0;
     let used = |pose: &Pose| {
         if pose.seen.is_empty() {

@@ -61,9 +61,10 @@ mod tests {
         let reading = Reading::JointPosition { joint: 2, position: 0.1 };
         let whitening = DMat3::from_diagonal(DVec3::splat(3.0));
         let observation = Observation { reading, whitening, instrument: 0 };
-        let (seen, around) = (Evaluation::default(), Extrinsics::default());
+        let (evaluation, around) = (Evaluation::default(), Extrinsics::default());
         let columns = ExtrinsicColumns::of(&around);
-        let rows = ReadingResidual::of(&observation, &seen, &Joints::default(), &around, &columns);
+        let rows =
+            ReadingResidual::of(&observation, &evaluation, &Joints::default(), &around, &columns);
         let mut motion = ToolMotion { turn: DVec3::X, shift: DVec3::Y, ..ToolMotion::default() };
         motion.joints[2] = 0.7;
         let mut series = MotionSeries::new(5, true);

@@ -24,11 +24,11 @@ pub(super) struct ScoreSums {
     /// `Jᵀ C`, and below it `rᵀ C`.
     mixed: DMatrix<f64>,
     /// `Cᵀ C` of each group.
-    near: Vec<(Range<usize>, DMatrix<f64>)>,
+    group_products: Vec<(Range<usize>, DMatrix<f64>)>,
     /// The group of each column.
     home: Vec<usize>,
     /// `Y`, column by column.
-    seen: Vec<Vec<f64>>,
+    projected: Vec<Vec<f64>>,
     right: Vec<f64>,
 }
 
@@ -40,7 +40,7 @@ impl ScoreSums {
             count += size;
             (count - size..count, DMatrix::zeros(*size, *size))
         };
-        let near: Vec<(Range<usize>, DMatrix<f64>)> = groups.iter().map(group).collect();
+        let group_products: Vec<(Range<usize>, DMatrix<f64>)> = groups.iter().map(group).collect();
         let home = groups.iter().enumerate().flat_map(|(k, size)| std::iter::repeat_n(k, *size));
         Self {
             width,
@@ -48,9 +48,9 @@ impl ScoreSums {
             waiting: DMatrix::zeros(width + count + 1, ROWS),
             filled: 0,
             mixed: DMatrix::zeros(width + 1, count),
-            near,
+            group_products,
             home: home.collect(),
-            seen: Vec::new(),
+            projected: Vec::new(),
             right: Vec::new(),
         }
     }
@@ -70,17 +70,33 @@ impl ScoreSums {
         let (known, count) = (self.width + 1, self.count);
         self.waiting.columns_range_mut(self.filled..).fill(0.0);
         let (rows, turned) = (&self.waiting, transpose_view(&self.waiting));
-        let own = turned.columns(known, count);
-        self.mixed.gemm(1.0, &rows.rows(0, known), &own, 1.0);
-        for (of, near) in self.near.iter_mut().filter(|(of, _)| of.len() > FEW) {
-            let columns = own.columns(of.start, of.len());
-            near.gemm(1.0, &rows.rows(known + of.start, of.len()), &columns, 1.0);
+        let group_columns = turned.columns(known, count);
+        self.mixed.gemm(1.0, &rows.rows(0, known), &group_columns, 1.0);
+        for (columns_of_group, group_products) in self
+            .group_products
+            .iter_mut()
+            .filter(|(columns_of_group, _)| columns_of_group.len() > FEW)
+        {
+            let columns = group_columns.columns(columns_of_group.start, columns_of_group.len());
+            group_products.gemm(
+                1.0,
+                &rows.rows(known + columns_of_group.start, columns_of_group.len()),
+                &columns,
+                1.0,
+            );
         }
         for row in rows.as_slice().chunks_exact(known + count).take(self.filled) {
-            for (of, near) in self.near.iter_mut().filter(|(of, _)| of.len() <= FEW) {
-                let own = &row[known..][of.clone()];
-                for (b, y) in own.iter().enumerate() {
-                    own[..=b].iter().enumerate().for_each(|(a, x)| near[(a, b)] += x * y);
+            for (columns_of_group, group_products) in self
+                .group_products
+                .iter_mut()
+                .filter(|(columns_of_group, _)| columns_of_group.len() <= FEW)
+            {
+                let row_of_group = &row[known..][columns_of_group.clone()];
+                for (b, y) in row_of_group.iter().enumerate() {
+                    row_of_group[..=b]
+                        .iter()
+                        .enumerate()
+                        .for_each(|(a, x)| group_products[(a, b)] += x * y);
                 }
             }
         }
@@ -90,7 +106,7 @@ impl ScoreSums {
     pub(super) fn project(&mut self, triangle: &QrFactor, right: &[f64]) {
         self.reduce();
         let column = |k: usize| self.mixed.column(k).iter().take(self.width).copied().collect();
-        self.seen = (0..self.count).map(|k| triangle.forward(column(k))).collect();
+        self.projected = (0..self.count).map(|k| triangle.forward(column(k))).collect();
         self.right = right.to_vec();
     }
 
@@ -103,20 +119,20 @@ impl ScoreSums {
         let first = columns.start;
         let mut values = vec![0.0; columns.len()];
         // The projected columns `S`, without their priors.
-        let own = |a: usize, b: usize| {
-            let (group, near) = &self.near[self.home[a]];
+        let remaining = |a: usize, b: usize| {
+            let (group, group_products) = &self.group_products[self.home[a]];
             let (i, j) = (a.min(b) - group.start, a.max(b) - group.start);
-            near[(i, j)] - dot(&self.seen[a], &self.seen[b])
+            group_products[(i, j)] - dot(&self.projected[a], &self.projected[b])
         };
         let length = |a: usize| {
-            let (group, near) = &self.near[self.home[a]];
-            near[(a - group.start, a - group.start)]
+            let (group, group_products) = &self.group_products[self.home[a]];
+            group_products[(a - group.start, a - group.start)]
         };
         let solved = PartialCholesky::of(
             columns,
-            |a, b| own(a, b) + if a == b { sigmas[a].powi(-2) } else { 0.0 },
-            |a| self.mixed[(self.width, a)] - dot(&self.seen[a], &self.right),
-            |a, left| own(a, a) > LEFT * length(a) && left > LEFT * length(a),
+            |a, b| remaining(a, b) + if a == b { sigmas[a].powi(-2) } else { 0.0 },
+            |a| self.mixed[(self.width, a)] - dot(&self.projected[a], &self.right),
+            |a, left| remaining(a, a) > LEFT * length(a) && left > LEFT * length(a),
         )?;
         for (column, x) in solved.kept.iter().zip(solved.solution()) {
             values[column - first] = x;

@@ -31,8 +31,8 @@ fn with(mut model: Model, kind: &str, joint: usize, given: &[(&str, &[f64])]) ->
 fn sweep(model: &Model, joint: usize, held: [f64; 6], (from, to): (f64, f64), count: u32) -> Sweep {
     let mut q: Joints = [0.0; JOINTS_MAX];
     q[..6].copy_from_slice(&held);
-    let there = (0..count).map(|i| (i, 1.0));
-    let steps = there.chain((0..count).rev().map(|i| (i, -1.0))).map(|(i, direction)| {
+    let forward = (0..count).map(|i| (i, 1.0));
+    let steps = forward.chain((0..count).rev().map(|i| (i, -1.0))).map(|(i, direction)| {
         q[joint] = from + (to - from) * f64::from(i) / f64::from(count - 1);
         let mut inputs = Inputs::at_rest(q);
         inputs.direction[joint] = direction;
@@ -68,15 +68,15 @@ fn the_axis_of_joint_five_stands_where_the_sag_of_the_joints_before_puts_it() {
     let chain = Chain::nominal(&model.arm, &step.q);
     let deviation = model.evaluate(&step, &Memories::default()).deviation;
     // Joint 4 does not deflect at θ4 = 0, joints 2 and 3 by the same at every step: the raw axis is off by this, the corrected one exact.
-    let off: DVec3 = (1..3)
+    let shift: DVec3 = (1..3)
         .map(|k| chain.axis(k).cross(chain.point(4) - chain.point(k)) * deviation.joints[k])
         .sum();
-    assert!(off.length() > 3e-4, "{off}");
+    assert!(shift.length() > 3e-4, "{shift}");
     let (raw, without) = (found(SagCorrection::AsMeasured), found(SagCorrection::Carriers));
     let miss = |axis: &JointAxis| axis.axis.nearest(chain.point(4)) - chain.point(4);
-    assert!((miss(&raw) - off).length() < 1e-6, "{} not {off}", miss(&raw));
+    assert!((miss(&raw) - shift).length() < 1e-6, "{} not {shift}", miss(&raw));
     assert!(miss(&without).length() < 1e-9 && without.axis.residual_rms_m < 1e-9);
-    assert!((without.shifted_by_sag + off).length() < 1e-6, "{}", without.shifted_by_sag);
+    assert!((without.shifted_by_sag + shift).length() < 1e-6, "{}", without.shifted_by_sag);
     assert!(without.moved_by_sag_m > 3e-4 && raw.moved_by_sag_m == 0.0);
     assert_eq!((raw.shifted_by_sag, raw.turned_by_sag), (DVec3::ZERO, DVec3::ZERO));
 }
@@ -107,9 +107,9 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
     triangle.reduce();
     let wanted = triangle.solve(&[]);
     let wanted = DVec3::new(wanted[0], 0.0, wanted[1]);
-    let off = raw.axis.nearest(pivot) - pivot;
+    let shift = raw.axis.nearest(pivot) - pivot;
     assert!(wanted.length() > 1e-4, "{wanted}");
-    assert!((off - wanted).length() < 0.01 * wanted.length(), "{off} not {wanted}");
+    assert!((shift - wanted).length() < 0.01 * wanted.length(), "{shift} not {wanted}");
     let without = swept.axis(&model, SagCorrection::Carriers, None).expect("arcs");
     assert!((without.axis.nearest(pivot) - pivot).length() < 1e-9);
 }
@@ -260,12 +260,12 @@ proptest! {
     ) {
         let before = [at, at + line];
         let after = before.map(|p| rotation_from_vector(turn) * p + DVec3::new(1e-3, -2e-3, 5e-4));
-        let seen = tilt_of_two_targets(before, after, 1e-5).expect("apart");
-        let across = turn - seen.unobservable_axis * seen.unobservable_axis.dot(turn);
-        prop_assert!((seen.turn - across).length() < 2e-6, "{} not {across}", seen.turn);
-        prop_assert!(seen.turn.dot(seen.unobservable_axis).abs() < 1e-12);
+        let tilt = tilt_of_two_targets(before, after, 1e-5).expect("apart");
+        let across = turn - tilt.unobservable_axis * tilt.unobservable_axis.dot(turn);
+        prop_assert!((tilt.turn - across).length() < 2e-6, "{} not {across}", tilt.turn);
+        prop_assert!(tilt.turn.dot(tilt.unobservable_axis).abs() < 1e-12);
         // About the line itself nothing moves, so nothing is observed.
-        let about = Frame::about(at, rotation_about(seen.unobservable_axis, 5e-3));
+        let about = Frame::about(at, rotation_about(tilt.unobservable_axis, 5e-3));
         let hidden = tilt_of_two_targets(before, before.map(|p| about.point(p)), 1e-5).expect("apart");
         prop_assert!(hidden.turn.length() < 1e-12);
     }

@@ -59,11 +59,11 @@ fn loaded_links(model: &Model, count: u32) -> Vec<LoadedLink> {
         let (n1, n2) = physics::frame::normals(nominal.axis);
         let target = nominal.point + (n1 + n2 * 0.5) * 0.35 + nominal.axis * 0.1;
         for (q, wrench_base) in (0..count).map(pose) {
-            let seen = |wrench_base| {
+            let observed = |wrench_base| {
                 let inputs = Inputs { wrench_base, ..Inputs::at_rest(q) };
                 model.evaluate(&inputs, &Memories::default()).real.body(joint).point(target)
             };
-            let (before, after) = (seen(Wrench::ZERO), seen(wrench_base));
+            let (before, after) = (observed(Wrench::ZERO), observed(wrench_base));
             cases.push(LoadedLink { joint, q, wrench_base, before, after });
         }
     }
@@ -81,8 +81,8 @@ fn coverage(found: impl Fn(u64) -> Compliances) -> f64 {
     for seed in 0..400 {
         let found = found(seed);
         for (joint, stiffness) in (1..5).zip(THESIS) {
-            let off = found.value[joint].expect("loaded") - 1.0 / stiffness;
-            inside += u32::from(off.abs() < 1.96 * found.sigma(joint));
+            let error = found.value[joint].expect("loaded") - 1.0 / stiffness;
+            inside += u32::from(error.abs() < 1.96 * found.sigma(joint));
             all += 1;
         }
     }

@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 /// Sweeps of all joints, up and down, each with the others at `home`.
 fn swept(home: [f64; 6]) -> Campaign {
     let mut campaign = unmeasured_campaign(3, 1);
-    let like = campaign.poses[0].clone();
+    let template = campaign.poses[0].clone();
     campaign.poses.clear();
     for joint in 0..6 {
         for k in (0..=12).chain((0..12).rev()) {
@@ -17,7 +17,7 @@ fn swept(home: [f64; 6]) -> Campaign {
             q[..6].copy_from_slice(&home);
             q[joint] += f64::from(k - 6) * 0.1;
             let row = campaign.poses.len();
-            let mut pose = Pose { inputs: Inputs::at_rest(q), row, ..like.clone() };
+            let mut pose = Pose { inputs: Inputs::at_rest(q), row, ..template.clone() };
             pose.inputs.time_s = row as f64;
             campaign.poses.push(pose);
         }
@@ -53,8 +53,8 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
     let found = sweeps(&truth.arm, &campaign, &campaign.surroundings);
     let joints: Vec<usize> = found.iter().map(|found| found.sweep.joint).collect();
     assert_eq!(joints, [0, 1, 2, 3, 4, 5]);
-    let said = analyse_sweeps(&truth, SagCorrection::AllOthers, found);
-    let tilt = said[3].error.expect("an axis");
+    let results = analyse_sweeps(&truth, SagCorrection::AllOthers, found);
+    let tilt = results[3].error.expect("an axis");
     for (found, sigma, truth) in [
         (tilt.tilt_rad[0], tilt.sigma_tilt_rad[0], 8e-4),
         (tilt.tilt_rad[1], tilt.sigma_tilt_rad[1], -6e-4),
@@ -62,13 +62,13 @@ fn sweeps_are_found_and_say_what_each_joint_has() {
         assert!((found - truth).abs() < 5.0 * sigma + 2e-6, "{found} ± {sigma}, truth {truth}");
     }
     // Joint 2 deflects while joint 3 sweeps, which appears as a shift in the raw tracks.
-    assert!(said[2].axis.as_ref().expect("an axis").moved_by_sag_m > 1e-5);
-    let errors = said[4].errors.as_ref().expect("errors");
+    assert!(results[2].axis.as_ref().expect("an axis").moved_by_sag_m > 1e-5);
+    let errors = results[4].errors.as_ref().expect("errors");
     let lost: Vec<f64> = errors.steps.iter().filter_map(|s| s.half_lost_motion_rad).collect();
     let mean = lost.iter().sum::<f64>() / lost.len() as f64;
     assert!(lost.len() >= 10 && (mean - 2e-4).abs() < 2e-5, "{mean}");
-    let of_joints = joint_models(&truth.arm, &said);
-    assert!(of_joints.iter().any(|of| of.joint == 1), "{of_joints:?}");
+    let of_joints = joint_models(&truth.arm, &results);
+    assert!(of_joints.iter().any(|model| model.joint == 1), "{of_joints:?}");
 }
 
 #[test]
@@ -80,12 +80,12 @@ fn axes_stand_to_each_other_as_the_arm_has_them_whatever_the_frame() {
     // The pose of the tracker is unknown: the relative positions of the axes are the same.
     let mut elsewhere = campaign.surroundings.clone();
     elsewhere.frames[0].value.measuring_from_base = physics::Frame::IDENTITY;
-    let said = analyse_sweeps(
+    let results = analyse_sweeps(
         &model,
         SagCorrection::AsMeasured,
         sweeps(&model.arm, &campaign, &elsewhere),
     );
-    let relative = relative_axes(&said);
+    let relative = relative_axes(&results);
     assert_eq!(relative.len(), 5);
     let right = std::f64::consts::FRAC_PI_2;
     for (relative, (angle, distance)) in
@@ -93,8 +93,8 @@ fn axes_stand_to_each_other_as_the_arm_has_them_whatever_the_frame() {
     {
         let angle = (relative.angle_rad - angle).abs().min((PI - relative.angle_rad - angle).abs());
         assert!(angle < 5.0 * relative.sigma_angle_rad + 1e-9, "{relative:?}");
-        let off = (relative.distance_m - distance).abs();
-        assert!(off < 5.0 * relative.sigma_distance_m, "{relative:?} against {distance}");
+        let error = (relative.distance_m - distance).abs();
+        assert!(error < 5.0 * relative.sigma_distance_m, "{relative:?} against {distance}");
     }
 }
 

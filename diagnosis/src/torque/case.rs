@@ -53,7 +53,7 @@ pub(super) struct Case {
 
 /// Row ranges of the runs for the data split, with a gap as wide as the filter needs.
 fn runs(motion: &Motion, recordings: &[Recording]) -> Vec<RunSpan> {
-    let said = recordings.iter().any(|one| one.metadata.heldout != HeldOut::Unspecified);
+    let is_stated = recordings.iter().any(|one| one.metadata.heldout != HeldOut::Unspecified);
     let mut from = 0;
     let run = |run: &Run| {
         let rows = from..from + run.rows.len();
@@ -61,8 +61,8 @@ fn runs(motion: &Motion, recordings: &[Recording]) -> Vec<RunSpan> {
         let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
         let row_s = stride as f64 * run.step_s;
         let gap = (GAP_PERIODS / (motion.band_hz * row_s)).ceil() as usize;
-        let own = reserved(&recordings[run.recording].metadata.heldout, run.segment);
-        RunSpan { rows, gap, reserved: own.or(said.then_some(false)) }
+        let reserved_rows = reserved(&recordings[run.recording].metadata.heldout, run.segment);
+        RunSpan { rows, gap, reserved: reserved_rows.or(is_stated.then_some(false)) }
     };
     motion.runs.iter().map(run).collect()
 }

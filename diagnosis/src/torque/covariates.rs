@@ -29,7 +29,7 @@ pub(super) fn covariates(motion: &Motion, joint: usize) -> Vec<Covariate> {
     };
     let track = |run: usize| &motion.runs[run].joints[joint];
     let name = |stem: &str| format!("{stem}{}", joint + 1);
-    let mut words = vec![
+    let mut covariates = vec![
         Covariate { name: name("q"), values: all(&|run, row| track(run).q[row]) },
         Covariate { name: name("v"), values: all(&|run, row| track(run).v[row]) },
         Covariate { name: name("a"), values: all(&|run, row| track(run).a[row]) },
@@ -37,13 +37,13 @@ pub(super) fn covariates(motion: &Motion, joint: usize) -> Vec<Covariate> {
     ];
     if motion.runs.iter().all(|run| !run.joints[joint].temperature.is_empty()) {
         let values = all(&|run, row| track(run).temperature[row]);
-        words.push(Covariate { name: format!("{}_C", name("temp")), values });
+        covariates.push(Covariate { name: format!("{}_C", name("temp")), values });
     }
     for other in 0..motion.runs.first().map_or(0, |run| run.joints.len()) {
         if other != joint {
             let values = all(&|run, row| motion.runs[run].joints[other].q[row]);
-            words.push(Covariate { name: format!("q{}", other + 1), values });
+            covariates.push(Covariate { name: format!("q{}", other + 1), values });
         }
     }
-    words
+    covariates
 }

@@ -51,16 +51,17 @@ impl LowPass {
             return lists.map(|_| Vec::new());
         }
         let pad = self.pad.min(count - 1);
-        let at = |k: usize| lists.map(|samples| samples[k]);
+        let values_at = |k: usize| lists.map(|samples| samples[k]);
         // The ends are padded by point reflection about the end sample, which keeps value and slope continuous.
         let reflected = |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
         let before = (1..=pad).rev().map(|k| reflected(0, k));
         let after = (1..=pad).map(|k| reflected(count - 1, count - 1 - k));
-        let mut long: Vec<[f64; N]> = before.chain((0..count).map(at)).chain(after).collect();
+        let mut long: Vec<[f64; N]> =
+            before.chain((0..count).map(values_at)).chain(after).collect();
         self.filter_in_place(long.iter_mut());
         self.filter_in_place(long.iter_mut().rev());
         let passed = &long[pad..pad + count];
-        std::array::from_fn(|list| passed.iter().map(|at| at[list]).collect())
+        std::array::from_fn(|list| passed.iter().map(|values| values[list]).collect())
     }
 
     /// Filters in place through both sections, starting from the steady state of the first sample.
@@ -115,14 +116,14 @@ pub(super) fn delayed(samples: &[f64], by: f64) -> Vec<f64> {
     let Some(last) = samples.len().checked_sub(1) else { return Vec::new() };
     let nearest = NEAREST.min(samples.len());
     let value = |k: usize| {
-        let at = (k as f64 - by).clamp(0.0, last as f64);
-        let from = (at as usize).saturating_sub(NEAREST / 2 - 1).min(samples.len() - nearest);
-        let near = from..from + nearest;
+        let position = (k as f64 - by).clamp(0.0, last as f64);
+        let from = (position as usize).saturating_sub(NEAREST / 2 - 1).min(samples.len() - nearest);
+        let support = from..from + nearest;
         let weight = |i: usize| {
-            let others = near.clone().filter(|j| *j != i);
-            others.map(|j| (at - j as f64) / (i as f64 - j as f64)).product::<f64>()
+            let others = support.clone().filter(|j| *j != i);
+            others.map(|j| (position - j as f64) / (i as f64 - j as f64)).product::<f64>()
         };
-        near.clone().map(|i| weight(i) * samples[i]).sum()
+        support.clone().map(|i| weight(i) * samples[i]).sum()
     };
     (0..samples.len()).map(value).collect()
 }
@@ -170,11 +171,11 @@ mod tests {
         let slow = wave(60.0, 1000);
         let worst = |by: f64| {
             let late = delayed(&slow, by);
-            let off = (20..980).map(|k| {
+            let errors = (20..980).map(|k| {
                 let then = libm::sin(2.0 * PI * 0.06 * (k as f64 - by));
                 (late[k] - then).abs()
             });
-            off.fold(0.0, f64::max)
+            errors.fold(0.0, f64::max)
         };
         assert!(worst(2.0) < 1e-12);
         assert!(worst(0.37) < 1e-3 && worst(-7.5) < 1e-3, "{} {}", worst(0.37), worst(-7.5));

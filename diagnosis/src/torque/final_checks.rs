@@ -17,15 +17,17 @@ pub(super) fn passing_effects(
     case: &Case,
     search: &TermSearch<'_>,
     weighed: &[AssessedEffect],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> (Vec<AssessedEffect>, Vec<usize>) {
     let mut weighed =
-        with_fuller_forms(case, search, with_admissible_parameters(search, weighed), seen);
+        with_fuller_forms(case, search, with_admissible_parameters(search, weighed), fitted_rows);
     let names = weighed.iter().map(|one| one.candidate).collect();
-    let (mut names, refuted) = supported_effects(case, search, names, seen);
+    let (mut names, refuted) = supported_effects(case, search, names, fitted_rows);
     weighed.retain(|one| names.contains(&one.candidate));
     while !refuted.is_empty() {
-        let Some(candidate) = contradicted_parameter(case, search, &names, seen) else { break };
+        let Some(candidate) = contradicted_parameter(case, search, &names, fitted_rows) else {
+            break;
+        };
         names.push(candidate);
         let selection = search.solve(&names);
         let (confidence, alternatives) = parameters::alternatives(search, &selection, candidate);
@@ -44,7 +46,7 @@ pub(super) fn contradicted_parameter(
     case: &Case,
     search: &TermSearch<'_>,
     names: &[usize],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<usize> {
     let families = &case.library.terms;
     let selection = search.solve(names);
@@ -56,7 +58,7 @@ pub(super) fn contradicted_parameter(
     let (name, _) = best.filter(|best| best.1 > MARGIN)?;
     let with: Vec<usize> = names.iter().copied().chain([name]).collect();
     let is_sure =
-        fit_quality::significance_of(case, search, &with, families[name].columns[0], seen)
+        fit_quality::significance_of(case, search, &with, families[name].columns[0], fitted_rows)
             > DEVIATION_LEAST;
     (is_sure && search.admissible(with.clone()) == with).then_some(name)
 }
@@ -66,27 +68,28 @@ fn with_fuller_forms(
     case: &Case,
     search: &TermSearch<'_>,
     weighed: Vec<AssessedEffect>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Vec<AssessedEffect> {
     let families = &case.library.terms;
     let mut names: Vec<usize> = weighed.iter().map(|one| one.candidate).collect();
     let mut all = weighed;
-    for at in 0..names.len() {
-        let own = &families[names[at]];
+    for index in 0..names.len() {
+        let effect = &families[names[index]];
         let is_more = |name: &usize| {
             let other = &families[*name];
-            other.is_same_effect(own)
-                && other.columns.len() > own.columns.len()
-                && own.columns.iter().all(|column| other.columns.contains(column))
+            other.is_same_effect(effect)
+                && other.columns.len() > effect.columns.len()
+                && effect.columns.iter().all(|column| other.columns.contains(column))
         };
         let Some(more) = (0..families.len()).find(is_more) else { continue };
         let mut with = names.clone();
-        with[at] = more;
-        let added = families[more].columns.iter().filter(|column| !own.columns.contains(column));
-        let is_told =
-            |column: &usize| fit_quality::significance_of(case, search, &with, *column, seen) > 1.0;
-        if added.into_iter().any(is_told) {
-            (names[at], all[at].candidate) = (more, more);
+        with[index] = more;
+        let added = families[more].columns.iter().filter(|column| !effect.columns.contains(column));
+        let is_significant = |column: &usize| {
+            fit_quality::significance_of(case, search, &with, *column, fitted_rows) > 1.0
+        };
+        if added.into_iter().any(is_significant) {
+            (names[index], all[index].candidate) = (more, more);
         }
     }
     all
@@ -98,9 +101,10 @@ fn supported_effects(
     case: &Case,
     search: &TermSearch<'_>,
     mut names: Vec<usize>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
-    let covariance = |solved: &LeastSquaresSolution| fit_quality::covariance(case, solved, seen);
+    let covariance =
+        |solved: &LeastSquaresSolution| fit_quality::covariance(case, solved, fitted_rows);
     let mut refuted = Vec::new();
     loop {
         let before = names.len();
@@ -158,9 +162,9 @@ fn with_admissible_parameters(
             let with: Vec<usize> = stand.iter().copied().chain([rival.candidate]).collect();
             search.admissible(with.clone()) == with
         };
-        let alike =
+        let equivalent =
             one.alternatives.iter().position(|rival| rival.is_indistinguishable && fits(rival));
-        if let Some(rival) = alike.map(|at| one.alternatives.remove(at)) {
+        if let Some(rival) = equivalent.map(|index| one.alternatives.remove(index)) {
             replace_by(search, &mut one, &rival);
         }
         one

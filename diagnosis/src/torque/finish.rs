@@ -30,15 +30,15 @@ pub(super) fn finish(
     zones: Vec<Zone>,
 ) -> Diagnosis {
     let arm = &stated.model.arm;
-    let (seen, held) = (case.row_sets.seen(), &case.row_sets.test);
-    let products = case.products(&seen);
+    let (fitted_rows, held) = (case.row_sets.fitted(), &case.row_sets.test);
+    let products = case.products(&fitted_rows);
     let search = nonlinear_parameters::search(case, &products, always);
     let given = search.solve(&[]);
-    let (weighed, refuted) = &final_checks::passing_effects(case, &search, weighed, &seen);
+    let (weighed, refuted) = &final_checks::passing_effects(case, &search, weighed, &fitted_rows);
     let names: Vec<usize> = weighed.iter().map(|one| one.candidate).collect();
-    let (mut told, names) = with_significant_size(case, stated, &search, names);
-    told.with_zone_rows = fit_with_zone_rows(case, always, &names, &zones, &seen);
-    let selection = &told.selection;
+    let (mut fitted, names) = with_significant_size(case, stated, &search, names);
+    fitted.with_zone_rows = fit_with_zone_rows(case, always, &names, &zones, &fitted_rows);
+    let selection = &fitted.selection;
     let listed =
         validation::attributed(&search, selection, &|solved| fit_quality::rms(case, solved, held));
     let outside = match zones.is_empty() {
@@ -54,7 +54,7 @@ pub(super) fn finish(
             joint: family.joint,
             recording: family.recording,
             is_change: stated.states_correctable(family.kind, family.joint),
-            parameters: told.parameters(case, stated, one.name),
+            parameters: fitted.parameters(case, stated, one.name),
             confidence: weighed.map_or(0.0, |one| one.confidence),
             gain: weighed.map_or(0.0, |one| one.gain),
             alternatives: weighed.map_or(Vec::new(), |one| one.alternatives.clone()),
@@ -78,10 +78,10 @@ pub(super) fn finish(
         notes,
         findings,
         candidates,
-        refits: refits(case, stated, selection, &told.covariance),
+        refits: refits(case, stated, selection, &fitted.covariance),
         unexplained: beyond.map(|beyond| beyond.law),
         heldout: [&given, selection].map(|one| fit_quality::rms(case, &one.solved, held)),
-        noise: fit_quality::rms(case, &selection.solved, &seen),
+        noise: fit_quality::rms(case, &selection.solved, &fitted_rows),
         signal: signal(&by_joint),
         by_joint,
         band_hz: case.motion.band_hz,
@@ -123,9 +123,9 @@ fn verdict(
     // Among effects that explain the same, the one with the fewest parameters is preferred (docs/reference/effects.md), claimed or not: a payload on
     // a single slide is its mass.
     let takes_more = |one: &Finding, rival: &AlternativeEffect| {
-        let own: usize = one.parameters.iter().map(|number| number.values.len()).sum();
+        let own_count: usize = one.parameters.iter().map(|number| number.values.len()).sum();
         let others = case.library.terms.get(rival.candidate).map_or(0, CandidateTerm::count);
-        rival.extra_parameters > 0.0 || others > own
+        rival.extra_parameters > 0.0 || others > own_count
     };
     let is_alike = |one: &Finding| {
         let mut rivals = one.alternatives.iter();
@@ -153,13 +153,13 @@ pub(super) struct FitWithUncertainty {
 impl FitWithUncertainty {
     /// The fit without the rows of zones.
     fn of(case: &Case, stated: &StatedModel<'_>, search: &TermSearch<'_>, names: &[usize]) -> Self {
-        let seen = case.row_sets.seen();
+        let fitted_rows = case.row_sets.fitted();
         let selection = search.solve(names);
         let viscous = |joint| viscous(case, stated, &selection, joint);
         let (covariance, searched_sigmas) =
-            fit_quality::covariance_with_searched(case, &selection, &seen, &viscous);
+            fit_quality::covariance_with_searched(case, &selection, &fitted_rows, &viscous);
         let hysteresis_changes =
-            nonlinear_parameters::changes_under_maxwell_slip(case, &selection, &seen);
+            nonlinear_parameters::changes_under_maxwell_slip(case, &selection, &fitted_rows);
         Self { selection, covariance, searched_sigmas, with_zone_rows: None, hysteresis_changes }
     }
 
@@ -170,8 +170,8 @@ impl FitWithUncertainty {
         name: usize,
     ) -> Vec<parameters::FittedParameter> {
         let (selection, family) = (&self.selection, &case.library.terms[name]);
-        let share = |of: &[(usize, f64)], key: usize| {
-            of.iter().find(|(other, _)| *other == key).map_or(0.0, |one| one.1)
+        let share = |shares: &[(usize, f64)], key: usize| {
+            shares.iter().find(|(other, _)| *other == key).map_or(0.0, |one| one.1)
         };
         let moved = |column: usize| {
             let form = share(&self.hysteresis_changes, column);
@@ -198,7 +198,7 @@ pub(super) fn with_significant_size(
     mut names: Vec<usize>,
 ) -> (FitWithUncertainty, Vec<usize>) {
     loop {
-        let told = FitWithUncertainty::of(case, stated, search, &names);
+        let fitted = FitWithUncertainty::of(case, stated, search, &names);
         let has_size = |name: &&usize| match case.library.terms[**name].form {
             CoefficientForm::Plain(stems) => stems.len() == 1,
             CoefficientForm::Loop | CoefficientForm::Warmth | CoefficientForm::Wave => true,
@@ -207,16 +207,16 @@ pub(super) fn with_significant_size(
             }
         };
         let sure = |name: &usize| {
-            let numbers = told.parameters(case, stated, *name);
+            let numbers = fitted.parameters(case, stated, *name);
             let size = numbers.first().map(|one| (one.values[0] / one.sigma[0]).abs());
             (*name, size.unwrap_or(0.0))
         };
-        let least = names.iter().filter(has_size).map(sure);
-        match least.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        let uncertain = names.iter().filter(has_size).map(sure);
+        match uncertain.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((name, sure)) if sure < validation::SIGNIFICANCE_SIGMAS => {
                 names = search.admissible(without_term(&names, name));
             }
-            _ => return (told, names),
+            _ => return (fitted, names),
         }
     }
 }
@@ -256,9 +256,9 @@ fn refits(
     covariance: &DMatrix<f64>,
 ) -> Vec<RefittedParameter> {
     let solved = &selection.solved;
-    let one = |(column, of, _): &(usize, (usize, usize), _)| {
-        let at = solved.columns.iter().position(|k| k == column)?;
-        stated.refit(*of, solved.values[at], covariance[(at, at)].sqrt())
+    let one = |(column, parameter, _): &(usize, (usize, usize), _)| {
+        let index = solved.columns.iter().position(|k| k == column)?;
+        stated.refit(*parameter, solved.values[index], covariance[(index, index)].sqrt())
     };
     case.uncertain_parameters.iter().filter_map(one).collect()
 }
@@ -308,17 +308,17 @@ fn notes(
     }
     notes.extend(refuted.iter().map(|name| {
         let family = &case.library.terms[*name];
-        let of = joint_suffix(family.joint);
+        let suffix = joint_suffix(family.joint);
         format!(
-            "`{}`{of} was selected but increases the error on held-out rows: it is not reported",
+            "`{}`{suffix} was selected but increases the error on held-out rows: it is not reported",
             family.kind
         )
     }));
     notes.extend(zones.iter().map(|zone| zone.note(arm)));
     notes.extend(outside.iter().map(|name| {
         let family = &case.library.terms[*name];
-        let of = joint_suffix(family.joint);
-        format!("`{}`{of} reduces the error only outside the low-speed zones", family.kind)
+        let suffix = joint_suffix(family.joint);
+        format!("`{}`{suffix} reduces the error only outside the low-speed zones", family.kind)
     }));
     if always.len() > case.always_fitted.len() {
         notes.push("the stated masses do not match the torques exactly: they were estimated too, within 5 % and 20 mm".to_owned());
@@ -341,7 +341,7 @@ fn fit_with_zone_rows(
     always: &[usize],
     names: &[usize],
     zones: &[Zone],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<TermSelection> {
     if zones.is_empty() {
         return None;
@@ -349,7 +349,7 @@ fn fit_with_zone_rows(
     let mut table = case.table.clone();
     table.counts.clone_from(&table.moves);
     // Reuses the buffer of the case's sums to save memory; they are recomputed when next needed.
-    let sums = ProductCache::updated(case.sums.take(), &table, &case.library.columns, seen);
+    let sums = ProductCache::updated(case.sums.take(), &table, &case.library.columns, fitted_rows);
     let products = sums.products(case.library.prior.clone());
     case.sums.replace(Some(sums));
     Some(TermSearch { library: &case.library, products: &products, always }.solve(names))
@@ -360,8 +360,8 @@ fn joint_validation(
     (given, selection): (&TermSelection, &TermSelection),
     joint: usize,
 ) -> JointValidation {
-    let held_and = |of: &[bool]| -> Vec<bool> {
-        case.row_sets.test.iter().zip(of).map(|(held, counts)| *held && *counts).collect()
+    let held_and = |rows: &[bool]| -> Vec<bool> {
+        case.row_sets.test.iter().zip(rows).map(|(held, counts)| *held && *counts).collect()
     };
     let held = &held_and(&case.table.moves[joint]);
     let outside = held_and(&case.table.counts[joint]);

@@ -53,11 +53,11 @@ pub(super) fn is_supported(
     left: [&Vec<f64>; 2],
     used: &[bool],
 ) -> bool {
-    let told: Vec<f64> =
+    let predicted: Vec<f64> =
         left[0].iter().zip(left[1]).map(|(before, after)| before - after).collect();
-    let [before, after, told] = [left[0], left[1], &told]
+    let [before, after, predicted] = [left[0], left[1], &predicted]
         .map(|values| sum_of_squares(table, joint, &table.whitened(joint, values), used));
-    let [gain, wanted] = [0.5 * (before - after), 0.5 * told];
+    let [gain, wanted] = [0.5 * (before - after), 0.5 * predicted];
     gain > GAIN_SHARE_LEAST * wanted - libm::sqrt(wanted)
 }
 
@@ -80,12 +80,12 @@ pub(super) fn significance_of(
     search: &TermSearch<'_>,
     names: &[usize],
     column: usize,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> f64 {
     let solved = search.solve(names).solved;
-    let covariance = covariance(case, &solved, seen);
-    let at = solved.columns.iter().position(|k| *k == column);
-    at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
+    let covariance = covariance(case, &solved, fitted_rows);
+    let index = solved.columns.iter().position(|k| *k == column);
+    index.map_or(0.0, |index| solved.values[index].abs() / covariance[(index, index)].sqrt())
 }
 
 /// Splits effects into those that held-out rows do not contradict, and those that increase the error there. None is replaced.
@@ -112,8 +112,8 @@ pub(super) fn covariance(
     let step_s = case.motion.runs.iter().map(|run| run.step_s).fold(0.0, f64::max);
     let delays = case.library.terms.iter().filter(|family| family.kind == "torque_delay");
     for column in delays.flat_map(|family| &family.columns) {
-        if let Some(at) = solved.columns.iter().position(|k| k == column) {
-            all[(at, at)] += (STEP_SHARE * step_s) * (STEP_SHARE * step_s);
+        if let Some(index) = solved.columns.iter().position(|k| k == column) {
+            all[(index, index)] += (STEP_SHARE * step_s) * (STEP_SHARE * step_s);
         }
     }
     all
@@ -128,9 +128,9 @@ pub(super) fn covariance_with_searched(
     viscous: &dyn Fn(usize) -> f64,
 ) -> (DMatrix<f64>, Vec<(usize, f64)>) {
     let (solved, columns) = (&selection.solved, &case.library.columns);
-    let own = |column: &usize| is_reported(case, selection, *column);
+    let is_reported_column = |column: &usize| is_reported(case, selection, *column);
     let places: Vec<usize> =
-        (0..solved.columns.len()).filter(|k| own(&solved.columns[*k])).collect();
+        (0..solved.columns.len()).filter(|k| is_reported_column(&solved.columns[*k])).collect();
     let covariance = covariance(case, solved, used);
     let covariance =
         variance_floor::with_ar_floor(covariance, (&case.table, columns), solved, &places, used);
@@ -145,11 +145,12 @@ pub(super) fn covariance_with_searched(
     if slopes.is_empty() && bent.is_empty() {
         return (covariance, Vec::new());
     }
-    let own = selection.solved.columns.iter().map(|column| {
+    let of_selection = selection.solved.columns.iter().map(|column| {
         let bent = bent.iter().find(|(place, _)| place == column);
         bent.map_or(&case.library.columns[*column], |(_, bent)| bent)
     });
-    let columns: Vec<&Regressor> = own.chain(slopes.iter().map(|(_, slope)| slope)).collect();
+    let columns: Vec<&Regressor> =
+        of_selection.chain(slopes.iter().map(|(_, slope)| slope)).collect();
     let mut prior: Vec<f64> =
         selection.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
     prior.resize(columns.len(), 0.0);
@@ -163,24 +164,25 @@ pub(super) fn covariance_with_searched(
     solved.values.fill(0.0);
     let columns: Vec<Regressor> = columns.into_iter().cloned().collect();
     let whole = regression_data::covariance(&table, &columns, &solved, used);
-    let told = places.into_iter().chain(selection.solved.columns.len()..columns.len());
-    let told = told.filter_map(|column| solved.columns.iter().position(|k| *k == column));
+    let reported = places.into_iter().chain(selection.solved.columns.len()..columns.len());
+    let reported = reported.filter_map(|column| solved.columns.iter().position(|k| *k == column));
     let whole = variance_floor::with_ar_floor(
         whole,
         (&table, &columns),
         &solved,
-        &told.collect::<Vec<usize>>(),
+        &reported.collect::<Vec<usize>>(),
         used,
     );
-    let at = |column: usize| solved.columns.iter().position(|k| *k == column);
+    let index_of = |column: usize| solved.columns.iter().position(|k| *k == column);
     let count = selection.solved.columns.len();
-    let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {
+    let all = DMatrix::from_fn(count, count, |i, j| match (index_of(i), index_of(j)) {
         // Additional free parameters cannot reduce a variance.
         (Some(a), Some(b)) if i == j => whole[(a, b)].max(covariance[(i, j)]),
         (Some(a), Some(b)) => whole[(a, b)],
         _ => covariance[(i, j)],
     });
-    let spread = |k: usize| at(count + k).map_or(1.0, |at| libm::sqrt(whole[(at, at)]));
+    let spread =
+        |k: usize| index_of(count + k).map_or(1.0, |index| libm::sqrt(whole[(index, index)]));
     (all, slopes.iter().enumerate().map(|(k, (name, _))| (*name, spread(k))).collect())
 }
 

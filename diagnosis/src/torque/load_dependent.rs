@@ -30,8 +30,8 @@ pub(super) struct StatedLoadFriction {
 impl StatedLoadFriction {
     /// The stated load-dependent friction of all joints.
     pub(super) fn stated(stated: &StatedModel<'_>) -> Vec<Self> {
-        let of = |joint| (joint, stated.first_value(KIND, joint));
-        let all = (0..stated.model.arm.count()).map(of).filter(|(_, share)| *share != 0.0);
+        let share_of = |joint| (joint, stated.first_value(KIND, joint));
+        let all = (0..stated.model.arm.count()).map(share_of).filter(|(_, share)| *share != 0.0);
         all.map(|(joint, coefficient)| Self { joint, coefficient, correction: Vec::new() })
             .collect()
     }
@@ -49,10 +49,10 @@ impl Case {
         let is_open: Vec<bool> =
             (0..self.inertial_columns).map(|k| self.always_fitted.contains(&k)).collect();
         // Only unstated masses count as load at first; candidate masses and fitted stated masses are included once they are selected.
-        let of = |k: usize| is_open.get(k) == Some(&true);
+        let is_load = |k: usize| is_open.get(k) == Some(&true);
         let mut rich = self.fit_of_all_candidates();
         for _ in 0..if self.stated_load_friction.is_empty() { 0 } else { FRICTION_ITERATIONS } {
-            self.update_stated_load_friction(&rich, &of);
+            self.update_stated_load_friction(&rich, &is_load);
             rich = self.fit_of_all_candidates();
         }
         let whole: Vec<(usize, Vec<f64>)> = joints
@@ -61,7 +61,7 @@ impl Case {
             .collect();
         self.library.add_torque_proportional(&self.motion, &self.stated_torque, &whole);
         for joint in joints {
-            let load = self.rigid_body_load(&rich, joint, &of);
+            let load = self.rigid_body_load(&rich, joint, &is_load);
             let column = self.load_friction_column(joint, &load);
             let family = CandidateTerm {
                 kind: KIND,
@@ -77,14 +77,14 @@ impl Case {
         }
     }
 
-    /// Torque of a joint by the model and the fitted columns that `of` accepts, N m or N.
+    /// Torque of a joint by the model and the fitted columns that `is_included` accepts, N m or N.
     fn modelled_torque(
         &self,
         solved: &LeastSquaresSolution,
         joint: usize,
-        of: &dyn Fn(usize) -> bool,
+        is_included: &dyn Fn(usize) -> bool,
     ) -> Vec<f64> {
-        let chosen = solved.columns.iter().zip(&solved.values).filter(|(k, _)| of(**k));
+        let chosen = solved.columns.iter().zip(&solved.values).filter(|(k, _)| is_included(**k));
         let parts: Vec<(&Regressor, f64)> =
             chosen.map(|(k, value)| (&self.library.columns[*k], *value)).collect();
         let mut torque = Regressor::linear_combination(&parts, joint, self.table.rows());
@@ -92,14 +92,14 @@ impl Case {
         torque
     }
 
-    /// Rigid-body torque of a joint: that of the stated masses and of the fitted columns that `of` accepts, N m or N.
+    /// Rigid-body torque of a joint: that of the stated masses and of the fitted columns that `is_load` accepts, N m or N.
     fn rigid_body_load(
         &self,
         solved: &LeastSquaresSolution,
         joint: usize,
-        of: &dyn Fn(usize) -> bool,
+        is_load: &dyn Fn(usize) -> bool,
     ) -> Vec<f64> {
-        let mut load = self.modelled_torque(solved, joint, of);
+        let mut load = self.modelled_torque(solved, joint, is_load);
         // Stated friction is not a load.
         let other = self.stated_torque[joint].iter().zip(&self.rigid[joint]);
         load.iter_mut().zip(other).for_each(|(load, (all, rigid))| *load -= all - rigid);
@@ -121,10 +121,10 @@ impl Case {
         let signs = TorqueTerm::VelocitySign.at_samples(&self.motion, joint);
         let mut all = Vec::with_capacity(load.len());
         for ((run, sharp), signs) in self.motion.runs.iter().zip(sharp).zip(signs) {
-            let told = run.interpolated_from_rows(&beyond[all.len()..all.len() + run.rows.len()]);
-            let sizes = sharp.iter().zip(told).zip(signs);
+            let extra = run.interpolated_from_rows(&beyond[all.len()..all.len() + run.rows.len()]);
+            let sizes = sharp.iter().zip(extra).zip(signs);
             let samples: Vec<f64> =
-                sizes.map(|((stated, told), sign)| (stated + told).abs() * sign).collect();
+                sizes.map(|((stated, extra), sign)| (stated + extra).abs() * sign).collect();
             all.extend(run.at_rows(&samples));
         }
         Regressor { parts: vec![(joint, all.into())] }
@@ -134,14 +134,15 @@ impl Case {
     fn update_stated_load_friction(
         &mut self,
         solved: &LeastSquaresSolution,
-        of: &dyn Fn(usize) -> bool,
+        is_load: &dyn Fn(usize) -> bool,
     ) {
         for place in 0..self.stated_load_friction.len() {
             let StatedLoadFriction { joint, coefficient, correction: ref beyond } =
                 self.stated_load_friction[place];
-            let told = self.load_friction_column(joint, &self.rigid_body_load(solved, joint, of));
+            let solved_column =
+                self.load_friction_column(joint, &self.rigid_body_load(solved, joint, is_load));
             let stated = self.load_friction_column(joint, &self.rigid[joint]);
-            let beside = [(&told, coefficient), (&stated, -coefficient)];
+            let beside = [(&solved_column, coefficient), (&stated, -coefficient)];
             let new = Regressor::linear_combination(&beside, joint, self.table.rows());
             let old = beyond.iter().copied().chain(std::iter::repeat(0.0));
             let more: Vec<f64> = new.iter().zip(old).map(|(new, old)| new - old).collect();
@@ -203,14 +204,14 @@ impl Case {
         let named: Vec<usize> =
             families.filter(of_masses).flat_map(|f| f.columns.clone()).collect();
         let inertial = self.inertial_columns;
-        let of = |k: usize| k < inertial || named.contains(&k);
+        let is_load = |k: usize| k < inertial || named.contains(&k);
         if !self.stated_load_friction.is_empty() {
-            self.update_stated_load_friction(solved, &of);
+            self.update_stated_load_friction(solved, &is_load);
         }
         let joints: Vec<usize> = self.table.joints().collect();
         for joint in joints {
             let column =
-                self.load_friction_column(joint, &self.rigid_body_load(solved, joint, &of));
+                self.load_friction_column(joint, &self.rigid_body_load(solved, joint, &is_load));
             let families = self.library.terms.iter();
             let place = families
                 .filter(|f| f.kind == KIND && f.joint == Some(joint))

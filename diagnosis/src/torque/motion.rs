@@ -109,10 +109,11 @@ impl Run {
         self.state(|track| track.unfiltered.each_ref().map(|list| list[sample]))
     }
 
-    fn state(&self, of: impl Fn(&Track) -> [f64; 3]) -> Inputs {
+    fn state(&self, components: impl Fn(&Track) -> [f64; 3]) -> Inputs {
         let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
         for (joint, track) in self.joints.iter().enumerate() {
-            [inputs.q[joint], inputs.velocity[joint], inputs.acceleration[joint]] = of(track);
+            [inputs.q[joint], inputs.velocity[joint], inputs.acceleration[joint]] =
+                components(track);
         }
         inputs
     }
@@ -126,12 +127,12 @@ impl Run {
     pub(super) fn all_at_rows<L: AsRef<[f64]>>(&self, lists: &[L]) -> Vec<Vec<f64>> {
         let lists: Vec<&[f64]> = lists.iter().map(AsRef::as_ref).collect();
         let mut all = vec![vec![0.0; self.rows.len()]; lists.len()];
-        let felt = |k: &usize| lists[*k].iter().any(|x| *x != 0.0);
-        let felt: Vec<usize> = (0..lists.len()).filter(felt).collect();
+        let nonzero = |k: &usize| lists[*k].iter().any(|x| *x != 0.0);
+        let nonzero: Vec<usize> = (0..lists.len()).filter(nonzero).collect();
         let mut put = |k: usize, passed: Vec<f64>| {
             all[k] = self.rows.iter().map(|row| passed[*row]).collect();
         };
-        let (pairs, last) = felt.as_chunks();
+        let (pairs, last) = nonzero.as_chunks();
         for &[one, other] in pairs {
             let [of_one, of_other] = self.filter.pass_each([lists[one], lists[other]]);
             put(one, of_one);
@@ -165,22 +166,24 @@ impl Run {
         self.start_s + sample as f64 * self.step_s
     }
 
-    /// Whether a joint moves at each row: all windows of [`REST_S`] within `after` samples span at least `least`, and no stop lies within half as
+    /// Whether a joint moves at each row: all windows of [`REST_S`] within `after` samples span at least `span_min`, and no stop lies within half as
     /// many samples.
-    fn moves(&self, joint: usize, least: f64, after: usize) -> Vec<bool> {
+    fn moves(&self, joint: usize, span_min: f64, after: usize) -> Vec<bool> {
         let Track { q, stops, .. } = &self.joints[joint];
         let half = (0.5 * REST_S / self.step_s).ceil() as usize;
-        let around = |k: usize, far: usize| k.saturating_sub(far)..(k + far + 1).min(q.len());
+        let around = |k: usize, half_width: usize| {
+            k.saturating_sub(half_width)..(k + half_width + 1).min(q.len())
+        };
         let moves = |k| {
             let [low, high] = span(q[around(k, half)].iter().copied());
-            high - low >= least
+            high - low >= span_min
         };
         let moves: Vec<bool> = (0..q.len()).map(moves).collect();
-        let near = |row: &usize| {
+        let is_moving = |row: &usize| {
             let stops = stops[around(*row, after / 2)].contains(&true);
             !stops && moves[around(*row, after)].iter().all(|moves| *moves)
         };
-        self.rows.iter().map(near).collect()
+        self.rows.iter().map(is_moving).collect()
     }
 }
 
@@ -262,11 +265,11 @@ impl Motion {
     /// Whether a joint moves, row by row.
     pub(super) fn moves(&self, joint: usize) -> Vec<bool> {
         let [low, high] = self.span(joint);
-        let least =
+        let span_min =
             if high - low > SPAN_LEAST { REST_SPAN_SHARE * (high - low) } else { f64::INFINITY };
         // The filter rings around a stop, so rows near one are excluded.
         let after = |run: &Run| (OMITTED_PERIODS / (run.step_s * self.band_hz)).ceil() as usize;
-        self.runs.iter().flat_map(|run| run.moves(joint, least, after(run))).collect()
+        self.runs.iter().flat_map(|run| run.moves(joint, span_min, after(run))).collect()
     }
 
     /// Range of a joint's position over all rows, lowest and highest, rad or m.
@@ -308,12 +311,12 @@ fn complete_sections(
 ) -> Vec<Vec<usize>> {
     let mut pieces: Vec<Vec<usize>> = Vec::new();
     for row in (0..recording.len()).filter(|row| whole(*row)) {
-        let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
+        let is_contiguous = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
             recording.segment[*before] == recording.segment[row]
                 && recording.t_s[row] - recording.t_s[*before] < GAP_STEPS * step_s
                 && recording.t_s[row] > recording.t_s[*before]
         });
-        if goes_on {
+        if is_contiguous {
             pieces.last_mut().into_iter().for_each(|piece| piece.push(row));
         } else {
             pieces.push(vec![row]);

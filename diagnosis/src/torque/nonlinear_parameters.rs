@@ -107,7 +107,7 @@ pub(super) fn search_parameters(
         let widest = largest_step(case, name, start);
         let mut value = start;
         let joint = case.library.terms[name].joint.unwrap_or(0);
-        let (least, lowest) =
+        let (shortest, lowest) =
             (shortest_reversal(&case.motion, joint), lowest_velocity(&case.motion, joint));
         let [low, high] = case.motion.span(joint);
         let longest = REVERSAL_SHARE_MOST * (high - low);
@@ -129,7 +129,7 @@ pub(super) fn search_parameters(
             };
             value *= 1.0 + moved.clamp(-MOVE_MOST * step, MOVE_MOST * step).max(-0.9);
             value = match case.library.terms[name].kind {
-                "hysteresis" => value.clamp(least, longest.max(least)),
+                "hysteresis" => value.clamp(shortest, longest.max(shortest)),
                 "stribeck_friction" => value.clamp(lowest, highest.max(lowest)),
                 _ => value,
             };
@@ -156,16 +156,17 @@ pub(super) fn fit_temperature_coefficients(
             let products = case.products(used);
             let solved = search(case, &products, always).solve(names).solved;
             let friction = viscous(joint) + found_viscous(case, names, &solved, joint);
-            let told = -solved.value(place).unwrap_or(0.0) / friction;
-            let off = told - per_kelvin;
-            if !told.is_finite() || off.abs() <= CONVERGED * told.abs() {
+            let implied = -solved.value(place).unwrap_or(0.0) / friction;
+            let mismatch = implied - per_kelvin;
+            if !implied.is_finite() || mismatch.abs() <= CONVERGED * implied.abs() {
                 break;
             }
             // A fixed-point step would oscillate or diverge, since the fitted coefficient falls at least as steeply as the assumed one rises; hence a
             // secant step.
-            let secant = before.map(|(k, o)| per_kelvin - off * (per_kelvin - k) / (off - o));
-            before = Some((per_kelvin, off));
-            per_kelvin = secant.filter(|k| k.is_finite() && k * told > 0.0).unwrap_or(told);
+            let secant =
+                before.map(|(k, o)| per_kelvin - mismatch * (per_kelvin - k) / (mismatch - o));
+            before = Some((per_kelvin, mismatch));
+            per_kelvin = secant.filter(|k| k.is_finite() && k * implied > 0.0).unwrap_or(implied);
             case.library.columns[place] =
                 TorqueTerm::ThermalDecrease { per_kelvin }.column(&case.motion, joint);
         }
@@ -218,8 +219,8 @@ pub(super) fn iterate_dependent_columns(
     };
     let of_load: Vec<usize> = names.iter().copied().filter(is_of_load).collect();
     let mut before: Vec<f64> = Vec::new();
-    let goes_on = !(of_load.is_empty() && case.stated_load_friction.is_empty());
-    for _ in 0..if goes_on { ROUNDS } else { 0 } {
+    let depends_on_load = !(of_load.is_empty() && case.stated_load_friction.is_empty());
+    for _ in 0..if depends_on_load { ROUNDS } else { 0 } {
         let products = case.products(used);
         let selection = search(case, &products, always).solve(names);
         let first = |name: &usize| selection.solved.value(case.library.terms[*name].columns[0]);
@@ -246,10 +247,10 @@ pub(super) fn found_viscous(
     let families = names.iter().map(|name| &case.library.terms[*name]);
     let mut viscous = families.filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint));
     let found = viscous.next().and_then(|f| solved.value(f.columns[0])).unwrap_or(0.0);
-    let own = |(column, _, first_of): &(usize, (usize, usize), Option<EffectKey>)| {
+    let value = |(column, _, first_of): &(usize, (usize, usize), Option<EffectKey>)| {
         (*first_of == Some(("viscous_friction", Some(joint)))).then(|| solved.value(*column))?
     };
-    found + case.uncertain_parameters.iter().filter_map(own).sum::<f64>()
+    found + case.uncertain_parameters.iter().filter_map(value).sum::<f64>()
 }
 
 /// Change of each hysteresis parameter if the loop is modelled by slipping springs instead of Dahl's law, per column. The law is unknown, and motion
@@ -273,18 +274,18 @@ pub(super) fn changes_under_maxwell_slip(
     if loops.is_empty() {
         return Vec::new();
     }
-    let own = |place: &usize| {
+    let column_of = |place: &usize| {
         let other = loops.iter().find(|(one, _)| one == place);
         other.map_or(&case.library.columns[*place], |(_, other)| other)
     };
     let places = &selection.solved.columns;
-    let columns: Vec<&Regressor> = places.iter().map(own).collect();
+    let columns: Vec<&Regressor> = places.iter().map(column_of).collect();
     let prior = places.iter().map(|place| case.library.prior[*place]).collect();
     let all: Vec<usize> = (0..columns.len()).collect();
     let solved = NormalEquations::new(&case.table, &columns, prior, used).solve(&all);
     let moved = |(place, _): &(usize, Regressor)| {
-        let at = places.iter().position(|other| other == place)?;
-        Some((*place, solved.value(at)? - selection.solved.values[at]))
+        let index = places.iter().position(|other| other == place)?;
+        Some((*place, solved.value(index)? - selection.solved.values[index]))
     };
     loops.iter().filter_map(moved).collect()
 }
@@ -314,16 +315,16 @@ fn gain_with(
 
 /// Adds the best-fitting ripple of each joint's residual to the library; returns whether any was added.
 pub(super) fn find_ripple(case: &mut Case, selection: &TermSelection, used: &[bool]) -> bool {
-    let mut heard = false;
+    let mut found = false;
     let joints: Vec<usize> = case.table.joints().collect();
     for joint in joints {
         let left = case.residual(&selection.solved, joint);
         if let Some(cycles) = strongest_wave(case, joint, &left, used) {
             case.library.add_ripple(&case.motion, joint, cycles);
-            heard = true;
+            found = true;
         }
     }
-    heard
+    found
 }
 
 /// Spatial frequency with the largest power in the residual of a joint, in cycles per revolution (rad/m for a prismatic joint).
@@ -365,9 +366,9 @@ fn binned(rows: Vec<(f64, f64)>, [low, high]: [f64; 2]) -> Vec<(f64, f64)> {
     let step = (high - low) / (BINS - 1) as f64;
     let mut places: Vec<(f64, f64)> = (0..BINS).map(|k| (low + step * k as f64, 0.0)).collect();
     for (q, rest) in rows {
-        let at = ((q - low) / step).clamp(0.0, (BINS - 1) as f64);
-        let below = (at as usize).min(BINS - 2);
-        let share = at - below as f64;
+        let position = ((q - low) / step).clamp(0.0, (BINS - 1) as f64);
+        let below = (position as usize).min(BINS - 2);
+        let share = position - below as f64;
         places[below].1 += (1.0 - share) * rest;
         places[below + 1].1 += share * rest;
     }
@@ -380,11 +381,12 @@ fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
     for piece in rows.chunks(ROWS_PER_BLOCK) {
         let mut piece = piece.to_vec();
         piece.resize(piece.len().next_multiple_of(LANES), (0.0, 0.0));
-        let at = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
+        let phasors = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
             piece.iter().map(|(q, _)| libm::sincos(cycles * q)).unzip()
         };
         let rests: Vec<f64> = piece.iter().map(|(_, rest)| *rest).collect();
-        let ((mut sines, mut cosines), (by_sine, by_cosine)) = (at(step * from as f64), at(step));
+        let ((mut sines, mut cosines), (by_sine, by_cosine)) =
+            (phasors(step * from as f64), phasors(step));
         for sum in &mut sums {
             let (mut of_sine, mut of_cosine) = ([0.0; LANES], [0.0; LANES]);
             let (sines, _) = sines.as_chunks_mut::<LANES>();

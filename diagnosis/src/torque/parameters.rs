@@ -113,23 +113,25 @@ pub(super) fn parameters_of(
     solved: &LeastSquaresSolution,
     context: &ParameterContext<'_>,
 ) -> Vec<FittedParameter> {
-    let at = |column: usize| solved.columns.iter().position(|k| *k == column);
+    let index_of = |column: usize| solved.columns.iter().position(|k| *k == column);
     let is_torque = is_torque_parameter(family.kind);
     let is_driven = is_torque || family.kind == "load_friction";
     let acting = if is_driven { 1.0 / (1.0 + context.gain) } else { 1.0 };
     let value = |k: usize| acting * solved.value(family.columns[k]).unwrap_or(0.0);
-    let shared = |i: usize, j: usize| match (at(family.columns[i]), at(family.columns[j])) {
-        (Some(a), Some(b)) => acting * acting * context.covariance[(a, b)],
-        _ => 0.0,
-    };
+    let shared =
+        |i: usize, j: usize| match (index_of(family.columns[i]), index_of(family.columns[j])) {
+            (Some(a), Some(b)) => acting * acting * context.covariance[(a, b)],
+            _ => 0.0,
+        };
     let floor = RELATIVE_SIGMA_LEAST.hypot(if context.is_torque_from_current && is_torque {
         MOTOR_CONSTANT_SIGMA
     } else {
         0.0
     });
     let sigma = |k: usize| {
-        let own = shared(k, k).max(0.0).sqrt().hypot((context.systematic_sigma)(family.columns[k]));
-        own.hypot(floor * value(k))
+        let statistical =
+            shared(k, k).max(0.0).sqrt().hypot((context.systematic_sigma)(family.columns[k]));
+        statistical.hypot(floor * value(k))
     };
     let mut all = match family.form {
         CoefficientForm::Plain(stems) => {
@@ -148,8 +150,9 @@ pub(super) fn parameters_of(
         }
         CoefficientForm::Moment => {
             // The component along the joint's axis is unobservable: its value is rounding error.
-            let felt = |k: usize| if sigma(k) < OBSERVABLE_SIGMA_MOST { value(k) } else { 0.0 };
-            let values = (0..3).map(felt).collect();
+            let observable =
+                |k: usize| if sigma(k) < OBSERVABLE_SIGMA_MOST { value(k) } else { 0.0 };
+            let values = (0..3).map(observable).collect();
             vec![FittedParameter {
                 stem: "first_moment",
                 values,
@@ -158,8 +161,9 @@ pub(super) fn parameters_of(
         }
         CoefficientForm::Wave => amplitude_and_phase([value(0), value(1)], shared, floor),
         CoefficientForm::Payload { about } => {
-            let own = |k: usize| at(family.columns[k]).map(|_| shared(k, k).max(0.0).sqrt());
-            mass_and_centre([0, 1, 2, 3].map(value), about, sigma(0), own)
+            let sigma_of =
+                |k: usize| index_of(family.columns[k]).map(|_| shared(k, k).max(0.0).sqrt());
+            mass_and_centre([0, 1, 2, 3].map(value), about, sigma(0), sigma_of)
         }
     };
     // The cycles of a wave are determined by its phase, which scale errors do not affect.
@@ -191,14 +195,15 @@ fn mass_and_centre(
     [mass, moment @ ..]: [f64; 4],
     about: DVec3,
     of_mass: f64,
-    own: impl Fn(usize) -> Option<f64>,
+    sigma_of: impl Fn(usize) -> Option<f64>,
 ) -> Vec<FittedParameter> {
     let com = |k: usize| about[k] + moment[k] / mass;
-    let of_mass_alone = own(0).unwrap_or(0.0);
+    let of_mass_alone = sigma_of(0).unwrap_or(0.0);
     // Along an axis that no drive torque depends on, the centre of mass is only known to be within reach.
     let of_com = |k: usize| {
-        let told = |own| libm::hypot(own / mass, of_mass_alone * moment[k] / (mass * mass));
-        own(k + 1).map_or(REACH_M, told)
+        let sigma_of_com =
+            |sigma| libm::hypot(sigma / mass, of_mass_alone * moment[k] / (mass * mass));
+        sigma_of(k + 1).map_or(REACH_M, sigma_of_com)
     };
     let values = (0..3).map(com).collect();
     let sigma = (0..3).map(of_com).collect();
@@ -224,12 +229,13 @@ pub(super) fn alternatives(
     let others = without_term(&selection.terms, name);
     let without = search.solve(&others);
     let worth = selection.solved.gain - without.solved.gain;
-    let own = &families[name];
+    let effect = &families[name];
     let is_other = |other: &usize| {
         let form = &families[*other];
-        let is_more_of_it = form.is_same_effect(own) && form.columns.len() >= own.columns.len();
+        let is_more_of_it =
+            form.is_same_effect(effect) && form.columns.len() >= effect.columns.len();
         // Hardening adds to a spring and cannot replace it.
-        let is_on_top = form.kind == "spring_hardening" && own.kind == "spring";
+        let is_on_top = form.kind == "spring_hardening" && effect.kind == "spring";
         !(selection.terms.contains(other) || is_more_of_it || is_on_top)
     };
     let mut best: Vec<AlternativeEffect> = Vec::new();
@@ -245,13 +251,13 @@ pub(super) fn alternatives(
         if behind > LISTED_LOSS_MOST {
             continue;
         }
-        let dearer = search.parameter_count(family) - search.parameter_count(own);
+        let dearer = search.parameter_count(family) - search.parameter_count(effect);
         let rival = AlternativeEffect::of(family, other, behind, dearer);
         let known = best.iter().position(|one| {
             one.kind == rival.kind && one.joint == rival.joint && one.stems == rival.stems
         });
         match known {
-            Some(at) if best[at].likelihood_loss > behind => best[at] = rival,
+            Some(index) if best[index].likelihood_loss > behind => best[index] = rival,
             Some(_) => {}
             None => best.push(rival),
         }

@@ -74,9 +74,9 @@ impl CandidateDictionary {
             .map(|column| restricted_to(motion, column, family.recording))
             .collect();
         let places = [m, x, y, z];
-        let own = places.map(|place| &self.columns[place]);
+        let known = places.map(|place| &self.columns[place]);
         let all: [&Regressor; INERTIAL_PARAMETERS] =
-            std::array::from_fn(|k| if k < 4 { own[k] } else { &of_inertia[k - 4] });
+            std::array::from_fn(|k| if k < 4 { known[k] } else { &of_inertia[k - 4] });
         let new = shifted_to(all, by);
         for (place, column) in places.into_iter().zip(without_rounding_errors(new.to_vec())) {
             self.columns[place] = column;
@@ -94,20 +94,26 @@ fn without_rounding_errors(mut columns: Vec<Regressor>) -> Vec<Regressor> {
     let square =
         |column: &Regressor| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
     let squares: Vec<f64> = columns.iter().map(square).collect();
-    let least = ROUNDING * ROUNDING * squares[0];
-    let unfelt = columns.iter_mut().zip(&squares).filter(|(_, square)| **square < least);
-    unfelt.for_each(|(column, _)| column.parts.clear());
+    let negligible = ROUNDING * ROUNDING * squares[0];
+    let negligible_columns =
+        columns.iter_mut().zip(&squares).filter(|(_, square)| **square < negligible);
+    negligible_columns.for_each(|(column, _)| column.parts.clear());
     columns
 }
 
 /// The column restricted to the rows of one recording; unchanged if `None`.
 fn restricted_to(motion: &Motion, column: &Regressor, recording: Option<usize>) -> Regressor {
-    let here = |run: usize| recording.is_none_or(|wanted| wanted == motion.runs[run].recording);
+    let is_included =
+        |run: usize| recording.is_none_or(|wanted| wanted == motion.runs[run].recording);
     let runs = motion.runs.iter().enumerate();
     let rows: Vec<bool> =
-        runs.flat_map(|(k, run)| std::iter::repeat_n(here(k), run.rows.len())).collect();
+        runs.flat_map(|(k, run)| std::iter::repeat_n(is_included(k), run.rows.len())).collect();
     let only = |values: &[f64]| {
-        values.iter().zip(&rows).map(|(x, here)| if *here { *x } else { 0.0 }).collect()
+        values
+            .iter()
+            .zip(&rows)
+            .map(|(x, is_included)| if *is_included { *x } else { 0.0 })
+            .collect()
     };
     Regressor { parts: column.parts.iter().map(|(joint, x)| (*joint, only(x))).collect() }
 }

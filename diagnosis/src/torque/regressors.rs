@@ -132,7 +132,7 @@ pub(super) fn sine_and_cosine(motion: &Motion, joint: usize, cycles: f64) -> [Re
         let (sines, cosines): (Vec<f64>, Vec<f64>) =
             places.map(|q| libm::sincos(cycles * q)).unzip();
         let passed = run.all_at_rows(&[sines, cosines]);
-        all.iter_mut().zip(passed).for_each(|(all, own)| all.extend(own));
+        all.iter_mut().zip(passed).for_each(|(all, samples)| all.extend(samples));
     }
     all.map(|values| Regressor { parts: vec![(joint, values.into())] })
 }
@@ -223,11 +223,11 @@ mod tests {
             |from: f64, to: f64| (1..=1000).map(move |k| from + (to - from) * 1e-3 * f64::from(k));
         let q: Vec<f64> = go(0.0, 1.0).chain(go(1.0, 0.0)).collect();
         let both = [dahl(&q, 0.05), maxwell_slip(&q, 0.05)];
-        let off = |from: usize| {
+        let difference = |from: usize| {
             let pairs = both[0][from..].iter().zip(&both[1][from..]);
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
-        assert!(off(1000) < 0.1, "{}", off(1000));
+        assert!(difference(1000) < 0.1, "{}", difference(1000));
         // After a full stroke, a small reversal and a return, a Maxwell-slip model closes the minor loop; Dahl's law does not.
         let q: Vec<f64> = go(0.0, 1.0).chain(go(1.0, 0.98)).chain(go(0.98, 1.0)).collect();
         let gap = |z: Vec<f64>| (z[2999] - z[999]).abs();
@@ -236,8 +236,8 @@ mod tests {
 
     #[test]
     fn a_memory_turns_over_within_its_distance() {
-        let there = (0..=1000).map(|k| 1e-3 * f64::from(k));
-        let q: Vec<f64> = there.clone().chain(there.rev()).collect();
+        let forward = (0..=1000).map(|k| 1e-3 * f64::from(k));
+        let q: Vec<f64> = forward.clone().chain(forward.rev()).collect();
         let z = dahl(&q, 0.05);
         assert!((z[1000] - 1.0).abs() < 1e-6);
         // After a reversal, friction crosses zero at a distance of ln 2 times the reversal distance.

@@ -24,9 +24,9 @@ pub(super) fn hardening_as_spring(
         |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;
     let one = |name: &usize| {
         let joint = families[*name].joint;
-        let stands = joint.is_some_and(|joint| stated.has_spring(joint))
+        let has_spring = joint.is_some_and(|joint| stated.has_spring(joint))
             || names.iter().any(|other| is_spring(*other, joint));
-        if families[*name].kind != "spring_hardening" || stands {
+        if families[*name].kind != "spring_hardening" || has_spring {
             return *name;
         }
         (0..families.len()).find(|other| is_spring(*other, joint)).unwrap_or(*name)
@@ -68,12 +68,12 @@ pub(super) fn hysteresis_as_friction(
     mut names: Vec<usize>,
 ) -> Vec<usize> {
     let families = &case.library.terms;
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
-    for at in 0..names.len() {
-        let own = &families[names[at]];
+    for index in 0..names.len() {
+        let effect = &families[names[index]];
         let (CoefficientForm::Loop, Some(joint), Some((_, way))) =
-            (own.form, own.joint, own.settings.first())
+            (effect.form, effect.joint, effect.settings.first())
         else {
             continue;
         };
@@ -85,8 +85,8 @@ pub(super) fn hysteresis_as_friction(
         };
         let gain = |names: &[usize]| search.solve(names).solved.gain;
         let mut with = names.clone();
-        with[at] = dry;
-        let (whole, without) = (gain(&names), gain(&without_term(&names, names[at])));
+        with[index] = dry;
+        let (whole, without) = (gain(&names), gain(&without_term(&names, names[index])));
         let is_sudden = *way <= shortest_reversal(&case.motion, joint);
         if is_sudden && whole - gain(&with) < LOST_GAIN_SHARE_LEAST * (whole - without) {
             names = with;

@@ -9,14 +9,14 @@ pub(super) fn resampled(
     count: usize,
 ) -> Vec<f64> {
     let last_s = times.last().copied().unwrap_or(start_s);
-    let mut at = 0;
+    let mut interval = 0;
     let value = |k: usize| {
         // Delayed samples are unknown beyond the ends.
         let time = (start_s + k as f64 * step_s).clamp(times[0], last_s);
-        while at + 2 < times.len() && times[at + 1] <= time {
-            at += 1;
+        while interval + 2 < times.len() && times[interval + 1] <= time {
+            interval += 1;
         }
-        let from = at.saturating_sub(1).min(times.len().saturating_sub(4));
+        let from = interval.saturating_sub(1).min(times.len().saturating_sub(4));
         let four = from..(from + 4).min(times.len());
         let mut sum = 0.0;
         for i in four.clone() {

@@ -84,21 +84,21 @@ impl Rigid {
             let (of_columns, of_stated) = evaluate_run(arm, run, &points, is_narrow);
             // Terms that are nonlinear in the motion are computed from unfiltered motion and filtered afterwards, since they would differ if computed
             // from filtered motion.
-            let extend = |all: &mut Vec<Vec<f64>>, own: Vec<Vec<f64>>| {
-                let own = if is_narrow { run.all_at_rows(&own) } else { own };
-                all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
+            let extend = |all: &mut Vec<Vec<f64>>, samples: Vec<Vec<f64>>| {
+                let samples = if is_narrow { run.all_at_rows(&samples) } else { samples };
+                all.iter_mut().zip(samples).for_each(|(all, samples)| all.extend(samples));
             };
-            columns.iter_mut().zip(of_columns).for_each(|(all, own)| extend(all, own));
+            columns.iter_mut().zip(of_columns).for_each(|(all, of_run)| extend(all, of_run));
             extend(&mut stated_torque, of_stated);
         }
-        let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
+        let sigmas = arm.joints().iter().flat_map(|joint| match joint.link {
             None => prior_sigmas(UNSTATED_SIGMA[0], UNSTATED_SIGMA[1], UNSTATED_SIGMA[2]),
             Some(Body { mass, .. }) => {
-                let (share, off, gyration) = STATED_MASS_SIGMA;
-                prior_sigmas(share * mass, off * mass, gyration * gyration * mass)
+                let (share, distance, gyration) = STATED_MASS_SIGMA;
+                prior_sigmas(share * mass, distance * mass, gyration * gyration * mass)
             }
         });
-        let prior_sigma = beliefs.collect();
+        let prior_sigma = sigmas.collect();
         let column = |parts: Vec<Vec<f64>>| Regressor {
             parts: parts.into_iter().map(Into::into).enumerate().collect(),
         };

@@ -67,12 +67,12 @@ impl StatedModel<'_> {
         }
     }
 
-    /// A refitted parameter that differs by `off` from the stated one, SI units, limited to its physical range; `None` for effects with list
+    /// A refitted parameter that differs by `change` from the stated one, SI units, limited to its physical range; `None` for effects with list
     /// parameters or values outside a range that cannot be limited.
     pub(super) fn refit(
         &self,
         (effect, value): (usize, usize),
-        off: f64,
+        change: f64,
         sigma: f64,
     ) -> Option<RefittedParameter> {
         let effect = self.model.effects().nth(effect)?;
@@ -81,13 +81,13 @@ impl StatedModel<'_> {
             return None;
         }
         let (stated, parameter) = (*effect.values().get(value)?, spec.parameters.get(value)?);
-        let off = match parameter.range {
-            Range::NotNegative => off.max(-stated),
-            range if range.holds(stated + off) => off,
+        let change = match parameter.range {
+            Range::NotNegative => change.max(-stated),
+            range if range.holds(stated + change) => change,
             _ => return None,
         };
         let number =
-            FittedParameter { stem: parameter.stem, values: vec![off], sigma: vec![sigma] };
+            FittedParameter { stem: parameter.stem, values: vec![change], sigma: vec![sigma] };
         Some(RefittedParameter { kind: spec.kind, joint: effect.joint(), parameter: number })
     }
 
@@ -164,17 +164,17 @@ impl StatedModel<'_> {
             let (added, slopes) = self.at_samples(run, &standing, wanted, torque);
             let extend = |all: &mut [Vec<f64>], samples: &[Vec<f64>]| {
                 let passed = run.all_at_rows(samples);
-                all.iter_mut().zip(passed).for_each(|(all, own)| all.extend(own));
+                all.iter_mut().zip(passed).for_each(|(all, filtered)| all.extend(filtered));
             };
             extend(&mut all, &added);
             columns.iter_mut().zip(&slopes).for_each(|(column, slopes)| extend(column, slopes));
         }
-        let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
+        let is_nonzero = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
         let column = |parts: Vec<Vec<f64>>| Regressor {
             parts: parts
                 .into_iter()
                 .enumerate()
-                .filter(|(_, values)| felt(values))
+                .filter(|(_, values)| is_nonzero(values))
                 .map(|(joint, values)| (joint, values.into()))
                 .collect(),
         };

@@ -45,30 +45,30 @@ fn constant_torque(
     target: &[f64],
     always: &[usize],
 ) -> Option<ConstantTorque> {
-    let seen = case.row_sets.seen();
+    let fitted_rows = case.row_sets.fitted();
     let mut table = case.table.clone();
     table.counts[joint] = vec![true; target.len()];
     let mean = target.iter().sum::<f64>() / target.len().max(1) as f64;
     let about: Vec<f64> = target.iter().map(|x| x - mean).collect();
     table.target[joint] = Some(target.to_vec());
     table.noise[joint] = (ArModel::default(), 1.0);
-    table.noise[joint] = noise::estimate_from_residual(&table, joint, &about, &seen, 1.0);
+    table.noise[joint] = noise::estimate_from_residual(&table, joint, &about, &fitted_rows, 1.0);
     let one = Regressor { parts: vec![(joint, vec![1.0; target.len()].into())] };
     let mut columns: Vec<&Regressor> = always.iter().map(|k| &case.library.columns[*k]).collect();
     let mut prior: Vec<f64> = always.iter().map(|k| case.library.prior[*k]).collect();
     columns.push(&one);
     prior.push(0.0);
-    let products = NormalEquations::new(&table, &columns, prior, &seen);
+    let products = NormalEquations::new(&table, &columns, prior, &fitted_rows);
     let places: Vec<usize> = (0..columns.len()).collect();
     let whole = products.solve(&places);
     let gain = whole.gain - products.solve(&places[..always.len()]).gain;
-    let at = whole.columns.iter().position(|k| *k == always.len())?;
+    let index = whole.columns.iter().position(|k| *k == always.len())?;
     let penalty = 0.5 * (products.rows.max(3) as f64).ln() + (case.stationary.len() as f64).ln();
-    let sigma = whole.covariance()[(at, at)].sqrt();
+    let sigma = whole.covariance()[(index, index)].sqrt();
     let squares = target.iter().map(|x| x * x).sum::<f64>() / target.len().max(1) as f64;
     (gain > penalty + MARGIN).then(|| ConstantTorque {
         joint,
-        value: whole.values[at],
+        value: whole.values[index],
         sigma,
         gain,
         rms: libm::sqrt(squares),

@@ -81,7 +81,7 @@ fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
     case
 }
 
-fn told(
+fn diagnosed(
     arm: &Arm,
     effects: &[AnyEffect],
     recording: Recording,
@@ -93,7 +93,7 @@ fn told(
 }
 
 pub(super) fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
-    told(arm, effects, recording).unwrap()
+    diagnosed(arm, effects, recording).unwrap()
 }
 
 fn number(diagnosis: &Diagnosis, kind: &str) -> Option<(f64, f64)> {
@@ -176,16 +176,16 @@ fn a_diagnosis_reports_its_stages_in_order() {
     let model = Model::new(arm, &[]).unwrap();
     let stated = StatedModel { model: &model, sigma: &[], delay_s: 0.0 };
     let force = |[_, v, a]: [f64; 3]| MASS * a + 40.0 * sign(v);
-    let heard = Mutex::new(Vec::new());
-    let listener = |stage, progress| heard.lock().unwrap().push((stage, progress));
+    let received = Mutex::new(Vec::new());
+    let listener = |stage, progress| received.lock().unwrap().push((stage, progress));
     diagnose(&stated, &[with_stops(0.3, force)], None, 1, &listener).unwrap();
-    let heard = heard.into_inner().unwrap();
-    let begun = heard.iter().filter(|(_, progress)| *progress == Progress::Begun);
+    let received = received.into_inner().unwrap();
+    let begun = received.iter().filter(|(_, progress)| *progress == Progress::Begun);
     assert!(begun.map(|(stage, _)| *stage).eq(Stage::TORQUES));
     let is_found = |(stage, progress): &(Stage, Progress)| {
         *stage == Stage::TorqueFirstSearch && matches!(progress, Progress::Selected(1..))
     };
-    assert!(heard.iter().any(is_found), "{heard:?}");
+    assert!(received.iter().any(is_found), "{received:?}");
 }
 
 #[test]
@@ -231,7 +231,7 @@ fn a_hanging_mass_is_told_by_gravity_and_a_law_beyond_the_library_is_called_unkn
     let found = of(&arm, &[], recording(JointKind::Revolute, 0.05, strange));
     let law = found.unexplained.as_ref().unwrap();
     assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.findings);
-    assert!(law.depends_on.iter().any(|word| word == "v1"), "{law:?}");
+    assert!(law.depends_on.iter().any(|covariate| covariate == "v1"), "{law:?}");
 }
 
 #[test]
@@ -239,11 +239,11 @@ fn a_recording_without_motion_or_of_few_rows_is_a_doubt() {
     let force = |[_, _, a]: [f64; 3]| MASS * a;
     let mut still = recording(JointKind::Prismatic, 1.0, force);
     still.set(Channel::Motor(0), vec![0.5; still.len()]);
-    assert!(told(&slider(true), &[], still).is_err());
+    assert!(diagnosed(&slider(true), &[], still).is_err());
     let mut short = Recording::new((0..50).map(|k| 1e-3 * f64::from(k)).collect());
     short.set(Channel::Motor(0), vec![0.0; 50]);
     short.set(Channel::Torque(0), vec![f64::NAN; 50]);
-    assert!(told(&slider(true), &[], short).is_err());
+    assert!(diagnosed(&slider(true), &[], short).is_err());
 }
 
 #[test]
@@ -257,7 +257,7 @@ fn effect(arm: &Arm, kind: &str, given: &[(&str, &[f64])]) -> AnyEffect {
     AnyEffect::build(kind, arm, Some(0), ParameterValues(given)).expect(kind)
 }
 
-fn near(found: &Diagnosis, kind: &str, truth: f64, share: f64) {
+fn assert_near(found: &Diagnosis, kind: &str, truth: f64, share: f64) {
     let (value, sigma) = number(found, kind).unwrap_or_else(|| panic!("{:?}", found.findings));
     assert!((value - truth).abs() < share * truth.abs() + 3.0 * sigma, "{kind} {value} {sigma}");
     assert!(sigma < 0.3 * truth.abs(), "{kind} {value} {sigma}");
@@ -270,8 +270,8 @@ fn a_drive_that_is_recorded_too_large_leaves_its_friction_the_size_that_acts() {
     let known = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
     let force = |[_, v, a]: [f64; 3]| 1.08 * (MASS * a + 20.0 * v.signum() + 150.0 * v);
     let found = of(&arm, &[known], recording(JointKind::Prismatic, 0.5, force));
-    near(&found, "drive_gain", 0.08, 0.02);
-    near(&found, "coulomb_friction", 20.0, 0.01);
+    assert_near(&found, "drive_gain", 0.08, 0.02);
+    assert_near(&found, "coulomb_friction", 20.0, 0.01);
 }
 
 #[test]
@@ -289,7 +289,7 @@ fn oil_that_thins_is_told_by_what_a_kelvin_takes_of_the_friction_that_is_known()
         let t_s = made.t_s.clone();
         made.set(Channel::Torque(0), t_s.iter().zip(noise).map(|(t, n)| force(*t) + n).collect());
         made.set(Channel::Ambient, t_s.iter().map(|t| warm(*t)).collect());
-        near(&of(&arm, &[viscous], made), "friction_temperature", per_kelvin, 0.03);
+        assert_near(&of(&arm, &[viscous], made), "friction_temperature", per_kelvin, 0.03);
     }
 }
 
@@ -301,7 +301,7 @@ fn a_spring_that_hardens_does_so_from_where_it_rests() {
         MASS * a + 1000.0 * (q - 0.06) + 4e4 * (q - 0.06) * (q - 0.06) * (q - 0.06)
     };
     let found = of(&arm, &[spring], recording(JointKind::Prismatic, 0.5, force));
-    near(&found, "spring_hardening", 4e4, 0.02);
+    assert_near(&found, "spring_hardening", 4e4, 0.02);
     assert_eq!(found.findings.len(), 1, "{:?}", found.findings);
 }
 
@@ -340,9 +340,10 @@ fn driven(arm: &Arm, effects: &[AnyEffect], kind: JointKind, noise: f64) -> Reco
 }
 
 fn pendulum() -> Arm {
-    let bare = arm(JointKind::Revolute, Some(Body::point_mass(5.0, DVec3::new(0.0, 0.0, -0.3))));
-    let tool = Tool { tcp: DVec3::new(0.0, 0.0, -0.4), ..bare.tool };
-    Arm::new(bare.joints(), tool, bare.gravity).unwrap()
+    let pendulum =
+        arm(JointKind::Revolute, Some(Body::point_mass(5.0, DVec3::new(0.0, 0.0, -0.3))));
+    let tool = Tool { tcp: DVec3::new(0.0, 0.0, -0.4), ..pendulum.tool };
+    Arm::new(pendulum.joints(), tool, pendulum.gravity).unwrap()
 }
 
 #[test]
@@ -353,7 +354,7 @@ fn a_mass_that_hangs_far_from_the_tool_is_one_payload_and_no_sum_of_inertia_and_
     let found = of(&arm, &[], driven(&arm, &[hangs], JointKind::Revolute, 0.05));
     let kinds: Vec<&str> = found.findings.iter().map(|finding| finding.kind).collect();
     assert_eq!(kinds, ["payload"], "{:?}", found.findings);
-    near(&found, "payload", 2.0, 0.05);
+    assert_near(&found, "payload", 2.0, 0.05);
     let com = &found.findings[0].parameters[1];
     assert!((com.values[0] - 0.1).abs() < 0.01 && (com.values[2] + 0.5).abs() < 0.02, "{com:?}");
 }
@@ -365,7 +366,7 @@ fn stated_masses_are_believed_where_a_name_explains_as_much_as_their_doubt() {
     let pull = effect(&arm, "friction_asymmetry", &[("offset", &[0.2])]);
     let found = of(&arm, &[], driven(&arm, &[pull], JointKind::Revolute, 0.05));
     assert_eq!(found.verdict, Verdict::MissingPhysics, "{:?}", found.findings);
-    near(&found, "friction_asymmetry", 0.2, 0.02);
+    assert_near(&found, "friction_asymmetry", 0.2, 0.02);
 }
 
 #[test]

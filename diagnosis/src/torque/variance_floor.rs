@@ -18,12 +18,12 @@ pub(super) fn with_ar_floor(
     places: &[usize],
     used: &[bool],
 ) -> DMatrix<f64> {
-    let told = ar_variances((table, columns), solved, places, used);
-    for (at, variance) in places.iter().zip(told) {
-        let wider = libm::sqrt(variance / covariance[(*at, *at)]);
+    let variances = ar_variances((table, columns), solved, places, used);
+    for (place, variance) in places.iter().zip(variances) {
+        let wider = libm::sqrt(variance / covariance[(*place, *place)]);
         if wider > 1.0 && wider.is_finite() {
-            covariance.row_mut(*at).iter_mut().for_each(|x| *x *= wider);
-            covariance.column_mut(*at).iter_mut().for_each(|x| *x *= wider);
+            covariance.row_mut(*place).iter_mut().for_each(|x| *x *= wider);
+            covariance.column_mut(*place).iter_mut().for_each(|x| *x *= wider);
         }
     }
     covariance

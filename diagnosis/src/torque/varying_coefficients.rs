@@ -85,12 +85,12 @@ struct LawEvaluation {
 }
 
 /// Chebyshev polynomials of a covariate scaled to −1 to 1, by the recurrence `T_{k+1} = 2 x T_k − T_{k−1}`.
-fn chebyshev(word: &Covariate) -> Vec<Vec<f64>> {
-    let most = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
-    let [low, high] = span(word.values.iter().copied());
+fn chebyshev(covariate: &Covariate) -> Vec<Vec<f64>> {
+    let most = if covariate.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
+    let [low, high] = span(covariate.values.iter().copied());
     let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
     let x: Vec<f64> =
-        word.values.iter().map(|x| ((x - low) / half - 1.0).clamp(-1.0, 1.0)).collect();
+        covariate.values.iter().map(|x| ((x - low) / half - 1.0).clamp(-1.0, 1.0)).collect();
     let mut all = vec![vec![1.0; x.len()], x];
     for k in 1..most {
         let both = all[k].iter().zip(&all[k - 1]);
@@ -106,37 +106,37 @@ fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
 
 /// All candidate laws of a joint.
 fn candidate_laws(motion: &Motion, joint: usize) -> Vec<CandidateLaw> {
-    let words = covariates(motion, joint);
-    let series: Vec<Vec<Vec<f64>>> = words.iter().map(chebyshev).collect();
-    let own = |stem: &str| format!("{stem}{}", joint + 1);
+    let all_covariates = covariates(motion, joint);
+    let series: Vec<Vec<Vec<f64>>> = all_covariates.iter().map(chebyshev).collect();
+    let own_name = |stem: &str| format!("{stem}{}", joint + 1);
     // A slowly varying factor passes the filter practically unchanged, so filtered columns are multiplied.
     let carrier = |law: TorqueTerm| law.column(motion, joint).parts.remove(0).1;
     let column = |values: Vec<f64>| Regressor { parts: vec![(joint, values.into())] };
     let mut all = Vec::new();
-    let mut add = |carrier: &[f64], name: Option<String>, word: usize| {
-        let columns = series[word].iter().map(|one| column(product(carrier, one)));
-        let mut of = vec![words[word].name.clone()];
-        of.extend(name.filter(|name| *name != of[0]));
-        all.push(CandidateLaw { covariates: of, columns: columns.collect(), nested: true });
+    let mut add = |carrier: &[f64], name: Option<String>, index: usize| {
+        let columns = series[index].iter().map(|one| column(product(carrier, one)));
+        let mut names = vec![all_covariates[index].name.clone()];
+        names.extend(name.filter(|name| *name != names[0]));
+        all.push(CandidateLaw { covariates: names, columns: columns.collect(), nested: true });
     };
     let one = carrier(TorqueTerm::Constant);
     let [q, v, a, t] = [0, 1, 2, 3];
     // Acceleration is excluded: a dependence on it may be a small time offset between torque and motion.
-    (0..words.len()).filter(|word| *word != a).for_each(|word| add(&one, None, word));
+    (0..all_covariates.len()).filter(|index| *index != a).for_each(|index| add(&one, None, index));
     // Friction that depends on another joint's position does so through the load, which is a candidate effect of its own.
     let sized = [
         // Speed and acceleration are excluded: the band limits the knowledge of the instant of reversal, which would look like such a dependence.
-        (TorqueTerm::VelocitySign, own("direction_"), &[q, t][..]),
-        (TorqueTerm::Velocity, own("v"), &[q, t]),
+        (TorqueTerm::VelocitySign, own_name("direction_"), &[q, t][..]),
+        (TorqueTerm::Velocity, own_name("v"), &[q, t]),
     ];
-    for (law, name, of) in sized {
+    for (law, name, factors) in sized {
         let carrier = carrier(law);
-        of.iter().for_each(|word| add(&carrier, Some(name.clone()), *word));
+        factors.iter().for_each(|index| add(&carrier, Some(name.clone()), *index));
     }
     let degrees = (0..=DEGREE_OF_PAIR).flat_map(|i| (0..=DEGREE_OF_PAIR).map(move |k| (i, k)));
     let columns = degrees.map(|(i, k)| column(product(&series[q][i], &series[v][k])));
-    let of = vec![words[q].name.clone(), words[v].name.clone()];
-    all.push(CandidateLaw { covariates: of, columns: columns.collect(), nested: false });
+    let names = vec![all_covariates[q].name.clone(), all_covariates[v].name.clone()];
+    all.push(CandidateLaw { covariates: names, columns: columns.collect(), nested: false });
     all
 }
 
@@ -149,19 +149,19 @@ impl<'a> JointRegression<'a> {
         sums: &'a RefCell<Option<ProductCache>>,
     ) -> Self {
         let families = &case.library.terms;
-        let mut of = always.to_vec();
+        let mut columns_used = always.to_vec();
         let columns = names.iter().flat_map(|name| &families[*name].columns);
         columns.for_each(|column| {
-            if !of.contains(column) {
-                of.push(*column);
+            if !columns_used.contains(column) {
+                columns_used.push(*column);
             }
         });
-        let place = |column: &usize| of.iter().position(|other| other == column);
+        let place = |column: &usize| columns_used.iter().position(|other| other == column);
         let elsewhere = |name: &usize| families[*name].joint.is_some_and(|other| other != joint);
         let beside: Vec<usize> = names.iter().copied().filter(elsewhere).collect();
         let set = |kept: Vec<usize>| {
-            let own = kept.iter().flat_map(|name| &families[*name].columns);
-            let places = always.iter().chain(own).filter_map(place);
+            let of_effects = kept.iter().flat_map(|name| &families[*name].columns);
+            let places = always.iter().chain(of_effects).filter_map(place);
             let penalty = kept.iter().map(|name| penalty(*name)).sum();
             (kept.clone(), places.collect(), penalty)
         };
@@ -170,8 +170,8 @@ impl<'a> JointRegression<'a> {
             effect_sets.push(set(beside));
         }
         let mut columns: Vec<Regressor> =
-            of.iter().map(|k| case.library.columns[*k].clone()).collect();
-        let mut prior: Vec<f64> = of.iter().map(|k| case.library.prior[*k]).collect();
+            columns_used.iter().map(|k| case.library.columns[*k].clone()).collect();
+        let mut prior: Vec<f64> = columns_used.iter().map(|k| case.library.prior[*k]).collect();
         let mut law_columns = Vec::new();
         for law in laws {
             law_columns.push((columns.len()..columns.len() + law.columns.len()).collect());
@@ -190,16 +190,16 @@ impl<'a> JointRegression<'a> {
         let rows = (products.rows.max(3) as f64).ln();
         let penalty = |count: usize| 0.5 * count as f64 * rows + tried.ln();
         let without_law = products.solve(&self.effect_sets[0].1);
-        let least = without_law.gain - self.effect_sets[0].2 + MARGIN;
+        let worth_min = without_law.gain - self.effect_sets[0].2 + MARGIN;
         let mut all: Vec<ScoredLaw> = Vec::new();
         for (effect_set, (_, places, of_names)) in self.effect_sets.iter().enumerate() {
             let names = products.solve(places);
-            for (law, own) in self.law_columns.iter().enumerate() {
-                let (steady, _) = products.gain_of_further(&names, &own[..1]);
-                let fewest = if self.laws[law].nested { 2 } else { own.len() };
+            for (law, own_columns) in self.law_columns.iter().enumerate() {
+                let (steady, _) = products.gain_of_further(&names, &own_columns[..1]);
+                let fewest = if self.laws[law].nested { 2 } else { own_columns.len() };
                 let mut best: Option<ScoredLaw> = None;
-                for count in fewest..=own.len() {
-                    let (gain, _) = products.gain_of_further(&names, &own[..count]);
+                for count in fewest..=own_columns.len() {
+                    let (gain, _) = products.gain_of_further(&names, &own_columns[..count]);
                     let worth = names.gain - of_names + gain - penalty(count);
                     // A law whose size does not vary with its covariate is not reported.
                     let changes = gain - steady > penalty(count - 1);
@@ -207,7 +207,7 @@ impl<'a> JointRegression<'a> {
                         best = Some(ScoredLaw { effect_set, law, count, worth });
                     }
                 }
-                all.extend(best.filter(|best| best.worth > least));
+                all.extend(best.filter(|best| best.worth > worth_min));
             }
         }
         all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
@@ -249,30 +249,31 @@ pub(super) fn is_supported(
 
 /// The best law of one joint that the test set supports.
 fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<SmoothLaw> {
-    let (seen, held, joint) = (&case.row_sets.seen(), &case.row_sets.test, question.joint);
+    let (training, held, joint) = (&case.row_sets.fitted(), &case.row_sets.test, question.joint);
     let mut table = case.table.clone();
-    let mut looked = question.evaluate(&table, seen);
+    let mut evaluation = question.evaluate(&table, training);
     for _ in 1..ROUNDS {
-        let solved = looked.found.first().map(|best| question.solved(&looked.products, best));
-        let left = question.residual(solved.as_ref().unwrap_or(&looked.without_law));
-        table.noise[joint] = noise::estimate_from_residual(&table, joint, &left, seen, 0.0);
-        looked = question.evaluate(&table, seen);
+        let solved =
+            evaluation.found.first().map(|best| question.solved(&evaluation.products, best));
+        let left = question.residual(solved.as_ref().unwrap_or(&evaluation.without_law));
+        table.noise[joint] = noise::estimate_from_residual(&table, joint, &left, training, 0.0);
+        evaluation = question.evaluate(&table, training);
     }
-    let LawEvaluation { found, without_law, products } = looked;
+    let LawEvaluation { found, without_law, products } = evaluation;
     let before = question.residual(&without_law);
     let mut fits = found.into_iter().take(TESTED_MOST).map(|best| {
         let solved = question.solved(&products, &best);
         let after = question.residual(&solved);
         (best, solved, after)
     });
-    let seen_sum = |left: &Vec<f64>| sum_of_squares(&table, joint, left, seen);
+    let seen_sum = |left: &Vec<f64>| sum_of_squares(&table, joint, left, training);
     let unseen = |left: &Vec<f64>| sum_of_squares(&table, joint, left, held);
-    let stands = |(best, _, after): &(ScoredLaw, LeastSquaresSolution, Vec<f64>)| {
+    let supported = |(best, _, after): &(ScoredLaw, LeastSquaresSolution, Vec<f64>)| {
         let is_patched = best.effect_set > 0;
         (is_patched || seen_sum(after) < (1.0 - SHARE) * seen_sum(&before))
             && is_supported(&table, joint, [&before, after], held)
     };
-    let (best, solved, after) = fits.find(stands)?;
+    let (best, solved, after) = fits.find(supported)?;
     let kept = &question.effect_sets[best.effect_set].0;
     let names = &question.effect_sets[0].0;
     Some(SmoothLaw {
@@ -288,7 +289,7 @@ fn best_law_of_joint(case: &Case, question: &JointRegression<'_>) -> Option<Smoo
 
 /// The law with the largest gain over all joints.
 pub(super) fn best_law(case: &Case, always: &[usize], names: &[usize]) -> Option<SmoothLaw> {
-    let products = case.products(&case.row_sets.seen());
+    let products = case.products(&case.row_sets.fitted());
     let search = nonlinear_parameters::search(case, &products, always);
     let penalty = |name: usize| search.penalty(&case.library.terms[name]);
     // Reuses the buffer of the case's sums, which are recomputed when next needed.

@@ -43,7 +43,7 @@ pub(super) fn trace(
     (given, selection): (&TermSelection, &TermSelection),
     joint: usize,
 ) -> Trace {
-    let off = [given, selection].map(|one| case.residual(&one.solved, joint));
+    let residuals = [given, selection].map(|one| case.residual(&one.solved, joint));
     let torque = torque(case, joint);
     let (mut t_s, mut speed) = (Vec::new(), Vec::new());
     let mut start = 0.0;
@@ -60,7 +60,7 @@ pub(super) fn trace(
         t_s: some(&t_s),
         speed: some(&speed),
         torque: some(&torque),
-        residuals: off.map(|list| some(&list)),
+        residuals: residuals.map(|list| some(&list)),
         is_test_row: case.row_sets.test.iter().copied().step_by(thin).collect(),
     }
 }

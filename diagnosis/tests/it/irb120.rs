@@ -57,9 +57,12 @@ fn named_effects_carry_from_the_first_half_in_time_to_the_second() {
 fn the_read_back_joints_are_noticed_as_bad_beside_the_commanded_and_alone() {
     let Some((mut recording, model)) = recorded() else { return };
     assert_eq!(gross_errors::detect_global_errors(&campaign(&recording, &model), &model), []);
-    let said =
+    let message =
         joint_readback::detect_readback_mismatch(&recording, &model).expect("noticed").message;
-    assert!(said.contains("before the arm had settled") && said.contains("use these"), "{said}");
+    assert!(
+        message.contains("before the arm had settled") && message.contains("use these"),
+        "{message}"
+    );
     recording.metadata.input = Some(InputKind::Motor);
     let alone = campaign(&recording, &model);
     let used = vec![true; alone.poses.len()];
@@ -70,9 +73,9 @@ fn the_read_back_joints_are_noticed_as_bad_beside_the_commanded_and_alone() {
         effort: FitEffort::Full,
     };
     let found = fit(&alone, &geometry(&model, &[]), &settings);
-    let said =
+    let message =
         joint_readback::detect_early_readback(&alone, &found, &settings).expect("noticed").message;
-    assert!(said.contains("joint 1") && said.contains("commanded"), "{said}");
+    assert!(message.contains("joint 1") && message.contains("commanded"), "{message}");
     recording.metadata.input = Some(InputKind::Command);
     let commanded = campaign(&recording, &model);
     let found = fit(&commanded, &geometry(&model, &[]), &settings);

@@ -244,20 +244,20 @@ proptest! {
         // where the fastest plan needs 2.8 mrad.
         let wide = Limits::new(0.02, 0.05, 5.0).expect("positive");
         let fastest = Plan::to_zero(Motion { value, rate, acceleration }, (-0.045, 0.045), wide.jerk());
-        let stands = Motion::at_rest(0.0);
+        let at_rest = Motion::at_rest(0.0);
         let mut limiter = Limiter {
-            requested: Track::from_motion(stands),
-            trend: stands,
+            requested: Track::from_motion(at_rest),
+            trend: at_rest,
             recent_range: (0.0, 0.0),
             offset: None,
             ..Limiter::from_motion(value, rate, acceleration)
         };
-        let (mut least, mut most) = (value.abs(), value.abs());
+        let (mut smallest, mut most) = (value.abs(), value.abs());
         for k in 1..1000 {
-            least = least.max(fastest.ahead(DT_S * f64::from(k)).value.abs());
+            smallest = smallest.max(fastest.ahead(DT_S * f64::from(k)).value.abs());
             most = most.max(limiter.step(0.0, &wide, DT_S).abs());
         }
-        prop_assert!(most <= 2.0 * least + 1e-3, "{most} where {least} is needed");
+        prop_assert!(most <= 2.0 * smallest + 1e-3, "{most} where {smallest} is needed");
     }
 
     #[test]

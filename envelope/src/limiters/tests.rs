@@ -62,7 +62,7 @@ proptest! {
         jumps in prop::collection::vec((0..600_usize, 0..3_usize, -6e-3..6e-3_f64), 0..12),
         noise in prop_oneof![Just(0.0), 1e-9..1e-3_f64], sine in (0.0..3e-3_f64, 0.1..300.0_f64),
     ) {
-        let own = [limits(2e-3, 0.02, 5.0), limits(4e-3, 0.1, 1.0), limits(1e-3, 0.01, 20.0)];
+        let joint_limits = [limits(2e-3, 0.02, 5.0), limits(4e-3, 0.1, 1.0), limits(1e-3, 0.01, 20.0)];
         let mut arm = Limiters::<3>::at_rest();
         let mut outputs: Vec<[f64; 3]> = Vec::new();
         for k in 0..900_usize {
@@ -73,15 +73,15 @@ proptest! {
                 let shake = noise * (hash as f64 / (1u64 << 52) as f64 - 1.0);
                 jumped + if k < 600 { sine.0 * libm::sin(sine.1 * DT_S * (k + i) as f64) + shake } else { 0.0 }
             });
-            outputs.push(arm.step(&wanted, |i| Some(own[i]), Elapsed::exact(DT_S)));
+            outputs.push(arm.step(&wanted, |i| Some(joint_limits[i]), Elapsed::exact(DT_S)));
         }
         for i in 0..3 {
             let c = |k: usize| outputs[k][i];
             for k in 3..outputs.len() {
                 let jerk = (c(k) - 3.0 * c(k - 1) + 3.0 * c(k - 2) - c(k - 3)) / (DT_S * DT_S * DT_S);
-                prop_assert!(c(k).abs() <= own[i].angle());
-                prop_assert!((c(k) - c(k - 1)).abs() / DT_S <= own[i].rate() * (1.0 + 1e-9));
-                prop_assert!(jerk.abs() <= own[i].jerk() * (1.0 + 1e-6) + 1e-5, "{jerk} at {k}");
+                prop_assert!(c(k).abs() <= joint_limits[i].angle());
+                prop_assert!((c(k) - c(k - 1)).abs() / DT_S <= joint_limits[i].rate() * (1.0 + 1e-9));
+                prop_assert!(jerk.abs() <= joint_limits[i].jerk() * (1.0 + 1e-6) + 1e-5, "{jerk} at {k}");
             }
         }
     }
@@ -272,8 +272,8 @@ impl Rng {
 /// after the others have arrived, beyond what its own limits require, s.
 fn held_up_s(seed: u64) -> f64 {
     let chance = &mut Rng::new(seed);
-    let start =
-        [8e-3, 1e-3, 1e-3].map(|far| (chance.within(far), chance.within(8e-3), chance.within(0.1)));
+    let start = [8e-3, 1e-3, 1e-3]
+        .map(|width| (chance.within(width), chance.within(8e-3), chance.within(0.1)));
     let limits = limits(2e-2, 1e-2, 5.0);
     let mut arm = Limiters::from_motion(|i| start[i]);
     let (mut alone_s, mut from) = (0.0, 0.0);

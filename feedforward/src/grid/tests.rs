@@ -76,11 +76,11 @@ fn rows_are_those_of_the_file_in_spite_of_rest_and_of_other_times() {
     let uneven: Vec<f64> = even.iter().map(|t_s| t_s + 1.5e-3 * (700.0 * t_s).sin()).collect();
     for times_s in [even, uneven] {
         let path = extend(&recording(&times_s, |t_s| t_s), &[JointKind::Revolute], 0.1).unwrap();
-        let at = |t_s: f64| path.source.at(t_s);
+        let row_at = |t_s: f64| path.source.at(t_s);
         assert!(path.lead_rows > 20);
-        assert_eq!((at(path.recording.t_s[0]).row, at(9e9).row), (1, 50));
+        assert_eq!((row_at(path.recording.t_s[0]).row, row_at(9e9).row), (1, 50));
         for (row, t_s) in times_s.iter().enumerate() {
-            assert_eq!(at(*t_s).row, row + 1);
+            assert_eq!(row_at(*t_s).row, row + 1);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::settings::settings;
-use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, differences, largest, rms};
 use proptest::prelude::*;
 
 fn previewed(plants: &Plants, path: &[f64]) -> Vec<f64> {
@@ -38,8 +38,10 @@ struct Cell<'a> {
 impl Cell<'_> {
     fn measure(&mut self, commanded: &[f64]) -> MeasuredErrors {
         let reached = self.truth.run(STEP_S, commanded);
-        let error =
-            off(self.path, &reached).iter().map(|e| e + self.noise.next(self.sigma)).collect();
+        let error = differences(self.path, &reached)
+            .iter()
+            .map(|e| e + self.noise.next(self.sigma))
+            .collect();
         MeasuredErrors { joints: vec![Some((MeasuredQuantity::Link, error))], clock_offset_s: 0.0 }
     }
 
@@ -51,7 +53,7 @@ impl Cell<'_> {
     }
 
     fn error(&self, commanded: &[f64]) -> Vec<f64> {
-        off(self.path, &self.truth.run(STEP_S, commanded))
+        differences(self.path, &self.truth.run(STEP_S, commanded))
     }
 }
 
@@ -88,11 +90,11 @@ fn the_plant_is_identified_from_a_run() {
     let commanded = previewed(&plants, &path);
     let learned = cell.next(&commanded, 1).joints.remove(0).expect("learned");
     let found = learned.identified.expect("the model explains it far worse").plant;
-    let near = |found: f64, truth: f64, share: f64| {
+    let assert_near = |found: f64, truth: f64, share: f64| {
         assert!((found / truth - 1.0).abs() < share, "{found} {truth}");
     };
-    near(found.modes[0].frequency_hz.value, JOINT.frequency_hz, 0.01);
-    near(found.delays_s[0].value + found.lags_s[0].value, JOINT.delay_s + JOINT.lag_s, 0.01);
+    assert_near(found.modes[0].frequency_hz.value, JOINT.frequency_hz, 0.01);
+    assert_near(found.delays_s[0].value + found.lags_s[0].value, JOINT.delay_s + JOINT.lag_s, 0.01);
 }
 
 #[test]
@@ -104,9 +106,9 @@ fn differences_between_runs_are_reported_and_not_learned() {
     let mut commanded = previewed(&plants, &path);
     for _ in 0..6 {
         let next = cell.next(&commanded, 4);
-        let told =
+        let reported =
             next.joints[0].as_ref().and_then(|joint| joint.repeatability).expect("of four runs");
-        assert!((told / 2e-4 - 1.0).abs() < 0.05, "{told}");
+        assert!((reported / 2e-4 - 1.0).abs() < 0.05, "{reported}");
         commanded = next.commanded.into_iter().next().expect("one joint");
     }
     // Noise copied into the commands six times would give 2e-4 or more.
@@ -122,7 +124,7 @@ fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     let mut plants = with_mode.clone();
     plants.joints[0].modes.clear();
     let motor = VirtualJoint { participation: 0.0, ..JOINT };
-    let error = off(&path, &motor.run(STEP_S, &path));
+    let error = differences(&path, &motor.run(STEP_S, &path));
     let measured = [MeasuredErrors {
         joints: vec![Some((MeasuredQuantity::Motor, error.clone()))],
         clock_offset_s: 0.0,
@@ -137,7 +139,7 @@ fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
     let refused = learn(&with_mode, &runs, &settings());
     assert_eq!(refused, Err(FeedforwardError::NothingMeasured));
-    let after = off(&path, &motor.run(STEP_S, &next.commanded[0]));
+    let after = differences(&path, &motor.run(STEP_S, &next.commanded[0]));
     assert!(rms(&after) < rms(&error) / 5.0, "{} {}", rms(&error), rms(&after));
 }
 

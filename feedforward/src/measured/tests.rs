@@ -60,8 +60,8 @@ fn an_unknown_clock_is_found_beside_the_delay_that_the_model_expects() {
     assert!((found.clock_offset_s - 0.1234).abs() < 2e-4, "{}", found.clock_offset_s);
     let (quantity, errors) = found.joints[1].as_ref().expect("measured");
     assert_eq!(*quantity, MeasuredQuantity::Link);
-    let off = errors.iter().zip(&error[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    assert!(off < 1e-4, "{off}");
+    let error_max = errors.iter().zip(&error[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(error_max < 1e-4, "{error_max}");
 }
 
 #[test]
@@ -88,37 +88,42 @@ fn points_in_an_unknown_frame_become_the_joints_that_move_the_tool_there() {
         let (_, errors) = joint.as_ref().expect("measured");
         q.iter_mut().zip(errors).for_each(|(q, error)| *q += error);
     }
-    let off = |path: &[Vec<f64>]| {
-        let far =
+    let largest_distance = |path: &[Vec<f64>]| {
+        let distances =
             points(&arm, path).into_iter().zip(points(&arm, &wanted)).map(|(a, b)| a.distance(b));
-        far.fold(0.0, f64::max)
+        distances.fold(0.0, f64::max)
     };
-    assert!(off(&corrected) < 0.1 * off(&reached), "{} {}", off(&reached), off(&corrected));
+    assert!(
+        largest_distance(&corrected) < 0.1 * largest_distance(&reached),
+        "{} {}",
+        largest_distance(&reached),
+        largest_distance(&corrected)
+    );
 }
 
 #[test]
 fn a_measurement_of_another_path_or_of_a_part_of_it_is_refused() {
     let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
     let none = vec![vec![0.0; ROWS]; 6];
-    let of = |recording: &Recording| {
+    let errors_of = |recording: &Recording| {
         let expected = expected(&arm, &times_s, &wanted, &none);
         MeasuredErrors::of(recording, expected, Clock::Offset(0.0), &settings())
     };
     let mut other = of_links(&wanted, 0.0);
     other.set(Channel::Link(2), vec![1.5; ROWS]);
-    assert!(matches!(of(&other), Err(FeedforwardError::TooFarOff { joint: 3, .. })));
+    assert!(matches!(errors_of(&other), Err(FeedforwardError::TooFarOff { joint: 3, .. })));
     let mut part = Recording::new(times_s[..300].to_vec());
     part.set(Channel::Link(0), wanted[0][..300].to_vec());
-    assert!(matches!(of(&part), Err(FeedforwardError::Uncovered { .. })));
+    assert!(matches!(errors_of(&part), Err(FeedforwardError::Uncovered { .. })));
     let nothing = Recording::new(times_s.clone());
-    assert_eq!(of(&nothing), Err(FeedforwardError::NothingMeasured));
+    assert_eq!(errors_of(&nothing), Err(FeedforwardError::NothingMeasured));
 }
 
 #[test]
 fn a_joint_in_the_unit_of_another_column_is_refused_with_the_factor() {
     let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
     let none = vec![vec![0.0; ROWS]; 6];
-    let of = |factor: f64, channel: fn(usize) -> Channel| {
+    let errors_of = |factor: f64, channel: fn(usize) -> Channel| {
         let mut recording = Recording::new(times_s.clone());
         let measured = wanted[1].iter().map(|q| factor * q).collect();
         recording.set(channel(1), measured);
@@ -127,12 +132,12 @@ fn a_joint_in_the_unit_of_another_column_is_refused_with_the_factor() {
     };
     for channel in [Channel::Link, Channel::Motor] {
         for scale in [1f64.to_radians(), 1f64.to_degrees()] {
-            let refused = of(scale, channel).expect_err("another unit");
+            let refused = errors_of(scale, channel).expect_err("another unit");
             let FeedforwardError::OtherUnit { joint: 2, factor, .. } = refused else {
                 panic!("{refused}")
             };
             assert!((factor / scale - 1.0).abs() < 0.01, "{factor}");
         }
-        assert!(of(1.001, channel).is_ok());
+        assert!(errors_of(1.001, channel).is_ok());
     }
 }

@@ -2,23 +2,23 @@
 
 use super::*;
 use crate::settings::settings;
-use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, differences, largest, rms};
 use joint_dynamics::plant::{Mode, UncertainValue};
 use proptest::prelude::*;
 
 /// A model of the joint, with this relative uncertainty of its parameters.
-pub(crate) fn model(of: &VirtualJoint, sigma: f64) -> Plant {
+pub(crate) fn model(joint: &VirtualJoint, sigma: f64) -> Plant {
     let number = |value: f64| UncertainValue { value, sigma: sigma * value };
     let positive = |value: f64| (value > 0.0).then(|| number(value));
     let mode = Mode {
-        frequency_hz: number(of.frequency_hz),
-        damping_ratio: number(of.damping_ratio),
-        participation: UncertainValue { value: of.participation, sigma: 0.0 },
+        frequency_hz: number(joint.frequency_hz),
+        damping_ratio: number(joint.damping_ratio),
+        participation: UncertainValue { value: joint.participation, sigma: 0.0 },
     };
     Plant {
-        delays_s: positive(of.delay_s).into_iter().collect(),
-        lags_s: positive(of.lag_s).into_iter().collect(),
-        modes: (of.participation > 0.0).then_some(mode).into_iter().collect(),
+        delays_s: positive(joint.delay_s).into_iter().collect(),
+        lags_s: positive(joint.lag_s).into_iter().collect(),
+        modes: (joint.participation > 0.0).then_some(mode).into_iter().collect(),
     }
 }
 
@@ -30,7 +30,7 @@ fn preview_of(plant: Plant, path: &[f64], settings: &Settings) -> Preview {
 /// Errors of the virtual joint without and with the preview by a model.
 fn errors(joint: &VirtualJoint, plant: Plant, path: &[f64]) -> [Vec<f64>; 2] {
     let preview = preview_of(plant, path, &settings());
-    let error = |commanded: &[f64]| off(path, &joint.run(STEP_S, commanded));
+    let error = |commanded: &[f64]| differences(path, &joint.run(STEP_S, commanded));
     [error(path), error(&preview.commanded[0])]
 }
 
@@ -86,7 +86,7 @@ fn limits_hold_by_differences_for_any_request() {
     let tight = Settings::with_limits(2e-3, 0.02, 2.0).expect("sound");
     let path = corners(STEP_S, &[(0.5, 1.0), (-0.5, 1.0)]);
     let preview = preview_of(model(&JOINT, 0.03), &path, &tight);
-    let c = off(&preview.commanded[0], &path);
+    let c = differences(&preview.commanded[0], &path);
     let rounding = 1.0 + 1e-6;
     assert!(largest(&c) <= 2e-3 * rounding, "{}", largest(&c));
     assert!(c.windows(2).all(|c| (c[1] - c[0]).abs() <= 0.02 * STEP_S * rounding));
@@ -103,10 +103,13 @@ fn the_reported_error_is_the_remaining_one() {
     let preview = preview_of(model(&JOINT, 0.0), &path, &settings());
     let reached = JOINT.run(STEP_S, &preview.commanded[0]);
     let without = JOINT.run(STEP_S, &path);
-    let told = largest(&off(&preview.with[0], &reached));
-    let told_without = largest(&off(&preview.without[0], &without));
-    let error = largest(&off(&path, &without));
-    assert!(told < 0.02 * error && told_without < 0.02 * error, "{told} {told_without} {error}");
+    let reported = largest(&differences(&preview.with[0], &reached));
+    let reported_without = largest(&differences(&preview.without[0], &without));
+    let error = largest(&differences(&path, &without));
+    assert!(
+        reported < 0.02 * error && reported_without < 0.02 * error,
+        "{reported} {reported_without} {error}"
+    );
 }
 
 #[test]

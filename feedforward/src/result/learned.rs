@@ -73,7 +73,7 @@ impl RunDynamics {
 }
 
 impl JointReport {
-    fn of(at: usize, kind: JointKind, learned: &LearnedJoint) -> Self {
+    fn of(index: usize, kind: JointKind, learned: &LearnedJoint) -> Self {
         Self {
             measured: match learned.quantity {
                 MeasuredQuantity::Link => "link",
@@ -87,7 +87,7 @@ impl JointReport {
                 .identified
                 .as_ref()
                 .map(|identified| RunDynamics::of(&identified.plant)),
-            next: JointCorrection::of(at, kind, &learned.next),
+            next: JointCorrection::of(index, kind, &learned.next),
         }
     }
 
@@ -120,8 +120,8 @@ impl LearnReport {
         };
         let tool = |reached: Vec<Vec<f64>>| ToolErrors::of(arm, wanted, &reached, step_s);
         let joints = next.joints.iter().zip(arm.joints()).enumerate();
-        let joints = joints.filter_map(|(at, (learned, joint))| {
-            Some(JointReport::of(at, joint.kind, learned.as_ref()?))
+        let joints = joints.filter_map(|(index, (learned, joint))| {
+            Some(JointReport::of(index, joint.kind, learned.as_ref()?))
         });
         let not_learned = (1..).zip(&next.joints).filter(|(_, joint)| joint.is_none());
         Self {

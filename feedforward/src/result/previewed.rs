@@ -37,8 +37,8 @@ impl PreviewReport {
         let Extended { step_s, lead_rows, is_resampled, .. } = path;
         let kinds = arm.joints().iter().map(|joint| joint.kind);
         let joints = (preview.joints.iter().zip(kinds).enumerate()).filter_map(
-            |(at, (stepped, kind)): (usize, (_, JointKind))| {
-                Some(JointCorrection::of(at, kind, stepped.as_ref()?))
+            |(index, (stepped, kind)): (usize, (_, JointKind))| {
+                Some(JointCorrection::of(index, kind, stepped.as_ref()?))
             },
         );
         Self {

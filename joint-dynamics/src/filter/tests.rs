@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::taps::{FilterTaps, TapsSettings};
-use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms};
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, differences, largest, rms};
 use proptest::prelude::*;
 
 fn filter(believed: f64) -> Filter {
@@ -23,10 +23,10 @@ fn joints(q: f64) -> Joints {
 fn commands(filter: &mut Filter, path: &[f64], known: usize) -> Vec<f64> {
     let path: Vec<Joints> = path.iter().map(|q| joints(*q)).collect();
     (0..path.len())
-        .map(|at| {
-            let end = (at + 1 + known).min(path.len());
-            let t_ns = (at as f64 * STEP_S * 1e9) as u64;
-            path[at][0] + filter.step(&path[at], t_ns, &path[at + 1..end]).0[0]
+        .map(|row| {
+            let end = (row + 1 + known).min(path.len());
+            let t_ns = (row as f64 * STEP_S * 1e9) as u64;
+            path[row][0] + filter.step(&path[row], t_ns, &path[row + 1..end]).0[0]
         })
         .collect()
 }
@@ -34,9 +34,9 @@ fn commands(filter: &mut Filter, path: &[f64], known: usize) -> Vec<f64> {
 /// Largest and RMS error in time with the filter, over those without.
 fn left(believed: f64, known: usize) -> (f64, f64) {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0), (0.05, 0.5)]);
-    let without = off(&path, &JOINT.run(STEP_S, &path));
+    let without = differences(&path, &JOINT.run(STEP_S, &path));
     let commanded = commands(&mut filter(believed), &path, known);
-    let with = off(&path, &JOINT.run(STEP_S, &commanded));
+    let with = differences(&path, &JOINT.run(STEP_S, &commanded));
     (largest(&with) / largest(&without), rms(&with) / rms(&without))
 }
 
@@ -59,8 +59,8 @@ fn without_a_horizon_lags_are_compensated_and_the_delay_remains() {
     plants.joints[0].modes.clear();
     let taps = FilterTaps::new(&plants, STEP_S, &TapsSettings::default()).unwrap();
     let commanded = commands(&mut Filter::new(taps, [f64::INFINITY; JOINTS_MAX]), &path, 0);
-    let without = off(&delayed, &joint.run(STEP_S, &path));
-    let with = off(&delayed, &joint.run(STEP_S, &commanded));
+    let without = differences(&delayed, &joint.run(STEP_S, &path));
+    let with = differences(&delayed, &joint.run(STEP_S, &commanded));
     let (largest, rms) = (largest(&with) / largest(&without), rms(&with) / rms(&without));
     assert!(largest < 0.3 && rms < 0.15, "{largest}, {rms}");
 }
@@ -84,21 +84,21 @@ fn a_model_that_is_off_by_30_per_cent_makes_the_rms_error_no_larger() {
 #[test]
 fn what_follows_the_horizon_counts_as_going_on_at_its_last_speed() {
     let (mut stated, mut assumed) = (filter(1.0), filter(1.0));
-    let at = |k: u64| joints(1e-3 * (k.min(230) as f64) + if k > 200 { 2e-3 } else { 0.0 });
+    let setpoint = |k: u64| joints(1e-3 * (k.min(230) as f64) + if k > 200 { 2e-3 } else { 0.0 });
     for k in 0..220_u64 {
         let all: Vec<Joints> = (k + 1..=k + 125)
             .map(|ahead| {
                 // From the 20th setpoint on at constant speed.
-                let (from, to) = (at(k + 19)[0], at(k + 20)[0]);
+                let (from, to) = (setpoint(k + 19)[0], setpoint(k + 20)[0]);
                 if ahead <= k + 20 {
-                    at(ahead)
+                    setpoint(ahead)
                 } else {
                     joints(to + (to - from) * (ahead - k - 20) as f64)
                 }
             })
             .collect();
-        let (lead, _) = stated.step(&at(k), k * 4_000_000, &all);
-        let (found, _) = assumed.step(&at(k), k * 4_000_000, &all[..20]);
+        let (lead, _) = stated.step(&setpoint(k), k * 4_000_000, &all);
+        let (found, _) = assumed.step(&setpoint(k), k * 4_000_000, &all[..20]);
         assert!((lead[0] - found[0]).abs() < 1e-12, "{k}: {} and {}", lead[0], found[0]);
     }
 }
@@ -174,10 +174,10 @@ fn commands_that_come_at_another_pace_than_the_period_are_led_by_their_speed() {
         for k in 0..1000_u64 {
             let t_ns = (k as f64 * pace * 4e6) as u64;
             // 0.25 rad/s.
-            let at = |t_ns: f64| joints(0.25e-9 * t_ns);
+            let setpoint = |t_ns: f64| joints(0.25e-9 * t_ns);
             let ahead: Vec<Joints> =
-                (1..=40).map(|ahead| at(t_ns as f64 + 4e6 * f64::from(ahead))).collect();
-            let (lead, _) = filter.step(&at(t_ns as f64), t_ns, &ahead);
+                (1..=40).map(|ahead| setpoint(t_ns as f64 + 4e6 * f64::from(ahead))).collect();
+            let (lead, _) = filter.step(&setpoint(t_ns as f64), t_ns, &ahead);
             if k > 300 {
                 (sum, count) = (sum + lead[0], count + 1);
             }

@@ -97,10 +97,10 @@ mod tests {
     fn the_link_stays_while_the_motor_crosses_the_gap() {
         let effect = gap();
         let mut memory = Memory::default();
-        let there = moved(&effect, &mut memory, 0.0, 0.1);
-        assert!((there - (0.1 - WIDTH / 2.0)).abs() < 1e-15, "the motor leads by half the gap");
+        let leading = moved(&effect, &mut memory, 0.0, 0.1);
+        assert!((leading - (0.1 - WIDTH / 2.0)).abs() < 1e-15, "the motor leads by half the gap");
         let inside = moved(&effect, &mut memory, 0.1, 0.1 - 0.75 * WIDTH);
-        assert!((inside - there).abs() < 1e-15, "inside the gap the link stays");
+        assert!((inside - leading).abs() < 1e-15, "inside the gap the link stays");
         let back = moved(&effect, &mut memory, 0.1 - 0.75 * WIDTH, 0.05);
         assert!((back - (0.05 + WIDTH / 2.0)).abs() < 1e-15, "beyond it the motor leads again");
     }
@@ -111,8 +111,8 @@ mod tests {
         let mut memory = Memory::default();
         for (to, slope) in [(0.1, -0.5), (0.05, 0.5)] {
             moved(&effect, &mut memory, 0.07, to);
-            let seen = with_inputs(&scene().inputs, |s| effect.derivative(0, s, &memory));
-            assert_eq!(seen, Contribution::Joint { joint: 1, delta: slope });
+            let slope_found = with_inputs(&scene().inputs, |s| effect.derivative(0, s, &memory));
+            assert_eq!(slope_found, Contribution::Joint { joint: 1, delta: slope });
         }
     }
 
@@ -124,9 +124,9 @@ mod tests {
             inputs.direction[1] = direction;
             let mut memory = Memory::default();
             effect.settle(&inputs, &mut memory);
-            let seen = with_inputs(&inputs, |signals| effect.predict(signals, &memory));
+            let contribution = with_inputs(&inputs, |signals| effect.predict(signals, &memory));
             let expected = Contribution::Joint { joint: 1, delta: -0.5 * WIDTH * direction };
-            assert_eq!(seen, expected);
+            assert_eq!(contribution, expected);
         }
     }
 }

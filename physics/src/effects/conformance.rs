@@ -123,8 +123,8 @@ fn every_effect_of_the_list_has_a_sample_that_does_something() {
         let of_kind: Vec<_> = samples.iter().filter(|s| s.effect.spec() == spec).collect();
         assert!(!of_kind.is_empty(), "{} has no sample", spec.kind);
         for sample in of_kind {
-            let seen = numbers(&added(sample, &sample.effect));
-            assert!(seen.iter().any(|x| *x != 0.0), "{} does nothing", sample.name);
+            let contributions = numbers(&added(sample, &sample.effect));
+            assert!(contributions.iter().any(|x| *x != 0.0), "{} does nothing", sample.name);
         }
     }
 }
@@ -140,13 +140,22 @@ fn linear_parameters_of_zero_do_nothing() {
         let mut memories = Memories::default();
         for inputs in path(&sample.scene.inputs) {
             silenced.advance(&inputs, &mut memories);
-            let seen = silenced.evaluate(&inputs, &memories);
-            assert_eq!(seen.real, seen.nominal, "{}: not the same to the bit", sample.name);
-            assert_eq!(seen.loads, model.evaluate(&inputs, &memories).loads, "{}", sample.name);
+            let evaluation = silenced.evaluate(&inputs, &memories);
+            assert_eq!(
+                evaluation.real, evaluation.nominal,
+                "{}: not the same to the bit",
+                sample.name
+            );
+            assert_eq!(
+                evaluation.loads,
+                model.evaluate(&inputs, &memories).loads,
+                "{}",
+                sample.name
+            );
             let drive = silenced.drive(&inputs, &memories);
-            let bare = model.drive(&inputs, &memories);
+            let without = model.drive(&inputs, &memories);
             for i in 0..JOINTS_MAX {
-                assert_eq!(drive.recorded(i), bare.recorded(i), "{}", sample.name);
+                assert_eq!(drive.recorded(i), without.recorded(i), "{}", sample.name);
             }
         }
     }
@@ -156,11 +165,11 @@ fn linear_parameters_of_zero_do_nothing() {
 fn effects_on_loads_alone_do_not_move_the_tool() {
     for sample in samples().iter().filter(|s| s.effect.spec().acts_on == ActsOn::Loads) {
         let model = Model::new(sample.scene.arm, &[sample.effect]).expect("sound");
-        let seen = model.evaluate(&sample.scene.inputs, &Memories::default());
-        let bare = Model::nominal(sample.scene.arm);
-        let without = bare.evaluate(&sample.scene.inputs, &Memories::default());
-        assert_eq!(seen.real, seen.nominal, "{}", sample.name);
-        assert_ne!(seen.loads, without.loads, "{} changes no load", sample.name);
+        let evaluation = model.evaluate(&sample.scene.inputs, &Memories::default());
+        let nominal = Model::nominal(sample.scene.arm);
+        let without = nominal.evaluate(&sample.scene.inputs, &Memories::default());
+        assert_eq!(evaluation.real, evaluation.nominal, "{}", sample.name);
+        assert_ne!(evaluation.loads, without.loads, "{} changes no load", sample.name);
     }
 }
 
@@ -170,20 +179,21 @@ fn effects_on_drives_or_cuts_change_neither_position_nor_loads() {
         |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::DriveTorque | ActsOn::ToolForce);
     for sample in samples().iter().filter(elsewhere) {
         let model = Model::new(sample.scene.arm, &[sample.effect]).expect("sound");
-        let bare = Model::nominal(sample.scene.arm);
+        let nominal = Model::nominal(sample.scene.arm);
         let (mut memories, inputs) = (Memories::default(), &path(&sample.scene.inputs)[1]);
         model.advance(inputs, &mut memories);
-        let seen = model.evaluate(inputs, &memories);
-        assert_eq!(seen, bare.evaluate(inputs, &Memories::default()), "{}", sample.name);
+        let evaluation = model.evaluate(inputs, &memories);
+        assert_eq!(evaluation, nominal.evaluate(inputs, &Memories::default()), "{}", sample.name);
     }
 }
 
 #[test]
 fn every_contribution_has_the_place_that_its_spec_says() {
     for sample in samples() {
-        let (_, seen, slopes) = run(&sample.effect, &sample.scene.arm, &path(&sample.scene.inputs));
+        let (_, contribution, slopes) =
+            run(&sample.effect, &sample.scene.arm, &path(&sample.scene.inputs));
         let acts_on = Some(sample.effect.spec().acts_on);
-        assert_eq!(place(&seen), acts_on, "{}", sample.name);
+        assert_eq!(place(&contribution), acts_on, "{}", sample.name);
         for slope in &slopes {
             assert_eq!(place(slope), acts_on, "{}: a derivative", sample.name);
         }
@@ -205,10 +215,10 @@ fn derivatives_agree_with_finite_differences_along_a_path() {
                 run(&effect, arm, &path).1
             };
             let difference = beside(value + h).minus(&beside(value - h)).times(0.5 / h);
-            let (said, found) = (numbers(slope), numbers(&difference));
-            let size = said.iter().chain(&found).fold(0.0_f64, |m, x| m.max(x.abs()));
+            let (analytic, found) = (numbers(slope), numbers(&difference));
+            let size = analytic.iter().chain(&found).fold(0.0_f64, |m, x| m.max(x.abs()));
             let error = 1e-6 * size + 1e-15 * whole / h;
-            for (s, f) in said.iter().zip(&found) {
+            for (s, f) in analytic.iter().zip(&found) {
                 assert!((s - f).abs() <= error, "{} value {k}: {s} not {f}", sample.name);
             }
         }
@@ -258,9 +268,9 @@ fn a_value_out_of_its_range_is_refused() {
                 Range::Positive => 0.0,
                 Range::Between(low, _) => low,
             };
-            let seen = sample.rebuilt(parameter.stem, &vec![bad; n]);
-            let refused = matches!(seen, Err(crate::BuildError::OutOfRange { .. }));
-            assert!(refused, "{}: {} = {bad} gave {seen:?}", sample.name, parameter.stem);
+            let rebuilt = sample.rebuilt(parameter.stem, &vec![bad; n]);
+            let refused = matches!(rebuilt, Err(crate::BuildError::OutOfRange { .. }));
+            assert!(refused, "{}: {} = {bad} gave {rebuilt:?}", sample.name, parameter.stem);
         }
     }
 }
@@ -323,8 +333,8 @@ proptest! {
             let memory = lived(&sample, &life);
             prop_assert!(memory.0.iter().all(|x| x.is_finite()), "{}: {memory:?}", sample.name);
             seen(&sample.scene.arm, &last, |signals| {
-                let seen = sample.effect.predict(signals, &memory);
-                prop_assert!(numbers(&seen).iter().all(|x| x.is_finite()), "{}: {seen:?}", sample.name);
+                let predicted = sample.effect.predict(signals, &memory);
+                prop_assert!(numbers(&predicted).iter().all(|x| x.is_finite()), "{}: {predicted:?}", sample.name);
                 for k in 0..sample.effect.values().len() {
                     let slope = sample.effect.derivative(k, signals, &memory);
                     prop_assert!(numbers(&slope).iter().all(|x| x.is_finite()), "{}", sample.name);

@@ -71,10 +71,10 @@ mod tests {
         for step in -12..12 {
             let mut inputs = scene().inputs;
             inputs.q[1] = f64::from(step) * 0.25 + 0.01;
-            let seen = with_inputs(&inputs, |signals| effect.predict(signals, &Memory::default()));
+            let contribution = with_inputs(&inputs, |signals| effect.predict(signals, &Memory::default()));
             let h = 1e-5;
             let slope = (energy(inputs.q[1] + h) - energy(inputs.q[1] - h)) / (2.0 * h);
-            let Contribution::JointLoad { joint: 1, load } = seen else { panic!("{seen:?}") };
+            let Contribution::JointLoad { joint: 1, load } = contribution else { panic!("{contribution:?}") };
             assert!((load + slope).abs() < 1e-5 * k * a, "{load} against {}", -slope);
         }
     }

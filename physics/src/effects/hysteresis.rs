@@ -147,14 +147,14 @@ mod tests {
             u in -0.5..0.5_f64, amplitude in 0.0..1e-3_f64, reversal in 1e-4..1e-2_f64, motor in -1e-2..1e-2_f64,
         ) {
             let effect = effect(amplitude, reversal);
-            let there = carried(u, &effect, motor);
-            let link = motor + amplitude * (there - u);
+            let expected = carried(u, &effect, motor);
+            let link = motor + amplitude * (expected - u);
             // A motion within a gap that is wider than its distance first moves the link back: no
             // inverse there.
             prop_assume!(link * motor > 0.0);
             let mut memory = Memory([u, 0.0, 0.0, 0.0]);
             effect.follow(&by(link), &mut memory);
-            prop_assert!((memory.0[0] - there).abs() < 1e-9, "{} for {there}", memory.0[0]);
+            prop_assert!((memory.0[0] - expected).abs() < 1e-9, "{} for {expected}", memory.0[0]);
         }
     }
 }

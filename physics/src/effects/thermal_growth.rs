@@ -126,8 +126,8 @@ mod tests {
         let given = ParameterValues(&[("growth", &growth)]);
         let effect = AnyEffect::build("thermal_growth", &scene.arm, Some(1), given).expect("sound");
         let model = Model::new(scene.arm, &[effect]).expect("one effect");
-        let seen = model.evaluate(&scene.inputs, &Memories::default());
-        let moved = seen.real.base_from_tool.origin - seen.nominal.base_from_tool.origin;
+        let evaluation = model.evaluate(&scene.inputs, &Memories::default());
+        let moved = evaluation.real.base_from_tool.origin - evaluation.nominal.base_from_tool.origin;
         assert!((moved - DVec3::Z * 16.52e-6).length() < 1e-12, "{moved}");
     }
 

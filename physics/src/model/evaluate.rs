@@ -35,7 +35,7 @@ impl Model {
         );
     }
 
-    /// The same with the effects' slopes, for joints a step `on` from those of `seen`.
+    /// The same with the effects' slopes, for joints a step `on` from those of `evaluation`.
     pub fn deviate_on(
         &self,
         inputs: &Inputs,
@@ -51,7 +51,7 @@ impl Model {
         );
     }
 
-    /// [`Model::evaluate_into`] for the geometry and loads in `seen`, computed by
+    /// [`Model::evaluate_into`] for the geometry and loads in `evaluation`, computed by
     /// [`Model::load_into`] and possibly changed since.
     pub fn evaluate_under(
         &self,
@@ -66,7 +66,7 @@ impl Model {
         evaluation.set_real(&self.arm, inputs);
     }
 
-    /// The loads for the controller's geometry in `seen`, with `beside` as an additional change.
+    /// The loads for the controller's geometry in `evaluation`, with `beside` as an additional change.
     pub fn load_beside(
         &self,
         inputs: &Inputs,
@@ -116,10 +116,10 @@ impl Model {
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
-        if let Some(told) = &mut slopes {
+        if let Some(sums) = &mut slopes {
             // Effects on the loads, and inertia, have other derivatives.
             let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
-            told.begin(at_rest && !self.changes_loads, &self.laws);
+            sums.begin(at_rest && !self.changes_loads, &self.laws);
         }
         self.laws.begin(lanes, &signals, deviation, slopes.as_deref_mut());
         for index in &self.others[..self.others_count] {
@@ -158,8 +158,8 @@ impl Model {
         if inputs.base_tilt != DVec3::ZERO {
             change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
         }
-        let stands = (&self.arm, chain);
-        loads.compute(lanes, stands, inputs.wrench_base, change);
+        let posture = (&self.arm, chain);
+        loads.compute(lanes, posture, inputs.wrench_base, change);
         if self.changes_loads {
             loads.clear_inertia();
             let signals = Signals { arm: &self.arm, inputs, chain, loads };
@@ -168,7 +168,7 @@ impl Model {
                     change.add(&effect.predict(&signals, memory));
                 }
             }
-            loads.compute(lanes, stands, inputs.wrench_base, change);
+            loads.compute(lanes, posture, inputs.wrench_base, change);
         }
         loads.compute_inertia(&self.arm, chain, inputs, change);
     }

@@ -112,8 +112,8 @@ fn the_mean_over_a_turn_is_the_mean_whatever_helix_and_runout() {
     for angle in turn() {
         sum += under.acting(&cutter, &cutter.tooth_forces(angle, FEED), 0.0);
     }
-    let off = sum / f64::from(TURN) - force(&cutter, &cutter.mean(FEED));
-    assert!(off.length() < 5e-3, "{off}");
+    let error = sum / f64::from(TURN) - force(&cutter, &cutter.mean(FEED));
+    assert!(error.length() < 5e-3, "{error}");
 }
 
 #[test]
@@ -201,11 +201,11 @@ fn a_sensor_reads_turned_then_leaking_then_scaled_then_off() {
         ("cross_talk", &[("matrix", &leak)]),
     ]);
     let acting = DVec3::new(30.0, -20.0, 10.0);
-    let felt = crate::frame::rotation_from_vector(turn).transpose() * acting;
+    let turned = crate::frame::rotation_from_vector(turn).transpose() * acting;
     let expected = DVec3::new(
-        1.0 + 1.1 * (felt.x + 0.04 * felt.y),
-        2.0 + felt.y,
-        3.0 + 0.95 * (felt.z + 0.01 * felt.x),
+        1.0 + 1.1 * (turned.x + 0.04 * turned.y),
+        2.0 + turned.y,
+        3.0 + 0.95 * (turned.z + 0.01 * turned.x),
     );
     assert!((sensor.measured_force(acting) - expected).length() < 1e-12);
     assert_eq!(CutForce::default().measured_force(acting), DMat3::IDENTITY * acting);

@@ -26,7 +26,7 @@ fn of_two(kind: &str, given: &[(&str, &[f64])]) -> AnyEffect {
     effect(&scene().arm, kind, 1, given)
 }
 
-fn near(found: f64, wanted: f64) {
+fn assert_near(found: f64, wanted: f64) {
     assert!((found - wanted).abs() < 1e-9 * wanted.abs().max(1.0), "{found} not {wanted}");
 }
 
@@ -45,9 +45,9 @@ fn an_arm_without_effects_records_its_inverse_dynamics() {
 #[test]
 fn at_a_reversal_dry_friction_turns_by_twice_its_level_and_rests_at_nothing() {
     let dry = of_two("coulomb_friction", &[("level", &[20.4])]);
-    near(added(&[dry], &moving(0.1, 1e-9, 0.0)), 20.4);
-    near(added(&[dry], &moving(0.1, -1e-9, 0.0)), -20.4);
-    near(added(&[dry], &moving(0.1, 0.0, 3.0)), 0.0);
+    assert_near(added(&[dry], &moving(0.1, 1e-9, 0.0)), 20.4);
+    assert_near(added(&[dry], &moving(0.1, -1e-9, 0.0)), -20.4);
+    assert_near(added(&[dry], &moving(0.1, 0.0, 3.0)), 0.0);
 }
 
 #[test]
@@ -57,11 +57,11 @@ fn friction_falls_from_its_level_at_rest_before_it_rises_with_speed() {
         of_two("stribeck_friction", &[("level", &[4.0]), ("stribeck_speed", &[0.05])]),
         of_two("viscous_friction", &[("coefficient", &[8.0])]),
     ];
-    let at = |v: f64| added(&laws, &moving(0.1, v, 0.0));
-    near(at(1e-9), 14.0);
-    near(at(0.05), 10.0 + 4.0 * f64::exp(-1.0) + 0.4);
-    near(at(1.0), 18.0);
-    near(at(-1.0), -18.0);
+    let friction_at = |v: f64| added(&laws, &moving(0.1, v, 0.0));
+    assert_near(friction_at(1e-9), 14.0);
+    assert_near(friction_at(0.05), 10.0 + 4.0 * f64::exp(-1.0) + 0.4);
+    assert_near(friction_at(1.0), 18.0);
+    assert_near(friction_at(-1.0), -18.0);
 }
 
 #[test]
@@ -71,10 +71,10 @@ fn warm_oil_lets_viscous_friction_fall_and_no_other() {
     let dry = of_two("coulomb_friction", &[("level", &[10.0])]);
     let mut inputs = moving(0.1, 0.5, 0.0);
     inputs.joint_celsius[1] = 45.0;
-    near(added(&[oil, warm], &inputs), 4.0 * f64::exp(-0.6));
-    near(added(&[dry, warm], &inputs), 10.0);
+    assert_near(added(&[oil, warm], &inputs), 4.0 * f64::exp(-0.6));
+    assert_near(added(&[dry, warm], &inputs), 10.0);
     (inputs.joint_celsius[1], inputs.ambient_celsius) = (f64::NAN, f64::NAN);
-    near(added(&[oil, warm], &inputs), 4.0);
+    assert_near(added(&[oil, warm], &inputs), 4.0);
 }
 
 #[test]
@@ -83,15 +83,15 @@ fn load_friction_follows_what_gravity_and_motion_ask_of_the_gear() {
     let mut inputs = moving(0.4, -0.2, 0.8);
     inputs.wrench_base = crate::Wrench::ZERO;
     let carried = inverse_dynamics(&scene().arm, &inputs)[1];
-    near(added(&[gear], &inputs), -0.07 * carried.abs());
+    assert_near(added(&[gear], &inputs), -0.07 * carried.abs());
 }
 
 #[test]
 fn a_spring_hardens_from_where_it_rests() {
     let spring = of_two("spring", &[("stiffness", &[300.0]), ("rest_position", &[0.2])]);
     let hard = of_two("spring_hardening", &[("cubic_stiffness", &[5e3])]);
-    near(added(&[hard, spring], &moving(0.5, 0.0, 0.0)), 300.0 * 0.3 + 5e3 * 0.027);
-    near(added(&[hard], &moving(0.5, 0.0, 0.0)), 5e3 * 0.125);
+    assert_near(added(&[hard, spring], &moving(0.5, 0.0, 0.0)), 300.0 * 0.3 + 5e3 * 0.027);
+    assert_near(added(&[hard], &moving(0.5, 0.0, 0.0)), 5e3 * 0.125);
 }
 
 #[test]
@@ -100,28 +100,29 @@ fn the_gain_of_a_drive_scales_all_that_acts() {
     let gain = of_two("drive_gain", &[("gain", &[-0.08])]);
     let inputs = moving(0.3, 0.2, 1.0);
     let acts = inverse_dynamics(&scene().arm, &inputs)[1] + 10.0;
-    near(added(&[gain, dry], &inputs), 0.92 * acts - (acts - 10.0));
+    assert_near(added(&[gain, dry], &inputs), 0.92 * acts - (acts - 10.0));
 }
 
 #[test]
 fn an_unknown_first_moment_is_what_a_mass_there_weighs_less_the_mass() {
     let arm = scene().arm;
-    let at = |z: f64| glam::DVec3::new(0.7, 0.1, 1.0 + z);
+    let point = |z: f64| glam::DVec3::new(0.7, 0.1, 1.0 + z);
     // Two masses, one of them negative, make a first moment without mass.
-    let (plus, minus) = (at(0.25), at(-0.15));
+    let (plus, minus) = (point(0.25), point(-0.15));
     let moment = (plus - minus) * 3.0;
     let heavy = |mass: f64, com: glam::DVec3| {
         effect(&arm, "payload", None, &[("mass", &[mass]), ("com", &com.to_array())])
     };
     let unknown = effect(&arm, "gravity_torque", 5, &[("first_moment", &moment.to_array())]);
     let inputs = scene().inputs;
-    let of = |effects: &[AnyEffect]| {
+    let torques = |effects: &[AnyEffect]| {
         let drive = model(&arm, effects).drive(&inputs, &Memories::default());
         std::array::from_fn::<f64, 6, _>(|i| drive.recorded(i))
     };
-    let (bare, one, other) = (of(&[]), of(&[heavy(3.0, plus)]), of(&[heavy(3.0, minus)]));
-    for (i, found) in of(&[unknown]).into_iter().enumerate() {
-        near(found - bare[i], one[i] - other[i]);
+    let (without, one, other) =
+        (torques(&[]), torques(&[heavy(3.0, plus)]), torques(&[heavy(3.0, minus)]));
+    for (i, found) in torques(&[unknown]).into_iter().enumerate() {
+        assert_near(found - without[i], one[i] - other[i]);
     }
 }
 

@@ -122,13 +122,13 @@ fn a_slider_on_an_incline_needs_its_mass_and_its_share_of_the_weight() {
 #[test]
 fn a_double_pendulum_is_that_of_the_textbook() {
     let (l1, l2, m1, m2, g) = (0.6, 0.4, 3.0, 2.0, 9.80665);
-    let joint = |x: f64, mass: f64, at: f64| Joint {
+    let joint = |x: f64, mass: f64, distance: f64| Joint {
         kind: JointKind::Revolute,
         axis: -DVec3::Y,
         point: DVec3::X * x,
         limits: (-9.0, 9.0),
         max_speed: 9.0,
-        link: Some(Body::point_mass(mass, DVec3::X * at)),
+        link: Some(Body::point_mass(mass, DVec3::X * distance)),
     };
     let tool = Tool { tcp: DVec3::X, base_from_tool: DMat3::IDENTITY, body: None };
     let joints = [joint(0.0, m1, l1), joint(l1, m2, l1 + l2)];
@@ -172,12 +172,12 @@ proptest! {
     fn at_rest_the_drives_hold_the_slope_of_the_potential_energy((arm, inputs) in in_motion()) {
         let torque = inverse_dynamics(&arm, &Inputs::at_rest(inputs.q));
         for (i, torque) in torque.iter().enumerate().take(arm.count()) {
-            let at = |step: f64| {
+            let energy_at = |step: f64| {
                 let mut q = inputs.q;
                 q[i] += step;
                 potential(&arm, &q)
             };
-            let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+            let slope = (energy_at(1e-5) - energy_at(-1e-5)) / 2e-5;
             prop_assert!((torque - slope).abs() < 1e-4, "joint {i}: {torque} not {slope}");
         }
     }
@@ -247,11 +247,11 @@ proptest! {
             let tool = Tool { body, ..arm.tool };
             inverse_dynamics(&Arm::new(arm.joints(), tool, arm.gravity).expect("sound"), &inputs)
         };
-        let (bare, joined) = (with(None), with(Some(body)));
+        let (without, joined) = (with(None), with(Some(body)));
         let (one, other) = (with(Some(one)), with(Some(other)));
         let size = joined.iter().fold(1.0_f64, |m, x| m.max(x.abs()));
         for i in 0..arm.count() {
-            prop_assert!((joined[i] + bare[i] - one[i] - other[i]).abs() < 1e-11 * size);
+            prop_assert!((joined[i] + without[i] - one[i] - other[i]).abs() < 1e-11 * size);
         }
     }
 }

@@ -48,7 +48,7 @@ fn effects_on_joints_add_to_their_positions() {
         let angle = ((q[3] + 1.0) / 1.5 - 1.0).acos();
         q[3] +=
             (0..4).map(|n| 1e-3 * (f64::from(n) + 1.0) * (f64::from(n) * angle).cos()).sum::<f64>();
-        assert!(geometry.base_from_tool(&q).off(&tool_with(&scene, &effects)) < ROUNDING);
+        assert!(geometry.base_from_tool(&q).difference(&tool_with(&scene, &effects)) < ROUNDING);
     }
 }
 
@@ -60,8 +60,8 @@ fn a_polynomial_stays_at_its_ends_value_outside_its_range() {
     let polynomial = effect(&scene.arm, "joint_polynomial", 1, &entries);
     for (q, wanted) in [(0.5, 6e-3), (2.9, 6e-3), (-0.5, 2e-3), (-2.9, 2e-3)] {
         scene.inputs.q[1] = q;
-        let seen = evaluated(scene.arm, &[polynomial], &scene.inputs).deviation.joints[1];
-        assert!((seen - wanted).abs() < 1e-17, "{seen} at {q}");
+        let deviation = evaluated(scene.arm, &[polynomial], &scene.inputs).deviation.joints[1];
+        assert!((deviation - wanted).abs() < 1e-17, "{deviation} at {q}");
     }
 }
 
@@ -81,7 +81,7 @@ fn a_tilted_axis_turns_alone_about_its_pivot() {
                 [("tilt", &[0.2, -0.1]), ("pivot", &pivot.to_array())];
             let tilted = effect(&scene.arm, "axis_tilt", 1, &entries);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[tilted])) < ROUNDING, "{along}");
+            assert!(wanted.difference(&tool_with(&scene, &[tilted])) < ROUNDING, "{along}");
         }
     }
 }
@@ -104,14 +104,15 @@ fn a_wobbling_axis_is_one_that_is_tilted_by_its_angle() {
 fn opposite_tilts_about_two_pivots_shift_the_axis() {
     let scene = scene();
     let joint = scene.arm.joints()[1];
-    let far = (joint.point + joint.axis).to_array();
-    let near = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[1e-3, 2e-3])]);
-    let back = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[-1e-3, -2e-3]), ("pivot", &far)]);
+    let other_pivot = (joint.point + joint.axis).to_array();
+    let tilted = effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[1e-3, 2e-3])]);
+    let back =
+        effect(&scene.arm, "axis_tilt", 1, &[("tilt", &[-1e-3, -2e-3]), ("pivot", &other_pivot)]);
     let (n1, n2) = normals(joint.axis);
     let mut geometry = Geometry::of(&scene.arm);
     geometry.joints[1].2 += (n1 * 1e-3 + n2 * 2e-3).cross(joint.axis);
     let wanted = geometry.base_from_tool(&scene.inputs.q);
-    assert!(wanted.off(&tool_with(&scene, &[near, back])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[tilted, back])) < ROUNDING);
 }
 
 #[test]
@@ -125,7 +126,7 @@ fn a_shifted_axis_takes_along_all_that_it_carries() {
             geometry.move_from(joint, by);
             let shifted = effect(&scene.arm, "axis_shift", joint, &[("shift", &by.to_array())]);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[shifted])) < ROUNDING);
+            assert!(wanted.difference(&tool_with(&scene, &[shifted])) < ROUNDING);
         }
     }
 }
@@ -161,18 +162,18 @@ fn effects_on_the_tool_are_applied_after_the_chain() {
         &[("shift", &[1e-2, 2e-2, -3e-2]), ("turn", &LARGE)],
     );
     let wanted = nominal.times(&shift([1e-2, 2e-2, -3e-2])).times(&turn(LARGE, [0.0; 3]));
-    assert!(wanted.off(&tool_with(&scene, &[offset])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[offset])) < ROUNDING);
 
     let softness = [2e-6, 1e-6, 5e-7];
     let yielding = effect(&scene.arm, "tool_compliance", None, &[("compliance", &softness)]);
     let column = |k: usize| DVec3::new(nominal.0[0][k], nominal.0[1][k], nominal.0[2][k]);
     let along = [0, 1, 2].map(|k| softness[k] * column(k).dot(force));
-    assert!(nominal.times(&shift(along)).off(&tool_with(&scene, &[yielding])) < ROUNDING);
+    assert!(nominal.times(&shift(along)).difference(&tool_with(&scene, &[yielding])) < ROUNDING);
 
     let by_warmth = effect(&scene.arm, "spindle_growth", None, &[("growth", &[3e-6])]);
     let by_speed = effect(&scene.arm, "spindle_growth", None, &[("growth_um", &[1e-9])]);
     let grown = nominal.times(&shift([0.0, 0.0, 3e-6 * 7.0 + 1e-9 * 28_000.0]));
-    assert!(grown.off(&tool_with(&scene, &[by_warmth, by_speed])) < ROUNDING);
+    assert!(grown.difference(&tool_with(&scene, &[by_warmth, by_speed])) < ROUNDING);
 }
 
 #[test]
@@ -192,7 +193,7 @@ fn a_growing_link_moves_the_next_joint_away() {
             }
             let growing = effect(&scene.arm, "thermal_growth", joint, &[("growth", &[1e-3])]);
             let wanted = geometry.base_from_tool(&scene.inputs.q);
-            assert!(wanted.off(&tool_with(&scene, &[growing])) < ROUNDING);
+            assert!(wanted.difference(&tool_with(&scene, &[growing])) < ROUNDING);
         }
     }
 }
@@ -204,14 +205,14 @@ fn a_tilting_base_turns_everything_about_its_origin() {
     let moment = evaluated(scene.arm, &[], &scene.inputs).loads.base_moment;
     let tilting = effect(&scene.arm, "base_compliance", None, &[("compliance", &[4e-4])]);
     let wanted = turn([4e-4 * moment.x, 4e-4 * moment.y, 0.0], [0.0; 3]).times(&nominal);
-    assert!(wanted.off(&tool_with(&scene, &[tilting])) < ROUNDING);
+    assert!(wanted.difference(&tool_with(&scene, &[tilting])) < ROUNDING);
 }
 
 #[test]
 fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
     for scene in scenes() {
         let (geometry, q) = (Geometry::of(&scene.arm), scene.inputs.q);
-        let seen = evaluated(scene.arm, &[], &scene.inputs);
+        let evaluation = evaluated(scene.arm, &[], &scene.inputs);
         for joint in [0_usize, 1, 3] {
             let (_, axis, point) = geometry.joints[joint];
             let carrier = joint.checked_sub(1).map_or(identity(), |k| geometry.body(&q, Some(k)));
@@ -220,14 +221,14 @@ fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
             let axis_now = carrier.point(axis) - carrier.point(DVec3::ZERO);
             let about =
                 |load: &crate::loads::PivotLoad| load.moment + (point_now - now).cross(load.force);
-            let moment = about(&seen.loads.gravity_at(joint))
-                + about(&seen.loads.wrench_at(joint, &seen.nominal));
+            let moment = about(&evaluation.loads.gravity_at(joint))
+                + about(&evaluation.loads.wrench_at(joint, &evaluation.nominal));
             let tilt = (moment - axis_now * axis_now.dot(moment)) * 4e-4;
             let wanted = turn(tilt.to_array(), now.to_array()).times(&geometry.base_from_tool(&q));
             let entries: [(&str, &[f64]); 2] =
                 [("compliance", &[4e-4]), ("pivot", &pivot.to_array())];
             let tilting = effect(&scene.arm, "bearing_compliance", joint, &entries);
-            assert!(wanted.off(&tool_with(&scene, &[tilting])) < ROUNDING, "joint {joint}");
+            assert!(wanted.difference(&tool_with(&scene, &[tilting])) < ROUNDING, "joint {joint}");
         }
     }
 }

@@ -93,13 +93,13 @@ proptest! {
     #[test]
     fn the_product_of_rotations_is_the_irb_1600s_denavit_hartenberg_product(q in six_joints()) {
         let chain = Chain::nominal(&irb1600(), &q);
-        prop_assert!(by_table(&IRB1600, &q).off(&chain.base_from_tool) < 1e-14);
+        prop_assert!(by_table(&IRB1600, &q).difference(&chain.base_from_tool) < 1e-14);
     }
 
     #[test]
     fn the_product_of_rotations_is_the_ur10es_denavit_hartenberg_product(q in six_joints()) {
         let chain = Chain::nominal(&ur10e(), &q);
-        prop_assert!(by_table(&UR10E, &q).off(&chain.base_from_tool) < 1e-14);
+        prop_assert!(by_table(&UR10E, &q).difference(&chain.base_from_tool) < 1e-14);
     }
 
     #[test]
@@ -107,9 +107,9 @@ proptest! {
         for arm in [scene().arm, sliding_scene().arm] {
             let (chain, geometry) = (Chain::nominal(&arm, &q), Geometry::of(&arm));
             for i in 0..6 {
-                prop_assert!(geometry.body(&q, Some(i)).off(&chain.body(i)) < 1e-13);
+                prop_assert!(geometry.body(&q, Some(i)).difference(&chain.body(i)) < 1e-13);
             }
-            prop_assert!(geometry.base_from_tool(&q).off(&chain.base_from_tool) < 1e-13);
+            prop_assert!(geometry.base_from_tool(&q).difference(&chain.base_from_tool) < 1e-13);
         }
     }
 

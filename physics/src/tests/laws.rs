@@ -74,24 +74,24 @@ fn a_missing_effect_is_not_changed() {
 #[test]
 fn an_effect_that_takes_the_place_of_another_kind_is_felt_as_if_it_had_been_there_from_the_start() {
     let arm = super::loads::arms()[0];
-    let of = |kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]| {
+    let built_effect = |kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]| {
         super::effect(&arm, kind, joint, given)
     };
-    let compliance = of("joint_compliance", Some(1), &[("compliance", &[1e-6])]);
-    let offset = of("joint_offset", Some(1), &[("offset", &[1e-3])]);
-    let payload = of("payload", None, &[("mass", &[4.0]), ("com", &[0.1, 0.0, 0.2])]);
-    let hardening = of("stiffness_hardening", Some(1), &[("cubic", &[1e-9])]);
+    let compliance = built_effect("joint_compliance", Some(1), &[("compliance", &[1e-6])]);
+    let offset = built_effect("joint_offset", Some(1), &[("offset", &[1e-3])]);
+    let payload = built_effect("payload", None, &[("mass", &[4.0]), ("com", &[0.1, 0.0, 0.2])]);
+    let hardening = built_effect("stiffness_hardening", Some(1), &[("cubic", &[1e-9])]);
     let inputs = Inputs::at_rest([0.3; crate::JOINTS_MAX]);
-    let says = |model: &Model| model.evaluate(&inputs, &Memories::default());
+    let evaluation = |model: &Model| model.evaluate(&inputs, &Memories::default());
     for comes in [payload, hardening] {
         let built = Model::new(arm, &[compliance, comes]).expect("they fit");
         let mut changed = Model::new(arm, &[compliance, offset]).expect("they fit");
         changed.change(1, |place| *place = comes).expect("there");
-        assert_eq!(says(&changed), says(&built), "{}", comes.spec().kind);
+        assert_eq!(evaluation(&changed), evaluation(&built), "{}", comes.spec().kind);
         assert_eq!(changed.has_hardening(), built.has_hardening());
         changed.change(1, |place| *place = offset).expect("there");
         let plain = Model::new(arm, &[compliance, offset]).expect("they fit");
-        assert_eq!(says(&changed), says(&plain), "without {}", comes.spec().kind);
+        assert_eq!(evaluation(&changed), evaluation(&plain), "without {}", comes.spec().kind);
         assert!(!changed.has_hardening());
     }
 }

@@ -32,8 +32,8 @@ fn a_force_pushes_the_tool_its_own_way() {
     let soft: Vec<_> = (0..6)
         .map(|i| effect(&scene.arm, "load_compliance", i, &[("compliance", &[2e-6])]))
         .collect();
-    let seen = evaluated(scene.arm, &soft, &inputs);
-    assert!(seen.real.base_from_tool.origin.z < seen.nominal.base_from_tool.origin.z);
+    let evaluation = evaluated(scene.arm, &soft, &inputs);
+    assert!(evaluation.real.base_from_tool.origin.z < evaluation.nominal.base_from_tool.origin.z);
 }
 
 #[test]
@@ -55,11 +55,11 @@ proptest! {
         let (arm, joint, compliance) = (&scene.arm, 1, 2e-6);
         let mut sag = Vec::new();
         for k in joint..6 {
-            let own: DVec3 = arm.bodies().filter(|(b, _)| *b == k)
+            let own_moment: DVec3 = arm.bodies().filter(|(b, _)| *b == k)
                 .map(|(_, body)| (body.centre - arm.joints()[k].point) * body.mass).sum();
             let beyond: f64 = arm.bodies().filter(|(b, _)| *b > k).map(|(_, body)| body.mass).sum();
             let link = arm.next_point(k) - arm.joints()[k].point;
-            let lever = own + if k < 5 { link * beyond } else { DVec3::ZERO };
+            let lever = own_moment + if k < 5 { link * beyond } else { DVec3::ZERO };
             sag.extend((lever * compliance * arm.gravity.length()).to_array());
         }
         let by_sag = delta(&scene, joint, "gravity_sag", &[("sag", &sag)]);
@@ -93,11 +93,11 @@ fn a_robot_on_its_side_feels_gravity_sideways() {
     let scene = scene();
     let quarter =
         effect(&scene.arm, "gravity_tilt", None, &[("tilt", &[core::f64::consts::FRAC_PI_2, 0.0])]);
-    let seen = evaluated(scene.arm, &[quarter], &scene.inputs).loads;
-    assert!((seen.gravity - DVec3::new(0.0, -9.80665, 0.0)).length() < 1e-14);
-    let side = crate::Arm::new(scene.arm.joints(), scene.arm.tool, seen.gravity).expect("sound");
+    let loads = evaluated(scene.arm, &[quarter], &scene.inputs).loads;
+    assert!((loads.gravity - DVec3::new(0.0, -9.80665, 0.0)).length() < 1e-14);
+    let side = crate::Arm::new(scene.arm.joints(), scene.arm.tool, loads.gravity).expect("sound");
     let wanted = evaluated(side, &[], &scene.inputs).loads;
-    assert!((0..6).all(|i| (seen.gravity_torque[i] - wanted.gravity_torque[i]).abs() < 1e-11));
+    assert!((0..6).all(|i| (loads.gravity_torque[i] - wanted.gravity_torque[i]).abs() < 1e-11));
 }
 
 #[test]
@@ -143,11 +143,11 @@ fn a_stiffening_law_is_refused_beyond_the_load_where_it_would_turn_back() {
             effect(&scene.arm, "joint_compliance", 1, &[("compliance", &[compliance])]),
             effect(&scene.arm, "stiffness_hardening", 1, &[("cubic", &[cubic])]),
         ];
-        let seen = evaluated(scene.arm, &effects, &scene.inputs);
-        assert_eq!(seen.out_of_range.is_some(), beyond);
-        if let Some(seen) = seen.out_of_range {
-            assert_eq!(seen.joint, 1);
-            assert!((seen.limit - limit).abs() < 1e-9 && seen.torque.abs() > limit);
+        let evaluation = evaluated(scene.arm, &effects, &scene.inputs);
+        assert_eq!(evaluation.out_of_range.is_some(), beyond);
+        if let Some(out_of_range) = evaluation.out_of_range {
+            assert_eq!(out_of_range.joint, 1);
+            assert!((out_of_range.limit - limit).abs() < 1e-9 && out_of_range.torque.abs() > limit);
         }
     }
 }

@@ -16,10 +16,10 @@ pub(super) fn arms() -> [Arm; 2] {
 /// Potential energy of all masses, J, by matrices.
 pub(super) fn energy(arm: &Arm, q: &Joints) -> f64 {
     let geometry = Geometry::of(arm);
-    let of = |(i, body): (usize, &crate::Body)| {
+    let energy_of = |(i, body): (usize, &crate::Body)| {
         -body.mass * arm.gravity.dot(geometry.body(q, Some(i)).point(body.centre))
     };
-    arm.bodies().map(of).sum()
+    arm.bodies().map(energy_of).sum()
 }
 
 fn slope(f: impl Fn(&Joints) -> f64, q: &Joints, i: usize, h: f64) -> f64 {
@@ -81,12 +81,12 @@ proptest! {
     #[test]
     fn wrench_torque_is_the_virtual_work_per_step_of_the_joint(q in six_joints(), w in any_wrench()) {
         for arm in arms() {
-            let here = Chain::nominal(&arm, &q);
-            let loads = Loads::on(&arm, &here, w);
+            let chain = Chain::nominal(&arm, &q);
+            let loads = Loads::on(&arm, &chain, w);
             let work = |q: &Joints| {
-                let there = Chain::nominal(&arm, q).base_from_tool;
-                let moved = there.origin - here.base_from_tool.origin;
-                let turned = there.rotation * here.base_from_tool.rotation.transpose();
+                let moved_tool = Chain::nominal(&arm, q).base_from_tool;
+                let moved = moved_tool.origin - chain.base_from_tool.origin;
+                let turned = moved_tool.rotation * chain.base_from_tool.rotation.transpose();
                 w.force.dot(moved) + w.moment.dot(vector_from_rotation(&turned))
             };
             for i in 0..6 {
@@ -114,9 +114,9 @@ proptest! {
                 let carrier = i.checked_sub(1);
                 let point = geometry.body(&q, carrier).point(arm.joints()[i].point);
                 prop_assert!((loads.gravity_at(i).moment - about(point, i)).length() < 1e-10);
-                let far = DVec3::new(0.3, -1.0, 2.0);
-                let there = loads.gravity_at(i).moment_about(point, far);
-                prop_assert!((there - about(far, i)).length() < 1e-10);
+                let other = DVec3::new(0.3, -1.0, 2.0);
+                let shifted = loads.gravity_at(i).moment_about(point, other);
+                prop_assert!((shifted - about(other, i)).length() < 1e-10);
             }
             let tcp = chain.base_from_tool.origin;
             let base = about(DVec3::ZERO, 0) + tcp.cross(w.force) + w.moment;
@@ -155,8 +155,8 @@ proptest! {
             let matrix = compliance_matrix(&arm, &inputs, &effects);
             let asymmetry = (matrix - matrix.transpose()).norm() / matrix.norm();
             prop_assert!(asymmetry < 1e-7, "{asymmetry}");
-            let least = ((matrix + matrix.transpose()) * 0.5).symmetric_eigenvalues().min();
-            prop_assert!(least > -1e-7 * matrix.norm(), "{least}");
+            let smallest = ((matrix + matrix.transpose()) * 0.5).symmetric_eigenvalues().min();
+            prop_assert!(smallest > -1e-7 * matrix.norm(), "{smallest}");
         }
     }
 }

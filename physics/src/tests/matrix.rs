@@ -70,7 +70,7 @@ impl Matrix {
     }
 
     /// The largest difference of any entry; lengths in m together with dimensionless entries.
-    pub(super) fn off(&self, frame: &Frame) -> f64 {
+    pub(super) fn difference(&self, frame: &Frame) -> f64 {
         let other = Self::of(frame);
         let pairs = self.0.as_flattened().iter().zip(other.0.as_flattened());
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)

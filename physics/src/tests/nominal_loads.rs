@@ -25,10 +25,10 @@ fn effects(arm: &Arm) -> Vec<AnyEffect> {
     all
 }
 
-/// Tool position with effects evaluated on the geometry of `seen`.
-fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, seen: &Chain) -> Chain {
-    let loads = Loads::on(arm, seen, inputs.wrench_base);
-    let signals = Signals { arm, inputs, chain: seen, loads: &loads };
+/// Tool position with effects evaluated on the geometry of `chain`.
+fn bent(arm: &Arm, effects: &[AnyEffect], inputs: &Inputs, chain: &Chain) -> Chain {
+    let loads = Loads::on(arm, chain, inputs.wrench_base);
+    let signals = Signals { arm, inputs, chain, loads: &loads };
     let mut deviation = Deviation::default();
     for effect in effects {
         deviation.add(&effect.predict(&signals, &Memory::default()));
@@ -68,7 +68,7 @@ fn campaign(force_n: f64) -> Campaign {
         let nominal = Chain::nominal(arm, &inputs.q);
         let once = bent(arm, &effects, &inputs, &nominal);
         let twice = bent(arm, &effects, &inputs, &once);
-        let settled = (0..30).fold(twice, |seen, _| bent(arm, &effects, &inputs, &seen));
+        let settled = (0..30).fold(twice, |chain, _| bent(arm, &effects, &inputs, &chain));
         let um = |a: &Chain, b: &Chain| {
             (a.base_from_tool.origin - b.base_from_tool.origin).length() * 1e6
         };
@@ -83,8 +83,8 @@ fn campaign(force_n: f64) -> Campaign {
 }
 
 fn line(all: &[f64]) -> String {
-    let at = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
-    [0.5, 0.95, 1.0].map(|share| format!("{:8.2}", at(share))).join(" ")
+    let quantile = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
+    [0.5, 0.95, 1.0].map(|share| format!("{:8.2}", quantile(share))).join(" ")
 }
 
 #[test]

@@ -17,10 +17,10 @@ use std::error::Error;
 use std::io::Write;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let mut numbers = words.iter().filter_map(|word| word.parse::<u64>().ok());
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut numbers = arguments.iter().filter_map(|argument| argument.parse::<u64>().ok());
     let (count, seed) = (numbers.next().unwrap_or(40), numbers.next().unwrap_or(2000));
-    let each = words.iter().any(|word| word == "each");
+    let each = arguments.iter().any(|argument| argument == "each");
     let mut account = Results::default();
     let mut out = std::io::stdout().lock();
     for k in 0..count {
@@ -65,8 +65,10 @@ impl Results {
                 self.chatters += 1;
                 let first_s = cut_alarms.alarms.iter().map(|line| line.alarm_s).reduce(f64::min);
                 self.delays_s.push(first_s.map_or(f64::INFINITY, |s| s - onset_s));
-                let own = |hz: f64| (hz - frequency_hz).abs() < (0.01 * frequency_hz).max(2.0);
-                self.own_frequency += usize::from(cut_alarms.strongest_hz().is_some_and(own));
+                let is_own_frequency =
+                    |hz: f64| (hz - frequency_hz).abs() < (0.01 * frequency_hz).max(2.0);
+                self.own_frequency +=
+                    usize::from(cut_alarms.strongest_hz().is_some_and(is_own_frequency));
                 self.one_event += usize::from(cut_alarms.alarms.len() == 1);
             }
             Truth::Marginal => self.marginal += 1,
@@ -75,7 +77,7 @@ impl Results {
 
     fn sorted_json(&mut self) -> String {
         self.delays_s.sort_by(f64::total_cmp);
-        let of = |part: f64| {
+        let quantile = |part: f64| {
             let last = self.delays_s.len().saturating_sub(1) as f64;
             self.delays_s.get((part * last).round() as usize).copied().unwrap_or(f64::NAN)
         };
@@ -87,8 +89,8 @@ impl Results {
             self.stable_alarmed,
             self.stable_forced,
             self.chatters,
-            of(0.5),
-            of(0.9),
+            quantile(0.5),
+            quantile(0.9),
             self.own_frequency,
             self.one_event,
             self.marginal

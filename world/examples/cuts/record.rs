@@ -72,7 +72,7 @@ impl Record {
 
 /// Motion of the tool beyond the forced vibration, and the forced vibration, per sample.
 struct Motion {
-    own: Vec<DVec2>,
+    regenerative: Vec<DVec2>,
     forced: Vec<DVec2>,
 }
 
@@ -87,7 +87,7 @@ fn recorded(process: &Process, depth_m: f64, seed: u64) -> (Vec<f64>, Motion) {
     let total = ((AIR_S + CUT_S + AFTER_S) * RATE_HZ) as usize;
     let (sin, cos) = process.turned_rad.sin_cos();
     let mut samples = Vec::with_capacity(3 * total);
-    let mut motion = Motion { own: Vec::new(), forced: Vec::new() };
+    let mut motion = Motion { regenerative: Vec::new(), forced: Vec::new() };
     let (mut t_s, step_s) = (0.0, cut.step_s());
     for k in 0..total {
         let (mut force, mut steps) = (DVec3::ZERO, 0.0);
@@ -97,14 +97,14 @@ fn recorded(process: &Process, depth_m: f64, seed: u64) -> (Vec<f64>, Motion) {
             let step = cut.next(part, push);
             force += step.force + push.extend(0.0);
             steps += 1.0;
-            if motion.own.len() == k {
-                motion.own.push(step.tool - step.forced);
+            if motion.regenerative.len() == k {
+                motion.regenerative.push(step.tool - step.forced);
                 motion.forced.push(step.forced);
             }
             t_s += step_s;
         }
-        if motion.own.len() == k {
-            motion.own.push(*motion.own.last().unwrap_or(&DVec2::ZERO));
+        if motion.regenerative.len() == k {
+            motion.regenerative.push(*motion.regenerative.last().unwrap_or(&DVec2::ZERO));
             motion.forced.push(*motion.forced.last().unwrap_or(&DVec2::ZERO));
         }
         let f = force / f64::max(steps, 1.0);
@@ -128,7 +128,8 @@ fn truth(process: &Process, motion: &Motion) -> Truth {
     let start = ((AIR_S + process.entry_s) * RATE_HZ) as usize;
     let ratio = |k: usize| {
         let run = k - window..k;
-        (variance(&motion.own[run.clone()]) / variance(&motion.forced[run]).max(1e-18)).sqrt()
+        (variance(&motion.regenerative[run.clone()]) / variance(&motion.forced[run]).max(1e-18))
+            .sqrt()
     };
     let hop = (0.005 * RATE_HZ) as usize;
     let ratios: Vec<(usize, f64)> =
@@ -140,11 +141,11 @@ fn truth(process: &Process, motion: &Motion) -> Truth {
         return Truth::Stable;
     }
     let below = ratios.iter().rposition(|(_, ratio)| *ratio < 1.0);
-    let onset = ratios.get(below.map_or(0, |at| at + 1)).map(|(k, _)| *k as f64 / RATE_HZ);
+    let onset = ratios.get(below.map_or(0, |index| index + 1)).map(|(k, _)| *k as f64 / RATE_HZ);
     match onset {
         Some(onset_s) if last > DEVELOPED => {
             let from = end - (0.8 * RATE_HZ) as usize;
-            Truth::Chatter { onset_s, frequency_hz: strongest_hz(&motion.own[from..end]) }
+            Truth::Chatter { onset_s, frequency_hz: strongest_hz(&motion.regenerative[from..end]) }
         }
         _ => Truth::Marginal,
     }

@@ -16,9 +16,9 @@ fn a_delay_shows_the_motion_of_then_even_between_samples() {
     let t = times(400, 4e-3);
     let wave = |t: f64| 0.4 * (5.0 * t).cos();
     let dynamics = Dynamics { delay_s: 7.3e-3, ..Dynamics::default() };
-    let seen = dynamics.motor_positions(&t, vec![of(wave, &t)]).remove(0);
+    let delayed = dynamics.motor_positions(&t, vec![of(wave, &t)]).remove(0);
     for k in 10..400 {
-        assert!((seen[k] - wave(t[k] - 7.3e-3)).abs() < 2e-7);
+        assert!((delayed[k] - wave(t[k] - 7.3e-3)).abs() < 2e-7);
     }
 }
 
@@ -26,9 +26,9 @@ fn a_delay_shows_the_motion_of_then_even_between_samples() {
 fn a_lag_trails_a_ramp_by_speed_times_its_time_constant() {
     let t = times(300, 2e-3);
     let dynamics = Dynamics { lags: vec![(0, 0.03)], ..Dynamics::default() };
-    let seen = dynamics.motor_positions(&t, vec![of(|t| 0.5 * t, &t)]).remove(0);
-    let off = |k: usize| 0.5 * t[k] - seen[k];
-    assert!((0..300).all(|k| (off(k) - 0.5 * 0.03).abs() < 1e-12), "steady from the start");
+    let lagged = dynamics.motor_positions(&t, vec![of(|t| 0.5 * t, &t)]).remove(0);
+    let trail = |k: usize| 0.5 * t[k] - lagged[k];
+    assert!((0..300).all(|k| (trail(k) - 0.5 * 0.03).abs() < 1e-12), "steady from the start");
 }
 
 #[test]
@@ -36,10 +36,10 @@ fn a_lag_answers_a_sine_as_its_transfer_function_says() {
     let (w, lag) = (9.0, 0.02);
     let t = times(2000, 1e-3);
     let dynamics = Dynamics { lags: vec![(0, lag)], ..Dynamics::default() };
-    let seen = dynamics.motor_positions(&t, vec![of(|t| (w * t).sin(), &t)]).remove(0);
+    let lagged = dynamics.motor_positions(&t, vec![of(|t| (w * t).sin(), &t)]).remove(0);
     let (gain, phase) = (1.0 / (1.0 + (w * lag).powi(2)).sqrt(), (w * lag).atan());
     for k in 500..1990 {
-        assert!((seen[k] - gain * (w * t[k] - phase).sin()).abs() < 1e-6);
+        assert!((lagged[k] - gain * (w * t[k] - phase).sin()).abs() < 1e-6);
     }
 }
 
@@ -53,14 +53,14 @@ fn a_mode_answers_a_shaken_joint_as_its_transfer_function_says() {
     let mode = ringing(0.8, 0.0);
     let t = times(8000, 1e-3);
     let w = TAU * 4.0;
-    let seen = mode.deflection(&t, &of(|t| (w * t).sin(), &t), &[]);
+    let deflection = mode.deflection(&t, &of(|t| (w * t).sin(), &t), &[]);
     // x = γ w² / (ω² − w² + 2iζωw) · sin wt
     let o = TAU * 11.0;
     let (re, im) = (o * o - w * w, 2.0 * 0.05 * o * w);
     let (gain, phase) = (0.8 * w * w / re.hypot(im), im.atan2(re));
     for k in 4000..7990 {
         let wanted = gain * (w * t[k] - phase).sin();
-        assert!((seen[k] - wanted).abs() < 2e-4 * gain, "{} not {wanted}", seen[k]);
+        assert!((deflection[k] - wanted).abs() < 2e-4 * gain, "{} not {wanted}", deflection[k]);
     }
 }
 
@@ -69,13 +69,13 @@ fn a_mode_rings_down_at_its_own_frequency_after_a_load_is_let_go() {
     let mode = ringing(1.0, 2e-6);
     let t = times(3000, 1e-3);
     let loads: Vec<f64> = t.iter().map(|t| if *t < 0.5 { 100.0 } else { 0.0 }).collect();
-    let seen = mode.deflection(&t, &[], &loads);
+    let deflection = mode.deflection(&t, &[], &loads);
     let mean = loads.iter().sum::<f64>() / 3000.0;
-    assert!((seen[200] - 2e-6 * (100.0 - mean)).abs() < 1e-12, "settled under its load");
+    assert!((deflection[200] - 2e-6 * (100.0 - mean)).abs() < 1e-12, "settled under its load");
     let low = -2e-6 * mean;
     let crossings: Vec<f64> = (600..1200)
-        .filter(|k| seen[*k] < low && seen[*k + 1] >= low)
-        .map(|k| t[k] + 1e-3 * (low - seen[k]) / (seen[k + 1] - seen[k]))
+        .filter(|k| deflection[*k] < low && deflection[*k + 1] >= low)
+        .map(|k| t[k] + 1e-3 * (low - deflection[k]) / (deflection[k + 1] - deflection[k]))
         .collect();
     let period = (crossings[4] - crossings[0]) / 4.0;
     let damped = 11.0 * (1.0_f64 - 0.05 * 0.05).sqrt();
@@ -87,10 +87,10 @@ fn a_spike_stands_at_a_reversal_against_the_new_motion_and_fades() {
     let spike = Spike { joint: 0, amplitude: 1e-4, time_constant_s: 0.05 };
     let t = times(200, 0.01);
     let motor = of(|t| if t < 1.0 { t } else { 2.0 - t }, &t);
-    let seen = spike.deflection(&t, &motor, 0.0);
-    assert!(seen[..101].iter().all(|x| *x == 0.0), "nothing before the first reversal");
-    assert!((seen[101] - 1e-4 * (-0.2_f64).exp()).abs() < 1e-15);
-    assert!((seen[106] / seen[101] - (-1.0_f64).exp()).abs() < 1e-9);
+    let deflection = spike.deflection(&t, &motor, 0.0);
+    assert!(deflection[..101].iter().all(|x| *x == 0.0), "nothing before the first reversal");
+    assert!((deflection[101] - 1e-4 * (-0.2_f64).exp()).abs() < 1e-15);
+    assert!((deflection[106] / deflection[101] - (-1.0_f64).exp()).abs() < 1e-9);
     let known = spike.deflection(&t, &motor, -1.0);
     assert!((known[1] + 1e-4 * (-0.2_f64).exp()).abs() < 1e-15, "a first motion that turns back");
 }

@@ -27,9 +27,9 @@ fn arm_effects(list: &[(&str, &str, f64)]) -> Model {
 #[test]
 fn without_effects_the_tool_goes_where_the_controller_believes() {
     let model = Model::nominal(irb1600());
-    for (seen, row) in path(&model, &Dynamics::default(), &swing(200)).iter().zip(swing(200)) {
-        assert_eq!(seen.base_from_tool, Chain::nominal(&model.arm, &row.q).base_from_tool);
-        assert_eq!((seen.motor, seen.link), (row.q, row.q));
+    for (state, row) in path(&model, &Dynamics::default(), &swing(200)).iter().zip(swing(200)) {
+        assert_eq!(state.base_from_tool, Chain::nominal(&model.arm, &row.q).base_from_tool);
+        assert_eq!((state.motor, state.link), (row.q, row.q));
     }
 }
 
@@ -38,13 +38,13 @@ fn play_follows_the_lagged_command_and_not_the_command() {
     let model = arm_effects(&[("backlash", "width", 4e-4)]);
     let lag = Dynamics { lags: vec![(1, 0.1)], ..Dynamics::default() };
     let rows = swing(1000);
-    let seen = path(&model, &lag, &rows);
+    let states = path(&model, &lag, &rows);
     // The command reverses at t = π/4; the lagged motor atan(2 · 0.1)/2 later.
     let turn = std::f64::consts::FRAC_PI_4;
     let late = 0.2_f64.atan() / 2.0;
     let play = |t: f64| {
         let k = (t * RATE_HZ) as usize;
-        seen[k].link[1] - seen[k].motor[1]
+        states[k].link[1] - states[k].motor[1]
     };
     assert!((play(turn + 0.5 * late) + 2e-4).abs() < 1e-9, "still on the old side");
     assert!((play(turn + late + 0.2) - 2e-4).abs() < 1e-9, "on the new side");
@@ -55,7 +55,7 @@ fn a_compliant_joint_feels_the_inertia_of_what_it_swings_and_one_at_rest_does_no
     let soft = arm_effects(&[("joint_compliance", "compliance", 2e-6)]);
     let slow: Vec<(Inputs, bool)> = swing(1000).into_iter().map(|row| (row, false)).collect();
     let (moving, resting) = (path(&soft, &Dynamics::default(), &swing(1000)), poses(&soft, &slow));
-    let bend = |seen: &ArmState| seen.link[1] - seen.motor[1];
+    let bend = |state: &ArmState| state.link[1] - state.motor[1];
     // At the reversal the motion is decelerated: inertia deflects the joint further in the previous
     // direction.
     let k = (std::f64::consts::FRAC_PI_4 * RATE_HZ) as usize;
@@ -64,8 +64,8 @@ fn a_compliant_joint_feels_the_inertia_of_what_it_swings_and_one_at_rest_does_no
     let still: Vec<Inputs> = (0..50)
         .map(|k| Inputs { time_s: f64::from(k) * 0.01, ..Inputs::at_rest(swing(1)[0].q) })
         .collect();
-    let seen = path(&soft, &Dynamics::default(), &still);
-    assert!((bend(&seen[25]) - bend(&resting[0])).abs() < 1e-15);
+    let states = path(&soft, &Dynamics::default(), &still);
+    assert!((bend(&states[25]) - bend(&resting[0])).abs() < 1e-15);
 }
 
 #[test]
@@ -96,13 +96,13 @@ fn modes_and_spikes_move_the_link_and_the_tool_but_not_the_motor() {
         Dynamics { spikes: vec![spike], ..Dynamics::default() },
     ] {
         let rows = swing(600);
-        let seen = path(&model, &dynamics, &rows);
-        assert!(seen.iter().zip(&rows).all(|(seen, row)| seen.motor == row.q));
-        let most = seen.iter().map(|s| (s.link[1] - s.motor[1]).abs()).fold(0.0, f64::max);
+        let states = path(&model, &dynamics, &rows);
+        assert!(states.iter().zip(&rows).all(|(state, row)| state.motor == row.q));
+        let most = states.iter().map(|s| (s.link[1] - s.motor[1]).abs()).fold(0.0, f64::max);
         assert!(most > 5e-5, "{most}");
-        for seen in &seen {
-            let chain = Chain::nominal(&model.arm, &seen.link);
-            assert!((chain.base_from_tool.origin - seen.base_from_tool.origin).length() < 1e-12);
+        for state in &states {
+            let chain = Chain::nominal(&model.arm, &state.link);
+            assert!((chain.base_from_tool.origin - state.base_from_tool.origin).length() < 1e-12);
         }
     }
 }
@@ -119,13 +119,13 @@ fn a_base_that_rocks_moves_the_tool_and_no_joint() {
     };
     let dynamics = Dynamics { modes: vec![rocks], ..Dynamics::default() };
     let rows = swing(600);
-    let seen = path(&model, &dynamics, &rows);
-    assert!(seen.iter().zip(&rows).all(|(seen, row)| seen.link == row.q));
-    let off = |(seen, row): (&ArmState, &Inputs)| {
+    let states = path(&model, &dynamics, &rows);
+    assert!(states.iter().zip(&rows).all(|(state, row)| state.link == row.q));
+    let error = |(state, row): (&ArmState, &Inputs)| {
         let believed = Chain::nominal(&model.arm, &row.q).base_from_tool.origin;
-        (seen.base_from_tool.origin - believed).length()
+        (state.base_from_tool.origin - believed).length()
     };
-    assert!(seen.iter().zip(&rows).map(off).fold(0.0, f64::max) > 1e-5);
+    assert!(states.iter().zip(&rows).map(error).fold(0.0, f64::max) > 1e-5);
 }
 
 #[test]
@@ -133,10 +133,10 @@ fn link_side_sensors_may_be_late_alone() {
     let model = Model::nominal(irb1600());
     let dynamics = Dynamics { link_delay_s: 4.0 / RATE_HZ, ..Dynamics::default() };
     let rows = swing(300);
-    let seen = path(&model, &dynamics, &rows);
+    let states = path(&model, &dynamics, &rows);
     for k in 10..300 {
-        assert!((seen[k].link[1] - rows[k - 4].q[1]).abs() < 1e-9);
-        assert_eq!(seen[k].motor, rows[k].q);
+        assert!((states[k].link[1] - rows[k - 4].q[1]).abs() < 1e-9);
+        assert_eq!(states[k].motor, rows[k].q);
     }
 }
 
@@ -147,13 +147,13 @@ fn play_seen_at_every_eighth_row_stands_where_it_stands_seen_at_each() {
     let rows = swing(2000);
     let all = path(&model, &Dynamics::default(), &rows);
     let few: Vec<Inputs> = rows.iter().step_by(8).copied().collect();
-    let seen = path(&model, &Dynamics::default(), &few);
-    let off = seen
+    let states = path(&model, &Dynamics::default(), &few);
+    let differences = states
         .iter()
         .zip(all.iter().step_by(8))
         .map(|(one, same)| one.base_from_tool.origin.distance(same.base_from_tool.origin));
     // An eighth of the motion within a row at the reversal, 1.6 rad/s², is 5e-5 rad and more, at a
     // metre.
-    let worst = off.skip(20).fold(0.0, f64::max);
+    let worst = differences.skip(20).fold(0.0, f64::max);
     assert!(worst < 5e-6, "{worst} m");
 }

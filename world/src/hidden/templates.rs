@@ -202,7 +202,7 @@ fn normal_to_axis(arm: &Arm, joint: usize, shift: &[f64]) -> Vec<f64> {
 
 /// Hardening that is valid up to the largest load; `None` if the joint has no compliance.
 fn hardening(model: &Model, survey: &[Inputs], joint: usize) -> Option<f64> {
-    let gives_way = |effect: &&AnyEffect| {
+    let is_compliant = |effect: &&AnyEffect| {
         let linear = matches!(
             effect,
             AnyEffect::JointCompliance(_)
@@ -211,7 +211,7 @@ fn hardening(model: &Model, survey: &[Inputs], joint: usize) -> Option<f64> {
         );
         linear && effect.joint() == Some(joint)
     };
-    let compliance = model.effects().find(gives_way)?.values().first()?;
+    let compliance = model.effects().find(is_compliant)?.values().first()?;
     let most = LOAD_RESERVE * largest_load(&model.arm, survey, joint);
     (most > 0.0).then(|| compliance / (3.0 * most * most))
 }

@@ -32,9 +32,9 @@ fn followed(model: &Model, rows: &[Inputs]) -> Vec<MotorState> {
 }
 
 /// Largest deviation of joint 1 from its command.
-fn off(followed: &[MotorState], rows: &[Inputs]) -> f64 {
-    let off = followed.iter().zip(rows).map(|(seen, row)| (seen.motor[0] - row.q[0]).abs());
-    off.fold(0.0, f64::max)
+fn largest_error(followed: &[MotorState], rows: &[Inputs]) -> f64 {
+    let errors = followed.iter().zip(rows).map(|(state, row)| (state.motor[0] - row.q[0]).abs());
+    errors.fold(0.0, f64::max)
 }
 
 #[test]
@@ -42,12 +42,12 @@ fn dry_friction_shows_in_the_motion_and_rests_at_a_turn() {
     let rows = swing(2000, 0.05);
     let free = followed(&slider(&[]), &rows);
     let dry = followed(&slider(&[("coulomb_friction", "level", 60.0)]), &rows);
-    let (free, stuck) = (off(&free, &rows), off(&dry, &rows));
+    let (free, stuck) = (largest_error(&free, &rows), largest_error(&dry, &rows));
     assert!(stuck > 2.0 * free, "{free} m without, {stuck} m with friction");
     // At the reversal at 1 s the linear axis is at rest until the controller has changed its force
     // by twice the friction.
-    let stands = dry[480..540].windows(2).filter(|pair| pair[0].motor[0] == pair[1].motor[0]);
-    assert!(stands.count() >= 3);
+    let pauses = dry[480..540].windows(2).filter(|pair| pair[0].motor[0] == pair[1].motor[0]);
+    assert!(pauses.count() >= 3);
 }
 
 #[test]
@@ -55,8 +55,8 @@ fn friction_holds_a_slide_that_nobody_moves() {
     let model = slider(&[("coulomb_friction", "level", 60.0)]);
     let mut rows = swing(400, 0.0);
     rows.iter_mut().for_each(|row| row.wrench_base.force.x = 50.0);
-    for (k, seen) in followed(&model, &rows).iter().enumerate() {
-        assert_eq!(seen.motor[0], 0.0, "row {k}");
+    for (k, state) in followed(&model, &rows).iter().enumerate() {
+        assert_eq!(state.motor[0], 0.0, "row {k}");
     }
 }
 
@@ -64,15 +64,15 @@ fn friction_holds_a_slide_that_nobody_moves() {
 fn drive_energy_equals_kinetic_energy_plus_friction() {
     let rows = swing(1001, 0.1);
     let laws = [("coulomb_friction", "level", 60.0), ("viscous_friction", "coefficient", 200.0)];
-    let seen = followed(&slider(&laws), &rows);
+    let states = followed(&slider(&laws), &rows);
     let (mut spent, mut rubbed) = (0.0, 0.0);
-    for pair in seen.windows(2) {
+    for pair in states.windows(2) {
         let moved = pair[1].motor[0] - pair[0].motor[0];
         spent += 0.5 * (pair[0].torque[0] + pair[1].torque[0]) * moved;
         rubbed += 60.0 * moved.abs() + 200.0 * moved * moved * RATE_HZ;
     }
-    let end = seen.len() - 2;
-    let speed = (seen[end + 1].motor[0] - seen[end - 1].motor[0]) * 0.5 * RATE_HZ;
+    let end = states.len() - 2;
+    let speed = (states[end + 1].motor[0] - states[end - 1].motor[0]) * 0.5 * RATE_HZ;
     let kinetic = 0.5 * 95.0 * speed * speed;
     assert!((spent - rubbed - kinetic).abs() < 5e-3 * rubbed, "{spent} {rubbed} {kinetic}");
 }
@@ -91,20 +91,20 @@ fn what_is_recorded_is_what_the_motion_asks() {
         .collect();
     let model = Model::new(arm, &effects).expect("room");
     let rows = swing(1500, 0.2);
-    let seen = followed(&model, &rows);
-    assert!(off(&seen, &rows) < 2e-3, "{}", off(&seen, &rows));
+    let states = followed(&model, &rows);
+    assert!(largest_error(&states, &rows) < 2e-3, "{}", largest_error(&states, &rows));
     let mut moved = rows.clone();
-    moved.iter_mut().zip(&seen).for_each(|(row, seen)| row.q = seen.motor);
-    let asked = drives::path(&model, &Dynamics::default(), &moved);
+    moved.iter_mut().zip(&states).for_each(|(row, state)| row.q = state.motor);
+    let predicted = drives::path(&model, &Dynamics::default(), &moved);
     for i in 0..6 {
-        let (mut off, mut all) = (0.0, 0.0);
-        for (seen, asked) in seen.iter().zip(&asked).take(1450).skip(50) {
-            off += (seen.torque[i] - asked[i]).powi(2);
-            all += asked[i].powi(2);
+        let (mut error, mut all) = (0.0, 0.0);
+        for (state, predicted) in states.iter().zip(&predicted).take(1450).skip(50) {
+            error += (state.torque[i] - predicted[i]).powi(2);
+            all += predicted[i].powi(2);
         }
-        assert!(off < 5e-4 * all, "joint {}: {off} of {all}", i + 1);
+        assert!(error < 5e-4 * all, "joint {}: {error} of {all}", i + 1);
     }
-    assert_eq!(seen, followed(&model, &rows), "the same bits");
+    assert_eq!(states, followed(&model, &rows), "the same bits");
 }
 
 #[test]
@@ -112,17 +112,17 @@ fn a_gain_of_the_drive_is_in_the_record_and_not_in_the_motion() {
     let rows = swing(300, 0.05);
     let exact = followed(&slider(&[("coulomb_friction", "level", 60.0)]), &rows);
     let scaled = [("coulomb_friction", "level", 60.0), ("drive_gain", "gain", 0.1)];
-    for (seen, exact) in followed(&slider(&scaled), &rows).iter().zip(exact) {
-        assert_eq!(seen.motor, exact.motor);
-        assert!((seen.torque[0] - 1.1 * exact.torque[0]).abs() < 1e-9);
+    for (state, exact) in followed(&slider(&scaled), &rows).iter().zip(exact) {
+        assert_eq!(state.motor, exact.motor);
+        assert!((state.torque[0] - 1.1 * exact.torque[0]).abs() < 1e-9);
     }
 }
 
 #[test]
 fn an_arm_without_masses_is_refused() {
     let arm = slide(95.0);
-    let bare = physics::Joint { link: None, ..arm.joints()[0] };
-    let arm = physics::Arm::new(&[bare], arm.tool, arm.gravity).expect("sound");
+    let massless = physics::Joint { link: None, ..arm.joints()[0] };
+    let arm = physics::Arm::new(&[massless], arm.tool, arm.gravity).expect("sound");
     let refused = path(&Model::nominal(arm), &Dynamics::default(), &swing(3, 0.1));
     assert_eq!(refused, Err(ServoError::Massless { joint: 1 }));
 }

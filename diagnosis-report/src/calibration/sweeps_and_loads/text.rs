@@ -24,8 +24,8 @@ impl SweepReport {
                 significant(largest(&self.sigma_shift_um.unwrap_or_default()), 2)
             ));
         }
-        let off: Vec<f64> = self.steps.iter().map(|step| step.mean_mrad).collect();
-        parts.push(format!("position error up to {} mrad", significant(largest(&off), 2)));
+        let mean_errors: Vec<f64> = self.steps.iter().map(|step| step.mean_mrad).collect();
+        parts.push(format!("position error up to {} mrad", significant(largest(&mean_errors), 2)));
         let lost: Vec<f64> =
             self.steps.iter().filter_map(|step| step.half_lost_motion_mrad).collect();
         if !lost.is_empty() {

@@ -222,10 +222,10 @@ impl<'a> MotionBuilder<'a> {
         self.move_to(q);
     }
 
-    fn finish(self, name: String, says: String) -> Experiment {
+    fn finish(self, name: String, instruction: String) -> Experiment {
         let (joints, rows) = (self.arm.count(), self.rows);
         let kinds = self.arm.joints().iter().map(|joint| joint.kind).collect();
-        Experiment { name, says, rows, joints, kinds }
+        Experiment { name, says: instruction, rows, joints, kinds }
     }
 }
 
@@ -245,12 +245,12 @@ fn single_joint_motion(arm: &Arm, joint: usize) -> Experiment {
 
 /// Reversals about two postures in which gravity acts on the joint in opposite directions, as far as such postures exist.
 fn reversals(arm: &Arm, joint: usize) -> Experiment {
-    let own = &arm.joints()[joint];
+    let moved_joint = &arm.joints()[joint];
     let [one, other] = gravity_postures(arm, joint);
     let mut going = MotionBuilder::start_at(arm, one);
     for posture in [one, other] {
         going.move_to(posture);
-        let unit = if unit_index(own) == 0 { PI / 180.0 } else { 1e-3 };
+        let unit = if unit_index(moved_joint) == 0 { PI / 180.0 } else { 1e-3 };
         for stroke in STROKES.map(|stroke| stroke * unit) {
             for _ in 0..2 {
                 going.move_joint_to(joint, posture[joint] + 0.5 * stroke);
@@ -259,7 +259,7 @@ fn reversals(arm: &Arm, joint: usize) -> Experiment {
         }
     }
     let n = joint + 1;
-    let unit = if unit_index(own) == 0 { "degrees" } else { "mm" };
+    let unit = if unit_index(moved_joint) == 0 { "degrees" } else { "mm" };
     going.finish(
         format!("joint {n} to and fro"),
         format!(
@@ -273,8 +273,9 @@ fn reversals(arm: &Arm, joint: usize) -> Experiment {
 fn gravity_postures(arm: &Arm, joint: usize) -> [Joints; 2] {
     let model = physics::Model::nominal(*arm);
     let pull = |q: &Joints| {
-        let seen = model.evaluate(&physics::Inputs::at_rest(*q), &physics::Memories::default());
-        let torque = seen.loads.torque(joint);
+        let evaluation =
+            model.evaluate(&physics::Inputs::at_rest(*q), &physics::Memories::default());
+        let torque = evaluation.loads.torque(joint);
         let tool = Chain::nominal(arm, q).base_from_tool.origin;
         if arm.bodies().next().is_some() { torque } else { tool.x }
     };
@@ -286,8 +287,8 @@ fn gravity_postures(arm: &Arm, joint: usize) -> [Joints; 2] {
         q[joint] = if inside.contains(&q[joint]) { q[joint] } else { 0.5 * (low + high) };
     }
     let by = |a: &&Joints, b: &&Joints| pull(a).total_cmp(&pull(b));
-    let least = poses.iter().min_by(by).copied().unwrap_or_else(|| tour_centre(arm));
-    [least, poses.iter().max_by(by).copied().unwrap_or(least)]
+    let weakest = poses.iter().min_by(by).copied().unwrap_or_else(|| tour_centre(arm));
+    [weakest, poses.iter().max_by(by).copied().unwrap_or(weakest)]
 }
 
 fn tour_poses(arm: &Arm, count: usize) -> Vec<Joints> {
@@ -305,7 +306,7 @@ fn tour_poses(arm: &Arm, count: usize) -> Vec<Joints> {
 }
 
 /// The same poses under each of these forces, and once more at high speed if `fast`.
-fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Experiment {
+fn tour(arm: &Arm, name: &str, instruction: &str, forces: &[DVec3], fast: bool) -> Experiment {
     let poses = tour_poses(arm, TOUR_POSES);
     let mut going = MotionBuilder::start_at(arm, poses[0]);
     for (round, force) in forces.iter().enumerate() {
@@ -322,7 +323,7 @@ fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Expe
         going.fast = true;
         poses.iter().for_each(|q| going.move_to(*q));
     }
-    going.finish(name.to_owned(), says.to_owned())
+    going.finish(name.to_owned(), instruction.to_owned())
 }
 
 fn warm_up(arm: &Arm) -> Experiment {

@@ -139,12 +139,12 @@ impl<'a> ChannelInspection<'a> {
             .collect();
         let same = |a: usize, b: usize| all.iter().all(|values| values[a] == values[b]);
         let turned = |run: &Range<usize>| {
-            let at =
+            let rotation =
                 |k: usize| Chain::nominal(self.arm, &self.q.at(rows[k])).base_from_tool.rotation;
-            let first = at(run.start);
-            let off = |k: usize| (first.transpose() * at(k)).to_cols_array();
+            let first = rotation(run.start);
+            let relative = |k: usize| (first.transpose() * rotation(k)).to_cols_array();
             let trace = |m: [f64; 9]| m[0] + m[4] + m[8];
-            run.clone().any(|k| 3.0 - trace(off(k)) > ROTATION_MIN * ROTATION_MIN)
+            run.clone().any(|k| 3.0 - trace(relative(k)) > ROTATION_MIN * ROTATION_MIN)
         };
         let frozen = long_runs(&runs(&rows, same)).into_iter().filter(turned);
         let frozen: Vec<usize> = frozen.flatten().map(|k| rows[k]).collect();
@@ -177,10 +177,10 @@ impl<'a> ChannelInspection<'a> {
         }
         // A coarsely quantised channel repeats values, too, but changes by single steps.
         let jumps = |values: &Vec<f64>| {
-            let off = rows.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
-            let off: Vec<f64> = off.filter(|off| *off > 0.0).collect();
-            let least = off.iter().copied().fold(f64::INFINITY, f64::min);
-            median(off) > RESOLUTION_STEPS_MIN * least
+            let steps = rows.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
+            let steps: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
+            let smallest = steps.iter().copied().fold(f64::INFINITY, f64::min);
+            median(steps) > RESOLUTION_STEPS_MIN * smallest
         };
         if !all.iter().any(jumps) {
             return None;
@@ -228,14 +228,14 @@ impl<'a> ChannelInspection<'a> {
         values: &[f64],
     ) -> String {
         let (first, last) = (rows.first().copied().unwrap_or(0), rows.last().copied().unwrap_or(0));
-        let [at] = self.in_file_units(channel, [values[first]]);
+        let [value] = self.in_file_units(channel, [values[first]]);
         let what = match fault {
             Fault::Frozen => "is constant",
             Fault::Saturated => "is clipped",
         };
         let t = &self.recording.t_s;
         format!(
-            "{} {what} at {at:.6} between {:.3} s and {:.3} s ({} rows) while the arm moves; these rows are not used",
+            "{} {what} at {value:.6} between {:.3} s and {:.3} s ({} rows) while the arm moves; these rows are not used",
             column_name(self.recording, channel),
             t[first],
             t[last],
@@ -268,8 +268,8 @@ fn runs(rows: &[usize], same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>
 /// Runs that are long compared with the median run.
 fn long_runs(runs: &[Range<usize>]) -> Vec<Range<usize>> {
     let usual = median(runs.iter().map(|run| run.len() as f64)) as usize;
-    let least = if runs.len() > 1 { RUN_MIN.max(RUN_MEDIANS_MIN * usual) } else { RUN_MIN };
-    runs.iter().filter(|run| run.len() >= least).cloned().collect()
+    let length_min = if runs.len() > 1 { RUN_MIN.max(RUN_MEDIANS_MIN * usual) } else { RUN_MIN };
+    runs.iter().filter(|run| run.len() >= length_min).cloned().collect()
 }
 
 /// Faulty rows of one channel at one station.
@@ -282,9 +282,9 @@ fn faults(follows: &Regressors, values: &[f64], rows: &[usize]) -> Vec<(Fault, V
     }
     let ends = [1.0, -1.0].map(|sign: f64| {
         let most = rows.iter().map(|row| sign * values[*row]).fold(f64::NEG_INFINITY, f64::max);
-        let there: Vec<usize> =
+        let at_extreme: Vec<usize> =
             rows.iter().copied().filter(|row| sign * values[*row] == most).collect();
-        (sign, if there.len() < RUN_MIN { Vec::new() } else { there })
+        (sign, if at_extreme.len() < RUN_MIN { Vec::new() } else { at_extreme })
     });
     let mut sound = vec![true; values.len()];
     long.iter().flat_map(Range::clone).for_each(|k| sound[rows[k]] = false);
@@ -293,20 +293,20 @@ fn faults(follows: &Regressors, values: &[f64], rows: &[usize]) -> Vec<(Fault, V
     let Some(line) = predict(follows, values, &sound) else { return Vec::new() };
     let (expected, clear) = (&line.expected, FAULT_SIGMAS * line.sigma);
     let mut found: Vec<(Fault, Vec<usize>)> = Vec::new();
-    for (sign, there) in ends {
+    for (sign, at_extreme) in ends {
         let beyond = |row: &usize| sign * (expected[*row] - values[*row]);
-        let further = there.iter().map(beyond).fold(f64::NEG_INFINITY, f64::max);
-        let inside = there.iter().filter(|row| beyond(row) < -clear).count();
-        if further > clear && 20 * inside <= there.len() {
-            found.push((Fault::Saturated, there));
+        let further = at_extreme.iter().map(beyond).fold(f64::NEG_INFINITY, f64::max);
+        let inside = at_extreme.iter().filter(|row| beyond(row) < -clear).count();
+        if further > clear && 20 * inside <= at_extreme.len() {
+            found.push((Fault::Saturated, at_extreme));
         }
     }
-    let cut_at: Vec<f64> = found.iter().map(|(_, there)| values[there[0]]).collect();
+    let cut_at: Vec<f64> = found.iter().map(|(_, at_extreme)| values[at_extreme[0]]).collect();
     let is_cut = |run: &Range<usize>| cut_at.contains(&values[rows[run.start]]);
     let still = long.into_iter().filter(|run| !is_cut(run)).filter(|run| {
-        let at = run.clone().map(|k| expected[rows[k]]);
-        let (low, high) =
-            at.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        let values_expected = run.clone().map(|k| expected[rows[k]]);
+        let (low, high) = values_expected
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
         high - low > clear
     });
     let still: Vec<Vec<usize>> = still.map(|run| rows[run].to_vec()).collect();

@@ -75,11 +75,11 @@ pub(super) fn predict(
     let mean = |k: usize| sound.iter().map(|row| followed.row(*row)[k]).sum::<f64>() / count;
     let means: Vec<f64> = (0..width).map(mean).collect();
     let level = sound.iter().map(|row| values[*row]).sum::<f64>() / count;
-    let off = |row: usize| followed.row(row).iter().zip(&means).map(|(x, m)| x - m);
+    let centred = |row: usize| followed.row(row).iter().zip(&means).map(|(x, m)| x - m);
     let (mut normal, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
     let mut x = DVector::zeros(width);
     for row in sound {
-        x.iter_mut().zip(off(*row)).for_each(|(x, off)| *x = off);
+        x.iter_mut().zip(centred(*row)).for_each(|(x, centred)| *x = centred);
         normal.ger(1.0, &x, &x, 1.0);
         right.axpy(values[*row] - level, &x, 1.0);
     }
@@ -87,8 +87,8 @@ pub(super) fn predict(
     let ridge = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
     (0..width).for_each(|k| normal[(k, k)] += ridge);
     let slope = normal.cholesky()?.solve(&right);
-    let at = |row| level + off(row).zip(slope.iter()).map(|(x, b)| x * b).sum::<f64>();
-    let expected: Vec<f64> = (0..followed.rows()).map(at).collect();
+    let predicted = |row| level + centred(row).zip(slope.iter()).map(|(x, b)| x * b).sum::<f64>();
+    let expected: Vec<f64> = (0..followed.rows()).map(predicted).collect();
     let sizes = sound.iter().map(|row| (values[*row] - expected[*row]).abs());
     Some(LinearPrediction { sigma: SIGMA_PER_MAD * median(sizes), expected })
 }
@@ -99,13 +99,13 @@ pub(super) fn position_spread(followed: &Regressors, rows: &[usize]) -> (f64, f6
     let width = followed.width.min(3);
     let count = rows.len().max(1) as f64;
     let mut mean = DVector::zeros(width);
-    let at =
+    let position =
         |row: usize| DVector::from_iterator(width, followed.row(row).iter().copied().take(width));
-    rows.iter().for_each(|row| mean += at(*row) / count);
+    rows.iter().for_each(|row| mean += position(*row) / count);
     let mut spread = DMatrix::zeros(width, width);
     for row in rows {
-        let off = at(*row) - &mean;
-        spread.ger(1.0 / count, &off, &off, 1.0);
+        let centred = position(*row) - &mean;
+        spread.ger(1.0 / count, &centred, &centred, 1.0);
     }
     let squares = spread.symmetric_eigenvalues();
     let root = |square: f64| square.max(0.0).sqrt();

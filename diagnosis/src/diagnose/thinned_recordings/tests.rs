@@ -9,15 +9,16 @@ fn long(rows: usize) -> Recording {
     let time = |row: usize| (row % (rows / 2)) as f64 * 0.01;
     let mut recording = Recording::new((0..rows).map(time).collect());
     recording.segment = (0..rows).map(|row| i64::from(row >= rows / 2)).collect();
-    let column = |of: &dyn Fn(usize) -> f64| (0..rows).map(of).collect::<Vec<f64>>();
+    let column = |value: &dyn Fn(usize) -> f64| (0..rows).map(value).collect::<Vec<f64>>();
     for joint in 0..6 {
         let rate = 0.3 + 0.17 * joint as f64;
         let q = column(&|row| libm::sin(rate * time(row) * (1.0 + 1e-3 * time(row))));
         recording.set(Channel::Command(joint), q);
     }
     for axis in 0..3 {
-        let at = column(&|row| if row % 3 == 0 { libm::cos(0.2 * time(row)) } else { f64::NAN });
-        recording.set(Channel::Position(axis), at);
+        let position =
+            column(&|row| if row % 3 == 0 { libm::cos(0.2 * time(row)) } else { f64::NAN });
+        recording.set(Channel::Position(axis), position);
         recording.set(Channel::Target(1, axis), column(&|row| (row % 7) as f64));
     }
     recording.set(Channel::Link(2), column(&|row| if row % 5 == 0 { 0.1 } else { f64::NAN }));
@@ -43,12 +44,12 @@ fn rows_chosen_before_they_are_poses_are_those_chosen_after_to_the_bit() {
     preparation::set_velocities(&mut whole, arm.count());
     let mut notes = Vec::new();
     preparation::subsample(&mut whole, arm.count(), &mut notes);
-    let looked = ThinnedRecordings::select(&arm, &two).expect("usable");
-    let (says, sample) = looked.chosen.expect("a choice");
-    assert_eq!((says, looked.rows, looked.moves), (notes.remove(0), measured, true));
-    assert!(looked.campaign.poses.len() < 12_000, "{}", looked.campaign.poses.len());
+    let thinned = ThinnedRecordings::select(&arm, &two).expect("usable");
+    let (note, sample) = thinned.chosen.expect("a choice");
+    assert_eq!((note, thinned.rows, thinned.moves), (notes.remove(0), measured, true));
+    assert!(thinned.campaign.poses.len() < 12_000, "{}", thinned.campaign.poses.len());
     // NaN does not equal itself, so both are compared as text.
-    assert_eq!(format!("{:?}", looked.campaign), format!("{whole:?}"));
+    assert_eq!(format!("{:?}", thinned.campaign), format!("{whole:?}"));
     assert_eq!(format!("{:?}", sample.poses), format!("{spread:?}"));
 }
 
@@ -56,8 +57,8 @@ fn rows_chosen_before_they_are_poses_are_those_chosen_after_to_the_bit() {
 fn a_short_recording_is_looked_at_as_a_whole() {
     let arm = nominal_robot().arm;
     let one = [long(2_000)];
-    let looked = ThinnedRecordings::select(&arm, &one).expect("usable");
+    let thinned = ThinnedRecordings::select(&arm, &one).expect("usable");
     let whole = campaign(&arm, &one).expect("usable");
-    assert!(looked.chosen.is_none());
-    assert_eq!(format!("{:?}", looked.campaign), format!("{whole:?}"));
+    assert!(thinned.chosen.is_none());
+    assert_eq!(format!("{:?}", thinned.campaign), format!("{whole:?}"));
 }

@@ -126,15 +126,15 @@ fn with_best_forms(search: &TermSearch<'_>, set: &EffectSet) -> Vec<usize> {
     let mut names = set.effects.clone();
     for _ in 0..FORM_PASSES {
         let before = names.clone();
-        for at in 0..names.len() {
-            let own = names[at];
-            let without = search.solve(&without_term(&names, own));
-            let same = |name: &usize| families[*name].kind == families[own].kind;
+        for index in 0..names.len() {
+            let current = names[index];
+            let without = search.solve(&without_term(&names, current));
+            let same = |name: &usize| families[*name].kind == families[current].kind;
             let forms = (0..families.len())
                 .filter(same)
                 .map(|k| (k, gain_less_penalty(search, &without, k)));
             let best = forms.max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-            names[at] = best.map_or(own, |(best, _)| best);
+            names[index] = best.map_or(current, |(best, _)| best);
         }
         if names == before {
             break;
@@ -154,10 +154,10 @@ pub(super) fn better_set(case: &Case, names: &[usize], used: &[bool]) -> Option<
             + penalty(&search, names)
     };
     let kinds_of = kinds(&search, names);
-    let near = sets.iter().filter(|set| set.score > best - SCORE_DIFFERENCE_MOST);
-    let near =
-        near.filter(|set| kinds(&search, &set.effects) != kinds_of).take(NONLINEAR_FITS_MOST);
-    let tried = near.map(|set| (cost(&set.effects), &set.effects));
-    let (least, better) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (least < cost(names) - IMPROVEMENT_LEAST).then(|| better.clone())
+    let promising = sets.iter().filter(|set| set.score > best - SCORE_DIFFERENCE_MOST);
+    let promising =
+        promising.filter(|set| kinds(&search, &set.effects) != kinds_of).take(NONLINEAR_FITS_MOST);
+    let tried = promising.map(|set| (cost(&set.effects), &set.effects));
+    let (lowest, better) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (lowest < cost(names) - IMPROVEMENT_LEAST).then(|| better.clone())
 }

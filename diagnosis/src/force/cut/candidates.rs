@@ -67,7 +67,7 @@ pub(super) fn library(case: &mut Case) {
         let part = |k: usize| (from + k, coefficients[k] / largest);
         directions.push((0..3).map(part).collect());
     }
-    let alike = directions.len();
+    let common = directions.len();
     directions.push((0..3).map(|k| (SCALE.from + k, 1.0)).collect());
     let mut prior = vec![0.0; directions.len()];
     let anyway = nuisance_columns(case, &mut directions, &mut prior);
@@ -98,7 +98,7 @@ pub(super) fn library(case: &mut Case) {
     for (kind, slot) in [KINDS[4], KINDS[5], KINDS[6]] {
         (0..3).for_each(|k| put(kind, vec![slot.from + k], AXES[k]));
         if kind == "wrench_scale" {
-            put(kind, vec![alike], &["all alike"]);
+            put(kind, vec![common], &["all alike"]);
         }
         for (k, other) in [(0, 1), (0, 2), (1, 2)] {
             put(kind, vec![slot.from + k, slot.from + other], &["two"]);
@@ -115,9 +115,9 @@ pub(super) fn library(case: &mut Case) {
     put("tool_wear", vec![WEAR.from], &["growth"]);
     put("runout", vec![RUNOUT.from, RUNOUT.from + 1], &["radial", "phase"]);
     let is_doubted = |column: &usize| {
-        directions[*column]
-            .iter()
-            .any(|(at, _)| case.uncertain_parameters.iter().any(|one| one.parameter == *at))
+        directions[*column].iter().any(|(parameter, _)| {
+            case.uncertain_parameters.iter().any(|one| one.parameter == *parameter)
+        })
     };
     for family in &mut library.terms {
         family.corrects_stated = family.columns.iter().any(is_doubted);
@@ -132,24 +132,25 @@ fn nuisance_columns(
     directions: &mut Vec<Vec<(usize, f64)>>,
     prior: &mut Vec<f64>,
 ) -> NuisanceColumns {
-    let mut put = |at: usize, belief: f64| {
-        directions.push(vec![(at, 1.0)]);
-        prior.push(belief);
+    let mut put = |parameter: usize, weight: f64| {
+        directions.push(vec![(parameter, 1.0)]);
+        prior.push(weight);
         directions.len() - 1
     };
     let [phases, speed, drifts, bends] = case.nuisance_offsets();
-    let mut spindle: Vec<usize> = (phases..speed).map(|at| put(at, 0.0)).collect();
+    let mut spindle: Vec<usize> = (phases..speed).map(|parameter| put(parameter, 0.0)).collect();
     spindle.push(put(speed, 1.0 / (SPEED_SIGMA * SPEED_SIGMA)));
     // With more segments, the number of drift columns would outweigh their benefit.
     let last = if speed - phases <= SEGMENTS_WITH_DRIFT_MOST { bends } else { drifts };
-    let drift = (drifts..last).map(|at| put(at, 0.0)).collect();
+    let drift = (drifts..last).map(|parameter| put(parameter, 0.0)).collect();
     // Columns of curvature are used in the estimation of the noise only, so that a curved drift is not taken for autocorrelation.
-    (bends..bends + last - drifts).for_each(|at| {
-        put(at, 0.0);
+    (bends..bends + last - drifts).for_each(|parameter| {
+        put(parameter, 0.0);
     });
     let of_model = case.uncertain_parameters.iter();
-    let doubts = of_model.map(|doubt| put(doubt.parameter, 1.0 / (doubt.sigma * doubt.sigma)));
-    NuisanceColumns { spindle, drift, uncertain_parameters: doubts.collect() }
+    let uncertain =
+        of_model.map(|stated| put(stated.parameter, 1.0 / (stated.sigma * stated.sigma)));
+    NuisanceColumns { spindle, drift, uncertain_parameters: uncertain.collect() }
 }
 
 /// Adds an oscillation as a candidate: in the cut only, or always; on each axis, or on all.
@@ -181,11 +182,12 @@ pub(super) fn add_oscillation(case: &mut Case, tone_hz: f64) {
 pub(super) fn set_parameter_limits(case: &mut Case, stated_wear: f64) {
     let coefficients = case.coefficients();
     let is_of_sensor = |column: usize| {
-        let number = case.column_parameters[column].first().map_or(PARAMETERS, |(at, _)| *at);
+        let number =
+            case.column_parameters[column].first().map_or(PARAMETERS, |(parameter, _)| *parameter);
         let holds = |slot: Slot| (slot.from..slot.from + slot.count).contains(&number);
         [SCALE, ROTATION, CROSS_TALK].into_iter().any(holds)
     };
-    let least = |column: usize| -> ParameterBounds {
+    let bounds = |column: usize| -> ParameterBounds {
         let tangential = coefficients.iter().find(|(from, _)| *from == column);
         match tangential {
             Some((_, stated)) => ParameterBounds::AtLeast(-stated.x),
@@ -197,7 +199,7 @@ pub(super) fn set_parameter_limits(case: &mut Case, stated_wear: f64) {
         }
     };
     for family in &mut case.library.terms {
-        family.signs = family.columns.iter().map(|column| least(*column)).collect();
+        family.signs = family.columns.iter().map(|column| bounds(*column)).collect();
     }
 }
 
@@ -213,7 +215,7 @@ pub(super) fn remove_unobservable(case: &mut Case) {
                     .any(|(x, counts)| *counts && *x != 0.0)
         })
     };
-    let there: Vec<bool> = (0..case.library.columns.len()).map(|k| is_there(&k)).collect();
+    let is_observable: Vec<bool> = (0..case.library.columns.len()).map(|k| is_there(&k)).collect();
     let mut kept: Vec<CandidateTerm> = Vec::new();
     let has_runout = case.model.cutter.teeth > 1;
     for mut family in std::mem::take(&mut case.library.terms) {
@@ -221,7 +223,7 @@ pub(super) fn remove_unobservable(case: &mut Case) {
             continue;
         }
         let signs = std::mem::take(&mut family.signs);
-        let pairs = family.columns.iter().copied().zip(signs).filter(|(k, _)| there[*k]);
+        let pairs = family.columns.iter().copied().zip(signs).filter(|(k, _)| is_observable[*k]);
         (family.columns, family.signs) = pairs.unzip();
         let is_new =
             kept.iter().all(|one| one.kind != family.kind || one.columns != family.columns);

@@ -95,29 +95,29 @@ impl Estimates {
     }
 
     /// Drift of an axis in a row, N.
-    fn drift_at(&self, axis: usize, stood: &RowState) -> f64 {
-        self.drift[3 * stood.segment + axis] * stood.relative_time
+    fn drift_at(&self, axis: usize, state: &RowState) -> f64 {
+        self.drift[3 * state.segment + axis] * state.relative_time
     }
 }
 
 impl Case {
     /// Predicted readings per axis, N.
-    pub(super) fn readings(&self, belief: &Estimates) -> [Vec<f64>; 3] {
-        let bites = self.model.all_tooth_forces(&belief.spindle);
-        let reader = self.model.reading_model(&belief.parameters);
+    pub(super) fn readings(&self, estimates: &Estimates) -> [Vec<f64>; 3] {
+        let bites = self.model.all_tooth_forces(&estimates.spindle);
+        let reader = self.model.reading_model(&estimates.parameters);
         by_axis(bites.iter().enumerate().map(|(k, b)| reader.reading(k, b)))
     }
 
     /// Residual per axis, N.
-    pub(super) fn residual(&self, belief: &Estimates) -> [Vec<f64>; 3] {
-        let mut left = self.readings(belief);
+    pub(super) fn residual(&self, estimates: &Estimates) -> [Vec<f64>; 3] {
+        let mut left = self.readings(estimates);
         for (axis, (left, measured)) in left.iter_mut().zip(&self.measured).enumerate() {
             let Some(values) = measured else {
                 left.fill(0.0);
                 continue;
             };
-            for ((x, m), stood) in left.iter_mut().zip(values).zip(&self.model.rows) {
-                *x = m - *x - belief.drift_at(axis, stood);
+            for ((x, m), state) in left.iter_mut().zip(values).zip(&self.model.rows) {
+                *x = m - *x - estimates.drift_at(axis, state);
             }
         }
         left
@@ -140,49 +140,52 @@ impl Case {
     /// Linearises the model at `estimates`: right-hand side, and the wanted columns.
     fn linearise_at(
         &self,
-        belief: &Estimates,
+        estimates: &Estimates,
         wanted: &[usize],
     ) -> ([Vec<f64>; 3], Vec<(usize, Regressor)>) {
-        let bites = self.model.all_tooth_forces(&belief.spindle);
+        let bites = self.model.all_tooth_forces(&estimates.spindle);
         let mut used: Vec<usize> = wanted
             .iter()
-            .flat_map(|k| self.column_parameters[*k].iter().map(|(at, _)| *at))
+            .flat_map(|k| self.column_parameters[*k].iter().map(|(parameter, _)| *parameter))
             .collect();
         used.sort_unstable();
         used.dedup();
         let (numbers, turned): (Vec<usize>, Vec<usize>) =
             used.iter().partition(|k| **k < PARAMETERS);
-        let slopes = self.model.derivatives(&bites, &belief.parameters, &numbers);
-        let mut target = self.residual(belief);
+        let slopes = self.model.derivatives(&bites, &estimates.parameters, &numbers);
+        let mut target = self.residual(estimates);
         for (axis, target) in target.iter_mut().enumerate() {
             let rows = target.iter_mut().zip(&self.model.rows);
-            rows.for_each(|(x, stood)| *x += belief.drift_at(axis, stood));
+            rows.for_each(|(x, state)| *x += estimates.drift_at(axis, state));
         }
         for (k, slope) in numbers.iter().zip(&slopes) {
             for (target, slope) in target.iter_mut().zip(slope) {
-                let own = belief.parameters[*k];
-                target.iter_mut().zip(slope).for_each(|(t, x)| *t += own * x);
+                let value = estimates.parameters[*k];
+                target.iter_mut().zip(slope).for_each(|(t, x)| *t += value * x);
             }
         }
         let drifts = self.nuisance_offsets()[2];
-        let is_turned = turned.iter().any(|at| *at < drifts);
-        let by_angle = if is_turned { self.angle_derivative(belief) } else { Default::default() };
+        let is_turned = turned.iter().any(|parameter| *parameter < drifts);
+        let by_angle =
+            if is_turned { self.angle_derivative(estimates) } else { Default::default() };
         let column = |k: usize| {
             let mut parts: [Vec<f64>; 3] =
                 std::array::from_fn(|_| vec![0.0; self.model.rows.len()]);
-            for (at, weight) in &self.column_parameters[k] {
-                match numbers.iter().position(|n| n == at) {
+            for (parameter, weight) in &self.column_parameters[k] {
+                match numbers.iter().position(|n| n == parameter) {
                     Some(place) => add_weighted(&mut parts, &slopes[place], *weight),
-                    None if *at >= drifts => self.add_drift_column(at - drifts, &mut parts),
+                    None if *parameter >= drifts => {
+                        self.add_drift_column(parameter - drifts, &mut parts);
+                    }
                     None => add_weighted(
                         &mut parts,
-                        &self.spindle_column(at - PARAMETERS, &by_angle),
+                        &self.spindle_column(parameter - PARAMETERS, &by_angle),
                         1.0,
                     ),
                 }
             }
-            let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
-            let parts = parts.into_iter().enumerate().filter(|(_, values)| felt(values));
+            let is_nonzero = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
+            let parts = parts.into_iter().enumerate().filter(|(_, values)| is_nonzero(values));
             Regressor { parts: parts.map(|(axis, values)| (axis, values.into())).collect() }
         };
         let columns = wanted.iter().map(|k| (*k, column(*k))).collect();
@@ -190,14 +193,14 @@ impl Case {
     }
 
     /// Derivative of the readings with respect to the spindle angle, N/rad.
-    fn angle_derivative(&self, belief: &Estimates) -> [Vec<f64>; 3] {
-        let reader = self.model.reading_model(&belief.parameters);
-        by_axis(self.model.rows.iter().enumerate().map(|(row, stood)| {
-            let at = |by: f64| -> DVec3 {
-                let bite: ToothForces = self.model.tooth_forces(&belief.spindle, stood, by);
+    fn angle_derivative(&self, estimates: &Estimates) -> [Vec<f64>; 3] {
+        let reader = self.model.reading_model(&estimates.parameters);
+        by_axis(self.model.rows.iter().enumerate().map(|(row, state)| {
+            let force_at = |by: f64| -> DVec3 {
+                let bite: ToothForces = self.model.tooth_forces(&estimates.spindle, state, by);
                 reader.reading(row, &bite)
             };
-            (at(ANGLE_STEP) - at(-ANGLE_STEP)) / (2.0 * ANGLE_STEP)
+            (force_at(ANGLE_STEP) - force_at(-ANGLE_STEP)) / (2.0 * ANGLE_STEP)
         }))
     }
 
@@ -205,8 +208,8 @@ impl Case {
     fn spindle_column(&self, which: usize, by_angle: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
         let is_speed = which == self.estimates.spindle.phases.len();
         let weight = |row: usize| {
-            let stood = &self.model.rows[row];
-            if is_speed { stood.angle_rad } else { f64::from(u8::from(stood.segment == which)) }
+            let state = &self.model.rows[row];
+            if is_speed { state.angle_rad } else { f64::from(u8::from(state.segment == which)) }
         };
         std::array::from_fn(|axis| {
             by_angle[axis].iter().enumerate().map(|(row, x)| x * weight(row)).collect()
@@ -218,11 +221,11 @@ impl Case {
         let lines = 3 * self.estimates.spindle.phases.len();
         let (which, is_bend) = (which % lines, which >= lines);
         let rows = parts[which % 3].iter_mut().zip(&self.model.rows);
-        for (x, stood) in rows.filter(|(_, stood)| stood.segment == which / 3) {
+        for (x, state) in rows.filter(|(_, state)| state.segment == which / 3) {
             *x += if is_bend {
-                stood.relative_time * (1.0 - stood.relative_time)
+                state.relative_time * (1.0 - state.relative_time)
             } else {
-                stood.relative_time
+                state.relative_time
             };
         }
     }
@@ -249,8 +252,8 @@ impl Case {
             .rows
             .iter()
             .zip(is_between)
-            .map(|(stood, between)| {
-                let engaged = |by: f64| self.model.tooth_forces(spindle, stood, by).engaged;
+            .map(|(state, between)| {
+                let engaged = |by: f64| self.model.tooth_forces(spindle, state, by).engaged;
                 !between
                     && (engaged(ANGLE_STEP) - engaged(-ANGLE_STEP)).abs() < ENGAGEMENT_CHANGE_MOST
             })
@@ -277,11 +280,12 @@ impl Case {
                 &rich,
                 &self.row_sets.train,
             );
-            for ((_, size), told) in self.table.noise.iter_mut().zip(self.stated_noise) {
-                *size = told.map_or(*size, |told| told.clamp(*size / NOISE_RATIO_MOST, *size));
+            for ((_, size), stated) in self.table.noise.iter_mut().zip(self.stated_noise) {
+                *size =
+                    stated.map_or(*size, |stated| stated.clamp(*size / NOISE_RATIO_MOST, *size));
             }
-            for (at, column) in self.nuisance.drift.iter().enumerate() {
-                let sigma = DRIFT_PRIOR_RATIO * self.table.noise[at % 3].1;
+            for (index, column) in self.nuisance.drift.iter().enumerate() {
+                let sigma = DRIFT_PRIOR_RATIO * self.table.noise[index % 3].1;
                 self.library.prior[*column] = 1.0 / (sigma * sigma);
             }
         }
@@ -293,30 +297,32 @@ impl Case {
         from: &Estimates,
         solved: &LeastSquaresSolution,
     ) -> Estimates {
-        let mut belief = Estimates::as_stated(from.spindle.clone());
+        let mut estimates = Estimates::as_stated(from.spindle.clone());
         let [phases, speed, drifts, bends] = self.nuisance_offsets();
         for (k, value) in solved.columns.iter().zip(&solved.values) {
-            belief.prior_penalty += 0.5 * self.library.prior[*k] * value * value;
-            for (at, weight) in &self.column_parameters[*k] {
-                match *at {
-                    at if at >= bends => {}
-                    at if at >= drifts => belief.drift[at - drifts] += value,
-                    at if at == speed => belief.spindle.excess_speed += value,
-                    at if at >= phases => {
-                        belief.spindle.phases[at - phases] +=
+            estimates.prior_penalty += 0.5 * self.library.prior[*k] * value * value;
+            for (parameter, weight) in &self.column_parameters[*k] {
+                match *parameter {
+                    parameter if parameter >= bends => {}
+                    parameter if parameter >= drifts => {
+                        estimates.drift[parameter - drifts] += value;
+                    }
+                    parameter if parameter == speed => estimates.spindle.excess_speed += value,
+                    parameter if parameter >= phases => {
+                        estimates.spindle.phases[parameter - phases] +=
                             value.clamp(-PHASE_CHANGE_MOST, PHASE_CHANGE_MOST);
                     }
-                    at => belief.parameters[at] += weight * value,
+                    parameter => estimates.parameters[parameter] += weight * value,
                 }
             }
         }
-        belief
+        estimates
     }
 
     /// Negative log-likelihood of parameters on rows, including their prior, up to a constant.
-    pub(super) fn misfit(&self, belief: &Estimates, used: &[bool]) -> f64 {
-        let left = self.residual(belief);
-        let mut sum = belief.prior_penalty;
+    pub(super) fn misfit(&self, estimates: &Estimates, used: &[bool]) -> f64 {
+        let left = self.residual(estimates);
+        let mut sum = estimates.prior_penalty;
         for axis in self.table.joints() {
             let white = self.table.whitened(axis, &left[axis]);
             let counts = &self.table.counts[axis];
@@ -333,17 +339,17 @@ impl Case {
         columns: &[usize],
         used: &[bool],
     ) -> (Estimates, f64) {
-        let mut belief = start.clone();
+        let mut estimates = start.clone();
         let kept: Vec<usize> =
             columns.iter().flat_map(|k| self.column_parameters[*k].iter().map(|d| d.0)).collect();
-        for (k, number) in belief.parameters.iter_mut().enumerate() {
+        for (k, number) in estimates.parameters.iter_mut().enumerate() {
             if !kept.contains(&k) {
                 *number = 0.0;
             }
         }
-        let mut best = (belief.clone(), f64::INFINITY);
+        let mut best = (estimates.clone(), f64::INFINITY);
         for _ in 0..ROUNDS {
-            let (target, taken) = self.linearise_at(&belief, columns);
+            let (target, taken) = self.linearise_at(&estimates, columns);
             let mut table = self.table.clone();
             for (axis, values) in target.into_iter().enumerate() {
                 table.target[axis] = self.measured[axis].is_some().then_some(values);
@@ -353,11 +359,11 @@ impl Case {
             let products = NormalEquations::new(&table, &refs, prior, used);
             let mut solved = products.solve(&(0..columns.len()).collect::<Vec<usize>>());
             solved.columns.iter_mut().for_each(|k| *k = columns[*k]);
-            belief = self.estimates_from(&belief, &solved);
-            let misfit = self.misfit(&belief, used);
+            estimates = self.estimates_from(&estimates, &solved);
+            let misfit = self.misfit(&estimates, used);
             let gained = best.1 - misfit;
             if gained > 0.0 {
-                best = (belief.clone(), misfit);
+                best = (estimates.clone(), misfit);
             }
             if gained < GAIN_LEAST {
                 break;

@@ -73,8 +73,8 @@ pub(super) struct Spindle {
 }
 
 impl Spindle {
-    pub(super) fn angle(&self, stood: &RowState) -> f64 {
-        self.phases[stood.segment] + stood.angle_rad * (1.0 + self.excess_speed)
+    pub(super) fn angle(&self, state: &RowState) -> f64 {
+        self.phases[state.segment] + state.angle_rad * (1.0 + self.excess_speed)
     }
 }
 
@@ -91,15 +91,15 @@ pub(super) struct CutModel {
 
 impl CutModel {
     pub(super) fn all_tooth_forces(&self, spindle: &Spindle) -> Vec<ToothForces> {
-        self.rows.iter().map(|stood| self.tooth_forces(spindle, stood, 0.0)).collect()
+        self.rows.iter().map(|state| self.tooth_forces(spindle, state, 0.0)).collect()
     }
 
     /// Engagement of the teeth in a row, with the spindle rotated further by an angle, rad.
-    pub(super) fn tooth_forces(&self, spindle: &Spindle, stood: &RowState, by: f64) -> ToothForces {
+    pub(super) fn tooth_forces(&self, spindle: &Spindle, state: &RowState, by: f64) -> ToothForces {
         // At a given feed rate, a faster spindle feeds less per tooth.
-        let feed_per_tooth_m = stood.feed_per_tooth_m / (1.0 + spindle.excess_speed);
-        let angle = spindle.angle(stood) + by;
-        if stood.is_cutting {
+        let feed_per_tooth_m = state.feed_per_tooth_m / (1.0 + spindle.excess_speed);
+        let angle = spindle.angle(state) + by;
+        if state.is_cutting {
             self.cutter.tooth_forces(angle, feed_per_tooth_m)
         } else {
             ToothForces::NONE
@@ -132,14 +132,14 @@ impl CutModel {
         wanted: &[usize],
     ) -> Vec<[Vec<f64>; 3]> {
         let steps = steps();
-        let mut at = numbers.to_vec();
+        let mut varied = numbers.to_vec();
         let column = |k: &usize| {
             let k = *k;
-            at[k] = numbers[k] + steps[k];
-            let high = self.reading_model(&at);
-            at[k] = numbers[k] - steps[k];
-            let low = self.reading_model(&at);
-            at[k] = numbers[k];
+            varied[k] = numbers[k] + steps[k];
+            let high = self.reading_model(&varied);
+            varied[k] = numbers[k] - steps[k];
+            let low = self.reading_model(&varied);
+            varied[k] = numbers[k];
             let mut all: [Vec<f64>; 3] = Default::default();
             for (row, bite) in bites.iter().enumerate() {
                 let slope = (high.reading(row, bite) - low.reading(row, bite)) / (2.0 * steps[k]);
@@ -181,26 +181,26 @@ impl SensorResponse {
 impl ReadingModel<'_> {
     /// Reading without a force, N.
     pub(super) fn reading_in_air(&self) -> [f64; 3] {
-        self.each.first().map_or([0.0; 3], |felt| felt.offset.to_array())
+        self.each.first().map_or([0.0; 3], |first| first.offset.to_array())
     }
 
     /// Reading in a row, N.
     pub(super) fn reading(&self, row: usize, bite: &ToothForces) -> DVec3 {
-        let stood = &self.cut.rows[row];
-        let felt = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
+        let state = &self.cut.rows[row];
+        let model = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
         let mut acting = DVec3::ZERO;
-        if stood.is_cutting {
-            acting = felt.force.acting(&self.cut.cutter, bite, stood.cut_m);
+        if state.is_cutting {
+            acting = model.force.acting(&self.cut.cutter, bite, state.cut_m);
         }
         let mut hum = DVec3::ZERO;
         if self.has_oscillation {
-            let (sin, cos) = libm::sincos(TAU * self.cut.tone_hz * stood.time_s);
+            let (sin, cos) = libm::sincos(TAU * self.cut.tone_hz * state.time_s);
             if bite.engaged > 0.0 {
                 acting += oscillation(&self.oscillation_amplitudes[0], sin, cos);
             }
             hum = oscillation(&self.oscillation_amplitudes[1], sin, cos);
         }
-        felt.offset + felt.matrix * acting + hum
+        model.offset + model.matrix * acting + hum
     }
 }
 

@@ -42,35 +42,36 @@ pub(super) struct Engagement {
 }
 
 /// Detects entry and exit of every pass.
-pub(super) fn detect(signal: &Signal, stands: &[CutterState], segment: &[i64]) -> Engagement {
-    let count = stands.len();
-    let mut heard = Engagement { is_air: vec![false; count], is_transition: vec![false; count] };
-    for pass in passes(stands, segment) {
+pub(super) fn detect(signal: &Signal, states: &[CutterState], segment: &[i64]) -> Engagement {
+    let count = states.len();
+    let mut engagement =
+        Engagement { is_air: vec![false; count], is_transition: vec![false; count] };
+    for pass in passes(states, segment) {
         let middle = (pass.start + pass.end) / 2;
         let is_apart = |row: usize, beside: usize| {
-            segment[row] != segment[beside] || !stands[beside].is_cutting()
+            segment[row] != segment[beside] || !states[beside].is_cutting()
         };
         if pass.start == 0 || is_apart(pass.start, pass.start - 1) {
             let rows: Vec<usize> =
-                (last_row_without_cut(stands, segment, pass.start, false)..middle).collect();
-            heard.mark_transition(signal, stands, &rows);
+                (last_row_without_cut(states, segment, pass.start, false)..middle).collect();
+            engagement.mark_transition(signal, states, &rows);
         }
         if pass.end == count || is_apart(pass.end - 1, pass.end) {
-            let last = last_row_without_cut(stands, segment, pass.end - 1, true);
+            let last = last_row_without_cut(states, segment, pass.end - 1, true);
             let rows: Vec<usize> = (middle..=last).rev().collect();
-            heard.mark_transition(signal, stands, &rows);
+            engagement.mark_transition(signal, states, &rows);
         }
     }
-    heard
+    engagement
 }
 
 impl Engagement {
     /// Marks the rows of half a pass, ordered from its end inwards.
-    fn mark_transition(&mut self, signal: &Signal, stands: &[CutterState], rows: &[usize]) {
-        let Some((from, to)) = entry_ramp(signal, stands, rows) else { return };
-        let start = stands[rows[0]].angle_rad;
-        for row in rows.iter().filter(|row| stands[**row].is_cutting()) {
-            let turns = (stands[*row].angle_rad - start).abs() / TAU;
+    fn mark_transition(&mut self, signal: &Signal, states: &[CutterState], rows: &[usize]) {
+        let Some((from, to)) = entry_ramp(signal, states, rows) else { return };
+        let start = states[rows[0]].angle_rad;
+        for row in rows.iter().filter(|row| states[**row].is_cutting()) {
+            let turns = (states[*row].angle_rad - start).abs() / TAU;
             self.is_air[*row] = turns < from;
             self.is_transition[*row] = (from..to).contains(&turns);
         }
@@ -78,17 +79,17 @@ impl Engagement {
 }
 
 /// Passes: ranges of rows of one segment and one feed.
-fn passes(stands: &[CutterState], segment: &[i64]) -> Vec<Range<usize>> {
+fn passes(states: &[CutterState], segment: &[i64]) -> Vec<Range<usize>> {
     let mut all: Vec<Range<usize>> = Vec::new();
-    for (row, stand) in stands.iter().enumerate().filter(|(_, stand)| stand.is_cutting()) {
-        let feed = stand.feed_per_tooth_m;
-        let goes_on = |pass: &&mut Range<usize>| {
-            let first = stands[pass.start].feed_per_tooth_m;
+    for (row, state) in states.iter().enumerate().filter(|(_, state)| state.is_cutting()) {
+        let feed = state.feed_per_tooth_m;
+        let is_contiguous = |pass: &&mut Range<usize>| {
+            let first = states[pass.start].feed_per_tooth_m;
             pass.end == row
                 && segment[pass.start] == segment[row]
                 && (feed - first).abs() < FEED_CHANGE_MOST * first
         };
-        match all.last_mut().filter(goes_on) {
+        match all.last_mut().filter(is_contiguous) {
             Some(pass) => pass.end = row + 1,
             None => all.push(row..row + 1),
         }
@@ -98,27 +99,27 @@ fn passes(stands: &[CutterState], segment: &[i64]) -> Vec<Range<usize>> {
 
 /// The farthest row before (or after) a pass, without cut, in the same segment and within [`TURNS_BEFORE_MOST`].
 fn last_row_without_cut(
-    stands: &[CutterState],
+    states: &[CutterState],
     segment: &[i64],
     from: usize,
     is_after: bool,
 ) -> usize {
     let next = |row: usize| if is_after { Some(row + 1) } else { row.checked_sub(1) };
-    let mut at = from;
-    while let Some(row) = next(at).filter(|row| *row < stands.len()) {
-        let turns = (stands[row].angle_rad - stands[from].angle_rad).abs() / TAU;
-        if segment[row] != segment[from] || stands[row].is_cutting() || turns > TURNS_BEFORE_MOST {
+    let mut reached = from;
+    while let Some(row) = next(reached).filter(|row| *row < states.len()) {
+        let turns = (states[row].angle_rad - states[from].angle_rad).abs() / TAU;
+        if segment[row] != segment[from] || states[row].is_cutting() || turns > TURNS_BEFORE_MOST {
             break;
         }
-        at = row;
+        reached = row;
     }
-    at
+    reached
 }
 
 /// Start and end of the entry in revolutions from the first of these rows, if there is one.
-fn entry_ramp(signal: &Signal, stands: &[CutterState], rows: &[usize]) -> Option<(f64, f64)> {
-    let first = stands[*rows.first()?].angle_rad;
-    let turns = (stands[*rows.last()?].angle_rad - first).abs() / TAU;
+fn entry_ramp(signal: &Signal, states: &[CutterState], rows: &[usize]) -> Option<(f64, f64)> {
+    let first = states[*rows.first()?].angle_rad;
+    let turns = (states[*rows.last()?].angle_rad - first).abs() / TAU;
     let per_turn = rows.len() as f64 / turns.max(1e-9);
     let wide = (turns / BLOCKS_MOST).max(ROWS_LEAST / per_turn).ceil().max(1.0);
     let blocks = (turns / wide) as usize;
@@ -127,17 +128,17 @@ fn entry_ramp(signal: &Signal, stands: &[CutterState], rows: &[usize]) -> Option
     }
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); blocks];
     for row in rows {
-        let at = ((stands[*row].angle_rad - first).abs() / (TAU * wide)) as usize;
+        let block_index = ((states[*row].angle_rad - first).abs() / (TAU * wide)) as usize;
         let is_there = signal.channels.iter().all(|(_, values)| values[*row].is_finite());
-        if let Some(block) = members.get_mut(at).filter(|_| is_there) {
+        if let Some(block) = members.get_mut(block_index).filter(|_| is_there) {
             block.push(*row);
         }
     }
-    let least = PRESENT_SHARE_LEAST * per_turn * wide;
+    let rows_min = PRESENT_SHARE_LEAST * per_turn * wide;
     let known: Vec<(f64, Vec<f64>)> = members
         .iter()
         .enumerate()
-        .filter(|(_, block)| block.len() as f64 >= least)
+        .filter(|(_, block)| block.len() as f64 >= rows_min)
         .map(|(k, block)| (k as f64 + 0.5, block_statistics(signal, block)))
         .collect();
     let levels = projected(&known)?;
@@ -175,26 +176,26 @@ fn projected(blocks: &[(f64, Vec<f64>)]) -> Option<Vec<(f64, f64)>> {
     }
     let way: Vec<f64> = whole.iter().zip(&quiet).map(|(a, b)| a - b).collect();
     let square = way.iter().map(|x| x * x).sum::<f64>();
-    let of = |traits: &[f64]| {
-        let off = traits.iter().zip(&quiet).zip(&way);
-        off.map(|((x, from), way)| (x - from) * way).sum::<f64>() / square
+    let projection = |traits: &[f64]| {
+        let differences = traits.iter().zip(&quiet).zip(&way);
+        differences.map(|((x, from), way)| (x - from) * way).sum::<f64>() / square
     };
-    Some(blocks.iter().map(|(at, traits)| (*at, of(traits))).collect())
+    Some(blocks.iter().map(|(turns, traits)| (*turns, projection(traits))).collect())
 }
 
 /// Start and end of a ramp, in blocks.
 fn fit_ramp(levels: &[(f64, f64)]) -> Option<(f64, f64)> {
     let last = levels.last()?.0;
-    let line = least_squares(levels, &|at| (1.0, at / last))?;
+    let line = least_squares(levels, &|turns| (1.0, turns / last))?;
     let edges = last.ceil() as usize;
     let mut best: Option<(f64, f64, f64)> = None;
     for from in 0..edges {
         for to in from..edges {
             let (from, to) = (from as f64, to as f64);
-            let share = |at: f64| ((at - from) / (to - from).max(0.5)).clamp(0.0, 1.0);
-            let shape = |at: f64| (share(at), share(at) * (at - to) / last);
+            let share = |turns: f64| ((turns - from) / (to - from).max(0.5)).clamp(0.0, 1.0);
+            let shape = |turns: f64| (share(turns), share(turns) * (turns - to) / last);
             let Some((left, rises)) = least_squares(levels, &shape) else { continue };
-            if rises > RAMP_RISE_LEAST && best.is_none_or(|(least, _, _)| left < least) {
+            if rises > RAMP_RISE_LEAST && best.is_none_or(|(smallest, _, _)| left < smallest) {
                 best = Some((left, from, to));
             }
         }
@@ -207,8 +208,8 @@ fn fit_ramp(levels: &[(f64, f64)]) -> Option<(f64, f64)> {
 /// Least-squares fit of a constant and two shapes: residual sum of squares, and coefficient of the first shape.
 fn least_squares(levels: &[(f64, f64)], shape: &dyn Fn(f64) -> (f64, f64)) -> Option<(f64, f64)> {
     let (mut gram, mut right, mut square) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
-    for (at, level) in levels {
-        let (rise, grows) = shape(*at);
+    for (turns, level) in levels {
+        let (rise, grows) = shape(*turns);
         let column = Vector3::new(1.0, rise, grows);
         gram += column * column.transpose();
         right += column * *level;

@@ -77,24 +77,24 @@ pub(super) fn finish(
     rows: &Rows,
     names: &[usize],
 ) -> CutComparison {
-    let seen = case.row_sets.seen();
-    let (mut names, is_patched) = tested_effects(&mut case, names, &seen);
+    let fitted_rows = case.row_sets.fitted();
+    let (mut names, is_patched) = tested_effects(&mut case, names, &fitted_rows);
     // An effect is evaluated in its selected form, and reported with all of its parameters.
-    let mut weighed = assess_and_replace(&mut case, &mut names, &seen);
-    names = with_all_parameters(&mut case, names, &seen);
-    let products = case.products(&seen);
+    let mut weighed = assess_and_replace(&mut case, &mut names, &fitted_rows);
+    names = with_all_parameters(&mut case, names, &fitted_rows);
+    let products = case.products(&fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(&names);
     let rms = |solved: &LeastSquaresSolution| case.rms(solved, &case.row_sets.test);
     let listed = attributed(&search, &selection, &rms);
-    let covariance = case.covariance(&selection.solved, &seen);
+    let covariance = case.covariance(&selection.solved, &fitted_rows);
     let is_tone = |one: &&RankedTerm| case.library.terms[one.name].kind == PERMANENT_TONE_KIND;
     let tone = listed.iter().find(is_tone).map(|one| unexplained_line(&case, one.heldout));
     let parameters =
         |term| parameters::parameters_of(&case, model, &search, &selection, term, &covariance);
     let finding = |one: RankedTerm| {
         let family = &case.library.terms[one.name];
-        let own = search.own_columns(&selection, one.name);
+        let own_columns = search.own_columns(&selection, one.name);
         let weighed = weighed.remove(family.kind).filter(|_| family.kind != PERMANENT_TONE_KIND)?;
         Some(Finding {
             kind: family.kind,
@@ -107,7 +107,7 @@ pub(super) fn finish(
             alternatives: weighed.alternatives,
             heldout: one.heldout,
             heldout_without: one.heldout_without,
-            size: size_of(&case.table, &case.library.columns, &selection.solved, &own),
+            size: size_of(&case.table, &case.library.columns, &selection.solved, &own_columns),
         })
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
@@ -129,23 +129,23 @@ pub(super) fn finish(
         refits,
         unexplained,
         heldout,
-        noise: case.rms(&selection.solved, &seen),
+        noise: case.rms(&selection.solved, &fitted_rows),
         signal: signal_rms(&case),
         rows: rows.indices.len(),
         heldout_description: case.row_sets.description.clone(),
         not_tested: not_tested(&case),
         notes: notes(&case, recording),
         has_one_feed: has_one_feed(&case),
-        has_air: case.model.rows.iter().any(|stood| !stood.is_cutting),
+        has_air: case.model.rows.iter().any(|state| !state.is_cutting),
         traces: traces(&case),
     }
 }
 
 /// The effects that all rows but the test set support. If they only approximate another structure: none, and `true`.
-fn tested_effects(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
-    let names = supported_effects(case, names, seen);
+fn tested_effects(case: &mut Case, names: &[usize], fitted_rows: &[bool]) -> (Vec<usize>, bool) {
+    let names = supported_effects(case, names, fitted_rows);
     let is_patched = is_only_approximation(case, &names);
-    (if is_patched { supported_effects(case, &[], seen) } else { names }, is_patched)
+    (if is_patched { supported_effects(case, &[], fitted_rows) } else { names }, is_patched)
 }
 
 /// Whether the parameters of an effect, fitted by the nonlinear model, are within their limits.
@@ -194,20 +194,21 @@ fn is_only_approximation(case: &Case, names: &[usize]) -> bool {
     let products = case.products(&case.row_sets.train);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let (given, selection) = (search.solve(&[]), search.solve(names));
-    let prices = names
+    let penalties = names
         .iter()
         .map(|name| beam_search::penalty_with_forms(&search, &case.library.terms[*name]));
-    let worth = selection.solved.gain - given.solved.gain - prices.sum::<f64>();
-    let bare =
+    let worth = selection.solved.gain - given.solved.gain - penalties.sum::<f64>();
+    let as_stated =
         Case { estimates: Estimates::as_stated(case.estimates.spindle.clone()), ..case.clone() };
-    let law = varying_coefficients::best_confirmed_law(&bare, &case.always, &bare.estimates);
-    let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
+    let law =
+        varying_coefficients::best_confirmed_law(&as_stated, &case.always, &as_stated.estimates);
+    let evidence = |worth: f64, carried: f64| worth + 0.5 * carried;
     let carried = energy_explained(case, &given, &selection);
-    let least = (1.0 + LAW_ADVANTAGE_LEAST) * evidence(worth, carried) + LAW_GAIN_LEAST;
+    let evidence_min = (1.0 + LAW_ADVANTAGE_LEAST) * evidence(worth, carried) + LAW_GAIN_LEAST;
     // The law must be ahead on test rows too: wear, which grows with feed travel, is hardly distinguishable from a law of time.
     let is_ahead = |law: &varying_coefficients::ConfirmedLaw| {
         law.structure.energy_explained > carried
-            && evidence(law.score, law.structure.energy_explained) > least
+            && evidence(law.score, law.structure.energy_explained) > evidence_min
     };
     law.is_some_and(|law| is_ahead(&law))
 }
@@ -221,18 +222,18 @@ fn energy_explained(case: &Case, given: &TermSelection, selection: &TermSelectio
 }
 
 /// Effects that are significant and that the test set supports, after a fit to all other rows; adopts their parameters.
-fn supported_effects(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
-    fit(case, names, seen);
+fn supported_effects(case: &mut Case, names: &[usize], fitted_rows: &[bool]) -> Vec<usize> {
+    fit(case, names, fitted_rows);
     let mut names = names.to_vec();
     while let Some(wrong) = names.iter().position(|name| !is_within(case, *name)) {
         names.remove(wrong);
-        fit(case, &names, seen);
+        fit(case, &names, fitted_rows);
     }
     let kept = {
-        let products = case.products(seen);
+        let products = case.products(fitted_rows);
         let search =
             TermSearch { library: &case.library, products: &products, always: &case.always };
-        let covariance = |solved: &LeastSquaresSolution| case.covariance(solved, seen);
+        let covariance = |solved: &LeastSquaresSolution| case.covariance(solved, fitted_rows);
         let is_belief = |name: usize| case.library.terms[name].corrects_stated;
         let kept = significant(&search, names.clone(), &covariance, &is_belief);
         let left = |solved: &LeastSquaresSolution| {
@@ -241,18 +242,18 @@ fn supported_effects(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usi
         supported(&search, kept, &left, &is_belief).0
     };
     if kept != names {
-        fit(case, &kept, seen);
+        fit(case, &kept, fitted_rows);
     }
     kept
 }
 
 /// Fits effects by the nonlinear model to all rows but the test set and linearises there.
-fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
-    let products = case.products(seen);
+fn fit(case: &mut Case, names: &[usize], fitted_rows: &[bool]) {
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let columns = search.columns(names);
-    let (belief, _) = case.fit_nonlinear(&case.estimates, &columns, seen);
-    case.estimates = belief;
+    let (estimates, _) = case.fit_nonlinear(&case.estimates, &columns, fitted_rows);
+    case.estimates = estimates;
     case.linearise();
 }
 
@@ -260,14 +261,14 @@ fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
 fn assess_effects(
     case: &Case,
     names: &[usize],
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> BTreeMap<&'static str, AssessedEffect> {
-    let products = case.products(seen);
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let selection = search.solve(names);
     let one = |name: &usize| {
         let kind = case.library.terms[*name].kind;
-        (kind, parameters::assess_effect(case, &search, &selection, *name, seen))
+        (kind, parameters::assess_effect(case, &search, &selection, *name, fitted_rows))
     };
     names.iter().map(one).collect()
 }
@@ -276,14 +277,16 @@ fn assess_effects(
 fn assess_and_replace(
     case: &mut Case,
     names: &mut Vec<usize>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> BTreeMap<&'static str, AssessedEffect> {
     for _ in 0..SWAPS {
-        let weighed = assess_effects(case, names, seen);
-        let Some(better) = improved_selection(case, names, &weighed, seen) else { return weighed };
-        *names = supported_effects(case, &better, seen);
+        let weighed = assess_effects(case, names, fitted_rows);
+        let Some(better) = improved_selection(case, names, &weighed, fitted_rows) else {
+            return weighed;
+        };
+        *names = supported_effects(case, &better, fitted_rows);
     }
-    assess_effects(case, names, seen)
+    assess_effects(case, names, fitted_rows)
 }
 
 /// The effects with one replaced by a more probable alternative, or without one whose gain is below its penalty; `None` if there is neither.
@@ -291,18 +294,18 @@ fn improved_selection(
     case: &Case,
     names: &[usize],
     weighed: &BTreeMap<&'static str, AssessedEffect>,
-    seen: &[bool],
+    fitted_rows: &[bool],
 ) -> Option<Vec<usize>> {
-    let products = case.products(seen);
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let families = &case.library.terms;
-    let asked = || names.iter().filter(|name| !families[**name].corrects_stated);
-    let of = |name: &usize| weighed.get(families[*name].kind);
-    let swapped = asked().find_map(|name| {
-        let better = of(name)?.better_alternative(&search)?;
+    let tested = || names.iter().filter(|name| !families[**name].corrects_stated);
+    let assessed = |name: &usize| weighed.get(families[*name].kind);
+    let swapped = tested().find_map(|name| {
+        let better = assessed(name)?.better_alternative(&search)?;
         Some(with_replacement(names, *name, better))
     });
-    let idle = || asked().find(|name| of(name).is_some_and(|one| one.is_below_penalty));
+    let idle = || tested().find(|name| assessed(name).is_some_and(|one| one.is_below_penalty));
     swapped.or_else(|| idle().map(|name| without_term(names, *name)))
 }
 
@@ -317,27 +320,27 @@ fn refits(
     let families = &case.library.terms;
     let is_named = |kind: &str| selection.terms.iter().any(|name| families[*name].kind == kind);
     let is_open = |slot: &Slot| {
-        let own = slot.from..slot.from + slot.count;
-        case.uncertain_parameters.iter().any(|doubt| own.contains(&doubt.parameter))
+        let parameters = slot.from..slot.from + slot.count;
+        case.uncertain_parameters.iter().any(|uncertain| parameters.contains(&uncertain.parameter))
     };
     let open = KINDS.iter().filter(|(kind, slot)| is_open(slot) && !is_named(kind));
     let family = |(kind, _): &(&str, Slot)| families.iter().find(|family| family.kind == *kind);
-    let of = |family: &CandidateTerm| {
+    let changes = |family: &CandidateTerm| {
         let kind = family.kind;
         let numbers = parameters::parameters_of(case, model, search, selection, family, covariance);
         numbers.into_iter().map(move |parameter| RefittedParameter { kind, joint: None, parameter })
     };
-    open.filter_map(family).flat_map(of).collect()
+    open.filter_map(family).flat_map(changes).collect()
 }
 
 /// Extends effects to all of their parameters, if these remain within their limits.
-fn with_all_parameters(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
-    let full = with_fullest_forms(case, &names, seen);
+fn with_all_parameters(case: &mut Case, names: Vec<usize>, fitted_rows: &[bool]) -> Vec<usize> {
+    let full = with_fullest_forms(case, &names, fitted_rows);
     if full == names {
         return names;
     }
     let chosen = case.clone();
-    fit(case, &full, seen);
+    fit(case, &full, fitted_rows);
     if full.iter().all(|name| is_within(case, *name)) {
         return full;
     }
@@ -346,28 +349,28 @@ fn with_all_parameters(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec
 }
 
 /// The effects with all parameters of their kind, where the data determine these: an omitted parameter would be reported as exactly zero.
-fn with_fullest_forms(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
+fn with_fullest_forms(case: &Case, names: &[usize], fitted_rows: &[bool]) -> Vec<usize> {
     let families = &case.library.terms;
-    let products = case.products(seen);
+    let products = case.products(fitted_rows);
     let search = TermSearch { library: &case.library, products: &products, always: &case.always };
     let mut all = names.to_vec();
     for k in 0..all.len() {
-        let own = &families[all[k]];
+        let effect = &families[all[k]];
         let same = |place: &usize| {
-            families[*place].kind == own.kind && families[*place].settings.is_empty()
+            families[*place].kind == effect.kind && families[*place].settings.is_empty()
         };
         let forms = (0..families.len()).filter(same);
         let Some(full) = forms.max_by_key(|place| families[*place].columns.len()) else { continue };
         let mut tried = all.clone();
         tried[k] = full;
         let solved = search.solve(&tried).solved;
-        let is_apart = |(at, column): (usize, &usize)| {
-            let spread = solved.covariance()[(at, at)] * products.gram[(*column, *column)];
+        let is_apart = |(index, column): (usize, &usize)| {
+            let spread = solved.covariance()[(index, index)] * products.gram[(*column, *column)];
             families[full].corrects_stated
                 || !families[full].columns.contains(column)
                 || spread < VARIANCE_INFLATION_MOST
         };
-        if own.settings.is_empty() && solved.columns.iter().enumerate().all(is_apart) {
+        if effect.settings.is_empty() && solved.columns.iter().enumerate().all(is_apart) {
             all = tried;
         }
     }

@@ -37,43 +37,44 @@ pub(super) fn check(case: &Case) -> Result<(), NoComparison> {
     let rows: Vec<usize> = (0..count).step_by(count.div_ceil(ROWS).max(1)).collect();
     let pitch = TAU / f64::from(case.model.cutter.teeth.max(1));
     let angles = if case.model.cutter.turning { 1 } else { ANGLES };
-    let told = case.coefficients();
+    let stated = case.coefficients();
     // If only one direction is stated, permutations cannot be judged.
-    let is_whole = told.iter().any(|(_, three)| three.abs().min_element() > 0.0);
-    let (mut as_told, mut other) = (f64::INFINITY, f64::INFINITY);
-    let (mut least, mut size, mut whole, mut loudest) = (f64::INFINITY, 1.0, 0.0, 0.0_f64);
+    let is_whole = stated.iter().any(|(_, three)| three.abs().min_element() > 0.0);
+    let (mut as_stated, mut other) = (f64::INFINITY, f64::INFINITY);
+    let (mut smallest, mut size, mut whole, mut loudest) = (f64::INFINITY, 1.0, 0.0, 0.0_f64);
     for angle in 0..angles {
         let sums = product_sums(case, &rows, f64::from(angle) * pitch / f64::from(angles));
-        let there: Vec<usize> = (0..3).filter(|k| case.measured[*k].is_some()).collect();
-        whole = there.iter().map(|k| sums.measured[*k]).sum();
+        let measured_axes: Vec<usize> = (0..3).filter(|k| case.measured[*k].is_some()).collect();
+        whole = measured_axes.iter().map(|k| sums.measured[*k]).sum();
         for (number, places) in PERMUTATIONS.iter().enumerate() {
             let (mut straight, mut turned) = (0.0, 0.0);
-            for &axis in &there {
-                let of = places[axis];
-                let apart = sums.measured[axis] + sums.predicted[of];
-                straight += apart - 2.0 * sums.products[axis][of];
-                turned += apart - 2.0 * sums.products[axis][of].abs();
+            for &axis in &measured_axes {
+                let place = places[axis];
+                let apart = sums.measured[axis] + sums.predicted[place];
+                straight += apart - 2.0 * sums.products[axis][place];
+                turned += apart - 2.0 * sums.products[axis][place].abs();
             }
             if number == 0 {
-                as_told = as_told.min(straight);
+                as_stated = as_stated.min(straight);
             }
             other = other.min(turned);
         }
-        let both: f64 = there.iter().map(|k| sums.products[*k][*k]).sum();
-        let square: f64 = there.iter().map(|k| sums.predicted[*k]).sum();
+        let both: f64 = measured_axes.iter().map(|k| sums.products[*k][*k]).sum();
+        let square: f64 = measured_axes.iter().map(|k| sums.predicted[*k]).sum();
         loudest = loudest.max(square);
         let left = whole - both * both / square.max(f64::MIN_POSITIVE);
-        if left < least && square > 0.0 {
-            (least, size) = (left, both / square);
+        if left < smallest && square > 0.0 {
+            (smallest, size) = (left, both / square);
         }
     }
-    if is_whole && as_told > RESIDUAL_SHARE * whole && other < ARRANGEMENT_RATIO_MOST * as_told {
+    if is_whole && as_stated > RESIDUAL_SHARE * whole && other < ARRANGEMENT_RATIO_MOST * as_stated
+    {
         return Err(NoComparison::SwappedChannels);
     }
     // Forces that hardly vary where the predicted ones do cannot be of the stated cut.
     let is_still = whole * MAGNITUDE_RATIO_MOST * MAGNITUDE_RATIO_MOST < loudest;
     if is_still
-        || least < RESIDUAL_SHARE * whole
+        || smallest < RESIDUAL_SHARE * whole
             && !(1.0 / MAGNITUDE_RATIO_MOST..MAGNITUDE_RATIO_MOST).contains(&size)
     {
         return Err(NoComparison::WrongMagnitude);
@@ -82,33 +83,33 @@ pub(super) fn check(case: &Case) -> Result<(), NoComparison> {
 }
 
 fn product_sums(case: &Case, rows: &[usize], phase: f64) -> ProductSums {
-    let mut belief = Estimates::as_stated(case.estimates.spindle.clone());
-    belief.spindle.phases.fill(phase);
-    let reader = case.model.reading_model(&belief.parameters);
-    let told: Vec<[f64; 3]> = rows
+    let mut estimates = Estimates::as_stated(case.estimates.spindle.clone());
+    estimates.spindle.phases.fill(phase);
+    let reader = case.model.reading_model(&estimates.parameters);
+    let predicted: Vec<[f64; 3]> = rows
         .iter()
         .map(|row| {
-            let stood = &case.model.rows[*row];
-            let bite = case.model.tooth_forces(&belief.spindle, stood, 0.0);
+            let state = &case.model.rows[*row];
+            let bite = case.model.tooth_forces(&estimates.spindle, state, 0.0);
             reader.reading(*row, &bite).to_array()
         })
         .collect();
     let measured =
         |axis: usize, row: usize| case.measured[axis].as_ref().map_or(0.0, |values| values[row]);
     let count = rows.len().max(1) as f64;
-    let mean_told: [f64; 3] =
-        std::array::from_fn(|k| told.iter().map(|force| force[k]).sum::<f64>() / count);
+    let mean_predicted: [f64; 3] =
+        std::array::from_fn(|k| predicted.iter().map(|force| force[k]).sum::<f64>() / count);
     let mean: [f64; 3] =
         std::array::from_fn(|k| rows.iter().map(|row| measured(k, *row)).sum::<f64>() / count);
     let mut sums = ProductSums::default();
-    for (row, force) in rows.iter().zip(&told) {
+    for (row, force) in rows.iter().zip(&predicted) {
         for axis in 0..3 {
-            let off = measured(axis, *row) - mean[axis];
-            sums.measured[axis] += off * off;
+            let deviation = measured(axis, *row) - mean[axis];
+            sums.measured[axis] += deviation * deviation;
             sums.predicted[axis] +=
-                (force[axis] - mean_told[axis]) * (force[axis] - mean_told[axis]);
-            for of in 0..3 {
-                sums.products[axis][of] += off * (force[of] - mean_told[of]);
+                (force[axis] - mean_predicted[axis]) * (force[axis] - mean_predicted[axis]);
+            for place in 0..3 {
+                sums.products[axis][place] += deviation * (force[place] - mean_predicted[place]);
             }
         }
     }

@@ -54,7 +54,7 @@ pub(super) fn assess_effect(
     used: &[bool],
 ) -> AssessedEffect {
     let families = &search.library.terms;
-    let own = &families[name];
+    let effect = &families[name];
     let others = without_term(&selection.terms, name);
     let misfit =
         |names: &[usize]| case.fit_nonlinear(&case.estimates, &search.columns(names), used).1;
@@ -67,7 +67,7 @@ pub(super) fn assess_effect(
     let mut alternatives: Vec<AlternativeEffect> = Vec::new();
     for (candidate, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
-        if is_taken || family.kind == own.kind {
+        if is_taken || family.kind == effect.kind {
             continue;
         }
         if search.gain_beside(&without, candidate) < GAIN_SHARE_LEAST * by_slopes {
@@ -77,7 +77,7 @@ pub(super) fn assess_effect(
         let likelihood_loss = misfit(&names) - whole;
         // In units of the penalty per parameter, so that a choice among many forms counts as part of one.
         let extra_parameters =
-            (penalty_with_forms(search, family) - penalty_with_forms(search, own)) / penalty;
+            (penalty_with_forms(search, family) - penalty_with_forms(search, effect)) / penalty;
         if likelihood_loss > LISTED_LOSS_MOST {
             continue;
         }
@@ -94,19 +94,19 @@ pub(super) fn assess_effect(
             confidence: 0.0,
         };
         match alternatives.iter().position(|one| one.kind == rival.kind) {
-            Some(at) if cost(&alternatives[at]) > cost(&rival) => alternatives[at] = rival,
+            Some(index) if cost(&alternatives[index]) > cost(&rival) => alternatives[index] = rival,
             Some(_) => {}
             None => alternatives.push(rival),
         }
     }
     // The null hypothesis, without any effect, is an alternative too.
-    let nothing = gain - penalty_with_forms(search, own);
+    let nothing = gain - penalty_with_forms(search, effect);
     let losses: Vec<f64> = alternatives.iter().map(cost).chain([nothing]).collect();
     let (confidence, shares) = posterior(&losses);
     alternatives.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     alternatives.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     alternatives.retain(|rival| rival.kind != PERMANENT_TONE_KIND);
-    let is_below_penalty = gain < penalty_with_forms(search, own);
+    let is_below_penalty = gain < penalty_with_forms(search, effect);
     AssessedEffect { gain, confidence, alternatives, is_below_penalty }
 }
 
@@ -148,38 +148,38 @@ pub(super) fn parameters_of(
                 .hypot(RELATIVE_SIGMA_LEAST * values[k])
         })
         .collect();
-    let many =
+    let single_parameter =
         |stem, values: Vec<f64>, sigma: Vec<f64>| vec![FittedParameter { stem, values, sigma }];
     match family.kind {
         "runout" => runout_polar(case, model, &values, &sigma),
         "wrench_scale" => {
             let six = |list: &[f64]| list.iter().copied().chain([0.0; 3]).collect();
-            many("scale", six(&values), six(&sigma))
+            single_parameter("scale", six(&values), six(&sigma))
         }
-        "tool_wear" => many("growth", values, sigma),
-        "wrench_bias" => many("bias", values, sigma),
-        "wrench_misalignment" => many("turn", values, sigma),
-        "cross_talk" => many("matrix", values, sigma),
+        "tool_wear" => single_parameter("growth", values, sigma),
+        "wrench_bias" => single_parameter("bias", values, sigma),
+        "wrench_misalignment" => single_parameter("turn", values, sigma),
+        "cross_talk" => single_parameter("matrix", values, sigma),
         "chatter" => {
             let amplitude = libm::sqrt(values.iter().map(|x| x * x).sum());
             let pull: f64 = values.iter().zip(&sigma).map(|(x, s)| x * x * s * s).sum();
             let sigma = libm::sqrt(pull) / amplitude.max(f64::MIN_POSITIVE);
             let frequency = case.model.tone_hz;
-            let lasts_s = case.model.rows.iter().map(|stood| stood.time_s).fold(0.0, f64::max);
+            let lasts_s = case.model.rows.iter().map(|state| state.time_s).fold(0.0, f64::max);
             // Standard uncertainty of a frequency from that of the phase (Rife and Boorstyn 1974).
             let sharp = libm::sqrt(6.0) * sigma
                 / (amplitude.max(f64::MIN_POSITIVE) * std::f64::consts::PI * lasts_s.max(1e-9));
-            let least = 0.25 / lasts_s.max(1e-9);
+            let resolution = 0.25 / lasts_s.max(1e-9);
             vec![
                 FittedParameter {
                     stem: "frequency",
                     values: vec![frequency],
-                    sigma: vec![sharp.max(least)],
+                    sigma: vec![sharp.max(resolution)],
                 },
                 FittedParameter { stem: "amplitude", values: vec![amplitude], sigma: vec![sigma] },
             ]
         }
-        _ => many("coefficient", values, sigma),
+        _ => single_parameter("coefficient", values, sigma),
     }
 }
 
@@ -192,11 +192,12 @@ fn parameter_sigma(
     covariance: &DMatrix<f64>,
 ) -> f64 {
     let weights = |columns: &[usize]| -> Vec<f64> {
-        let of = |k: &usize| {
-            let parts = case.column_parameters[*k].iter().filter(|(at, _)| *at == number);
+        let weight_of = |k: &usize| {
+            let parts =
+                case.column_parameters[*k].iter().filter(|(parameter, _)| *parameter == number);
             parts.map(|(_, weight)| *weight).sum::<f64>()
         };
-        columns.iter().map(of).collect()
+        columns.iter().map(weight_of).collect()
     };
     let spread = |covariance: &DMatrix<f64>, weights: &[f64]| {
         let mut sum = 0.0;
@@ -237,13 +238,17 @@ fn runout_polar(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Ve
     } else {
         libm::atan2(whole.y, whole.x)
     };
-    let (had, at) = if stated.length() > 0.0 {
+    let (stated_radial, stated_phase) = if stated.length() > 0.0 {
         (stated.length(), libm::atan2(stated.y, stated.x))
     } else {
         (0.0, 0.0)
     };
     vec![
-        FittedParameter { stem: "radial", values: vec![radial - had], sigma: vec![along] },
-        FittedParameter { stem: "phase", values: vec![phase - at], sigma: vec![across] },
+        FittedParameter {
+            stem: "radial",
+            values: vec![radial - stated_radial],
+            sigma: vec![along],
+        },
+        FittedParameter { stem: "phase", values: vec![phase - stated_phase], sigma: vec![across] },
     ]
 }

@@ -42,7 +42,7 @@ pub(super) fn strongest_line(case: &Case, used: &[bool]) -> Option<f64> {
     }
     let engaged: Vec<bool> = rows
         .iter()
-        .map(|stood| case.model.tooth_forces(spindle, stood, 0.0).engaged > 0.0)
+        .map(|state| case.model.tooth_forces(spindle, state, 0.0).engaged > 0.0)
         .collect();
     let mut best: Option<(f64, f64)> = None;
     for axis in case.table.joints() {
@@ -92,17 +92,17 @@ fn strongest_peak(
     let power = &spectrum.power;
     let middle = |some: &[f64]| median(some.iter().copied()).max(f64::MIN_POSITIVE);
     let floors: Vec<f64> = power.chunks(FLOOR_BINS).map(middle).collect();
-    let is_peak = |at: &usize| power[*at] >= power[*at - 1] && power[*at] >= power[*at + 1];
+    let is_peak = |bin: &usize| power[*bin] >= power[*bin - 1] && power[*bin] >= power[*bin + 1];
     let peaks = (2..power.len().saturating_sub(2)).filter(is_peak);
     let mut peaks: Vec<(usize, f64)> =
-        peaks.map(|at| (at, power[at] / floors[at / FLOOR_BINS])).collect();
+        peaks.map(|bin| (bin, power[bin] / floors[bin / FLOOR_BINS])).collect();
     peaks.retain(|(_, ratio)| *ratio > PEAK_RATIO_LEAST);
     peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
     let width_hz = 1.5 / span_s;
-    let mut free = peaks.into_iter().take(PEAKS_MOST).map(|(at, r)| (spectrum.frequency[at], r));
+    let mut free = peaks.into_iter().take(PEAKS_MOST).map(|(bin, r)| (spectrum.frequency[bin], r));
     let (middle, ratio) = free.find(|(hz, _)| !is_forced(*hz, width_hz))?;
-    let near = (-STEPS..=STEPS).map(|k| middle + f64::from(k) / (STEPS_PER_RESOLUTION * span_s));
-    let best = near.map(|hz| (hz, power_at(kept, hz))).max_by(|a, b| a.1.total_cmp(&b.1));
+    let fine = (-STEPS..=STEPS).map(|k| middle + f64::from(k) / (STEPS_PER_RESOLUTION * span_s));
+    let best = fine.map(|hz| (hz, power_at(kept, hz))).max_by(|a, b| a.1.total_cmp(&b.1));
     best.map(|(hz, _)| (refine_frequency(kept, hz, 1.0 / (STEPS_PER_RESOLUTION * span_s)), ratio))
 }
 
@@ -139,11 +139,13 @@ fn refine_frequency(kept: &[(f64, f64)], hz: f64, reach_hz: f64) -> f64 {
 /// Frequency of a selected line, refined on the residual of all other selected effects, Hz.
 pub(super) fn refined_frequency(case: &Case, used: &[bool]) -> f64 {
     let mut still = case.estimates.clone();
-    let loud = |axis: usize| {
-        let of = |slot: Slot| slot.of(&case.estimates.parameters)[2 * axis..2 * axis + 2].iter();
-        of(CHATTER).chain(of(PERMANENT_TONE)).map(|x| x * x).sum::<f64>()
+    let amplitude_squared = |axis: usize| {
+        let amplitudes =
+            |slot: Slot| slot.of(&case.estimates.parameters)[2 * axis..2 * axis + 2].iter();
+        amplitudes(CHATTER).chain(amplitudes(PERMANENT_TONE)).map(|x| x * x).sum::<f64>()
     };
-    let axis = case.table.joints().max_by(|a, b| loud(*a).total_cmp(&loud(*b)));
+    let axis =
+        case.table.joints().max_by(|a, b| amplitude_squared(*a).total_cmp(&amplitude_squared(*b)));
     let Some(axis) = axis else { return case.model.tone_hz };
     let is_hum = squared_norm(&case.estimates.parameters, PERMANENT_TONE) > 0.0;
     for slot in [CHATTER, PERMANENT_TONE] {

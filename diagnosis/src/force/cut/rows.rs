@@ -78,9 +78,9 @@ impl Rows {
             feed_m_s: feed[k],
         };
         let known: Vec<Row> = (0..recording.len()).map(row).collect();
-        let stands = cutter_states(cutter, &known);
+        let states = cutter_states(cutter, &known);
         let is_known = |k: &usize| speed[*k].is_finite() && feed[*k].is_finite();
-        let heard = detect(signal, &stands, &recording.segment);
+        let engagement = detect(signal, &states, &recording.segment);
         let mut all = Self {
             indices: Vec::new(),
             runs: Vec::new(),
@@ -96,17 +96,17 @@ impl Rows {
                 if names.last() != Some(&name) {
                     names.push(name);
                 }
-                let stand = &stands[k];
+                let state = &states[k];
                 all.indices.push(k);
-                all.is_transition.push(heard.is_transition[k]);
+                all.is_transition.push(engagement.is_transition[k]);
                 all.states.push(RowState {
-                    time_s: stand.time_s,
-                    angle_rad: stand.angle_rad,
-                    feed_per_tooth_m: stand.feed_per_tooth_m,
-                    cut_m: stand.cut_m,
+                    time_s: state.time_s,
+                    angle_rad: state.angle_rad,
+                    feed_per_tooth_m: state.feed_per_tooth_m,
+                    cut_m: state.cut_m,
                     segment: names.len() - 1,
                     relative_time: 0.0,
-                    is_cutting: stand.is_cutting() && !heard.is_air[k],
+                    is_cutting: state.is_cutting() && !engagement.is_air[k],
                 });
             }
             if all.indices.len() > from {
@@ -121,13 +121,13 @@ impl Rows {
     /// Sets the relative position of each row in its segment.
     fn set_relative_times(&mut self) {
         let mut lasts_s = vec![f64::MIN_POSITIVE; self.segments];
-        for stood in &self.states {
-            let last = &mut lasts_s[stood.segment];
-            *last = last.max(stood.time_s);
+        for state in &self.states {
+            let last = &mut lasts_s[state.segment];
+            *last = last.max(state.time_s);
         }
         self.states
             .iter_mut()
-            .for_each(|stood| stood.relative_time = stood.time_s / lasts_s[stood.segment]);
+            .for_each(|state| state.relative_time = state.time_s / lasts_s[state.segment]);
     }
 
     /// Splits the rows into training, validation and test set.
@@ -156,9 +156,9 @@ fn sections(runs: &[Range<usize>]) -> Vec<Range<usize>> {
     for run in runs {
         let count = (SECTIONS * run.len()).div_ceil(all);
         for k in 0..count {
-            let at = |k: usize| run.start + k * run.len() / count;
-            let length = (share * (at(k + 1) - at(k)) as f64) as usize;
-            windows.push(at(k)..at(k) + length);
+            let bound = |k: usize| run.start + k * run.len() / count;
+            let length = (share * (bound(k + 1) - bound(k)) as f64) as usize;
+            windows.push(bound(k)..bound(k) + length);
         }
     }
     windows

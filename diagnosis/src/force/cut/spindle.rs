@@ -60,10 +60,11 @@ fn excess_speed(case: &Case, used: &[bool]) -> f64 {
     let rows: Vec<usize> =
         (0..used.len()).filter(|k| used[*k] && case.model.rows[*k].is_cutting).collect();
     let turns = |segment: usize| {
-        let own = rows.iter().map(|row| &case.model.rows[*row]).filter(|s| s.segment == segment);
-        let [low, high] = own
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], stood: &RowState| {
-                [l.min(stood.angle_rad), h.max(stood.angle_rad)]
+        let of_segment =
+            rows.iter().map(|row| &case.model.rows[*row]).filter(|s| s.segment == segment);
+        let [low, high] = of_segment
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], state: &RowState| {
+                [l.min(state.angle_rad), h.max(state.angle_rad)]
             });
         ((high - low) / TAU).max(0.0)
     };
@@ -101,9 +102,9 @@ fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
         }
     }
     for row in rows {
-        let stood = &case.model.rows[*row];
-        let (sin, cos) = libm::sincos(teeth * stood.angle_rad * (1.0 + faster));
-        let (mean, count) = &means[stood.segment];
+        let state = &case.model.rows[*row];
+        let (sin, cos) = libm::sincos(teeth * state.angle_rad * (1.0 + faster));
+        let (mean, count) = &means[state.segment];
         let values: [f64; 3] = std::array::from_fn(|axis| {
             let measured = case.measured[axis].as_ref();
             measured.map_or(0.0, |values| values[*row] - mean[axis] / count)
@@ -111,8 +112,8 @@ fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
         let (mut s, mut c) = (sin, cos);
         for harmonic in 0..HARMONICS as usize {
             for (axis, value) in values.iter().enumerate() {
-                sums[stood.segment][axis][2 * harmonic] += value * c;
-                sums[stood.segment][axis][2 * harmonic + 1] += value * s;
+                sums[state.segment][axis][2 * harmonic] += value * c;
+                sums[state.segment][axis][2 * harmonic + 1] += value * s;
             }
             (s, c) = (s * cos + c * sin, c * cos - s * sin);
         }
@@ -127,34 +128,34 @@ fn harmonic_energy(case: &Case, rows: &[usize], faster: f64) -> f64 {
 fn start_angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 {
     let pitch = TAU / f64::from(case.model.cutter.teeth.max(1));
     let step = pitch / f64::from(ANGLES);
-    let at = |phase: f64| {
+    let equations_at = |phase: f64| {
         let mut spindle = spindle.clone();
         spindle.phases[segment] = phase;
         AngleNormalEquations::of(case, rows, &spindle)
     };
     let coarse: Vec<(f64, AngleNormalEquations)> = (0..ANGLES)
         .map(|k| f64::from(k) * step)
-        .map(|phase| (if phase > 0.5 * pitch { phase - pitch } else { phase }, at(phase)))
+        .map(|phase| (if phase > 0.5 * pitch { phase - pitch } else { phase }, equations_at(phase)))
         .collect();
     // The noise is estimated from the residual of the best angle with unconstrained coefficients.
     let free = coarse.iter().map(|(_, sums)| sums.residual_with_ridge(&[1e-12; COEFFICIENTS]));
     let count = 3.0 * rows.len() as f64;
     let variance = |left: f64| (left / count).max(1e-18);
     let mut noise = variance(free.fold(f64::INFINITY, f64::min));
-    let told = CoefficientPrior::of(case, rows);
-    let mut best = told.best_angle(&coarse, noise);
+    let prior = CoefficientPrior::of(case, rows);
+    let mut best = prior.best_angle(&coarse, noise);
     let mut finer = step;
     for _ in 0..3 {
         let from = best.0;
         finer /= f64::from(FINE_STEPS);
         let mut around: Vec<(f64, AngleNormalEquations)> = (-FINE_STEPS..=FINE_STEPS)
             .map(|k| from + f64::from(k) * finer)
-            .map(|phase| (phase, at(phase)))
+            .map(|phase| (phase, equations_at(phase)))
             .collect();
         let free = around.iter().map(|(_, sums)| sums.residual_with_ridge(&[1e-12; COEFFICIENTS]));
         noise = noise.min(variance(free.fold(f64::INFINITY, f64::min)));
-        around.push((0.0, at(0.0)));
-        best = told.best_angle(&around, noise);
+        around.push((0.0, equations_at(0.0)));
+        best = prior.best_angle(&around, noise);
     }
     best.0
 }
@@ -171,8 +172,8 @@ impl AngleNormalEquations {
         let law: &CutModel = &case.model;
         let (mut gram, mut right, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
         for row in rows {
-            let stood = &law.rows[*row];
-            let bite = law.tooth_forces(spindle, stood, 0.0);
+            let state = &law.rows[*row];
+            let bite = law.tooth_forces(spindle, state, 0.0);
             for (axis, measured) in case.measured.iter().enumerate() {
                 let Some(values) = measured else { continue };
                 let mut column = Vector::zeros();
@@ -190,20 +191,20 @@ impl AngleNormalEquations {
         Self { gram, right, square }
     }
 
-    /// Residual sum of squares with a ridge penalty: `belief` per parameter, relative to the diagonal of the normal matrix.
-    fn residual_with_ridge(&self, belief: &[f64; COEFFICIENTS]) -> f64 {
-        let prior = std::array::from_fn(|k| belief[k] * self.gram[(k, k)]);
+    /// Residual sum of squares with a ridge penalty: `ridge` per parameter, relative to the diagonal of the normal matrix.
+    fn residual_with_ridge(&self, ridge: &[f64; COEFFICIENTS]) -> f64 {
+        let prior = std::array::from_fn(|k| ridge[k] * self.gram[(k, k)]);
         self.residual_with_prior(&prior, &Vector::zeros())
     }
 
-    fn residual_with_prior(&self, prior: &[f64; COEFFICIENTS], told: &Vector) -> f64 {
+    fn residual_with_prior(&self, prior: &[f64; COEFFICIENTS], means: &Vector) -> f64 {
         let mut gram = self.gram;
         let mut right = self.right;
         let mut square = self.square;
         for k in 0..COEFFICIENTS {
             gram[(k, k)] += prior[k];
-            right[k] += prior[k] * told[k];
-            square += prior[k] * told[k] * told[k];
+            right[k] += prior[k] * means[k];
+            square += prior[k] * means[k] * means[k];
             if gram[(k, k)] <= 0.0 {
                 gram[(k, k)] = 1.0;
             }
@@ -249,9 +250,10 @@ impl CoefficientPrior {
             });
             0.5 * sums.residual_with_prior(&prior, &self.values) / noise
         };
-        let all: Vec<(f64, f64)> = tried.iter().map(|(at, sums)| (*at, misfit(sums))).collect();
-        let least = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0));
-        let told = all.iter().copied().find(|(at, _)| *at == 0.0);
-        told.filter(|(_, misfit)| *misfit < least.1 + EQUALLY_GOOD).unwrap_or(least)
+        let all: Vec<(f64, f64)> =
+            tried.iter().map(|(angle, sums)| (*angle, misfit(sums))).collect();
+        let lowest = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0));
+        let as_stated = all.iter().copied().find(|(angle, _)| *angle == 0.0);
+        as_stated.filter(|(_, misfit)| *misfit < lowest.1 + EQUALLY_GOOD).unwrap_or(lowest)
     }
 }

@@ -183,8 +183,8 @@ fn a_law_that_holds_is_consistent_up_and_down_milling_and_whatever_the_noise_rem
 fn two_effects_at_once_are_both_named() {
     let runout = effect("runout", "radial_um = 4.0\nphase_rad = 0.7");
     let harder = effect("cutting_force", "coefficient_N_per_mm2 = [80.0, 40.0, 15.0]");
-    let off = effect("wrench_bias", "bias_N = [2.0, -3.0, 1.0]");
-    for (one, other) in [(&runout, &harder), (&harder, &off)] {
+    let bias = effect("wrench_bias", "bias_N = [2.0, -3.0, 1.0]");
+    for (one, other) in [(&runout, &harder), (&harder, &bias)] {
         let compared = MADE.compared(&format!("{one}{other}"));
         let mut found = kinds(&compared);
         found.sort_unstable();
@@ -295,9 +295,9 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
         let refits = &compared.refits;
         assert_eq!(refits.len(), usize::from(wanted == Verdict::Consistent), "{refits:?}");
         for number in refits.iter().map(|refit| &refit.parameter) {
-            for (k, off) in [400.0, -300.0, 200.0].iter().enumerate() {
+            for (k, change) in [400.0, -300.0, 200.0].iter().enumerate() {
                 let (value, sigma) = (number.values[k], number.sigma[k]);
-                assert!((value - off).abs() < 4.0 * sigma && sigma < 200.0, "{number:?}");
+                assert!((value - change).abs() < 4.0 * sigma && sigma < 200.0, "{number:?}");
             }
         }
     }

@@ -46,19 +46,20 @@ pub(super) fn strongest_structure(case: &Case, beside: &[usize]) -> Option<Unexp
 }
 
 /// An unusually large drift of an axis over segments, such as a creeping sensor.
-pub(super) fn excessive_drift(case: &Case, belief: &Estimates) -> Option<UnexplainedForce> {
-    let segments = belief.spindle.phases.len();
+pub(super) fn excessive_drift(case: &Case, estimates: &Estimates) -> Option<UnexplainedForce> {
+    let segments = estimates.spindle.phases.len();
     let free = segments as f64;
-    let least = free + DRIFT_EXCESS_LEAST[0] * libm::sqrt(2.0 * free) + DRIFT_EXCESS_LEAST[1];
-    let far = |axis: usize| {
+    let excess_min = free + DRIFT_EXCESS_LEAST[0] * libm::sqrt(2.0 * free) + DRIFT_EXCESS_LEAST[1];
+    let excess = |axis: usize| {
         let sigma = DRIFT_PRIOR_RATIO * case.table.noise[axis].1;
-        let each = (0..segments).map(|segment| belief.drift[3 * segment + axis] / sigma);
+        let each = (0..segments).map(|segment| estimates.drift[3 * segment + axis] / sigma);
         each.map(|x| x * x).sum::<f64>()
     };
-    let furthest = case.table.joints().map(|axis| (axis, far(axis)));
-    let (axis, _) = furthest.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > least)?;
-    let left = case.residual(belief);
-    let mut still = belief.clone();
+    let furthest = case.table.joints().map(|axis| (axis, excess(axis)));
+    let (axis, _) =
+        furthest.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, excess)| *excess > excess_min)?;
+    let left = case.residual(estimates);
+    let mut still = estimates.clone();
     still.drift.fill(0.0);
     let without = case.residual(&still);
     let rows = sum_of_squares(&case.table, axis, &vec![1.0; left[axis].len()], &case.row_sets.test)
@@ -79,15 +80,15 @@ pub(super) fn excessive_drift(case: &Case, belief: &Estimates) -> Option<Unexpla
 /// Significant variation of the force from revolution to revolution that follows no covariate but time, such as a built-up edge or a vibrating tool.
 fn variation_between_revolutions(
     case: &Case,
-    belief: &Estimates,
+    estimates: &Estimates,
     left: &[Vec<f64>; 3],
 ) -> Option<UnexplainedForce> {
-    let air = case.model.reading_model(&belief.parameters).reading_in_air();
+    let air = case.model.reading_model(&estimates.parameters).reading_in_air();
     let turn = |row: usize| {
-        let stood = &case.model.rows[row];
-        (stood.segment, (belief.spindle.angle(stood) / TAU).floor() as i64)
+        let state = &case.model.rows[row];
+        (state.segment, (estimates.spindle.angle(state) / TAU).floor() as i64)
     };
-    let mut force = case.readings(belief);
+    let mut force = case.readings(estimates);
     force.iter_mut().zip(air).for_each(|(axis, air)| axis.iter_mut().for_each(|x| *x -= air));
     // Per revolution: sum of products of residual and force, and of the force with itself.
     let mut turns: BTreeMap<(usize, i64), [f64; 2]> = BTreeMap::new();

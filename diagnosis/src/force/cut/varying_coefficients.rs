@@ -60,74 +60,78 @@ struct ScoredLaw {
 pub(super) fn best_confirmed_law(
     case: &Case,
     beside: &[usize],
-    belief: &Estimates,
+    estimates: &Estimates,
 ) -> Option<ConfirmedLaw> {
-    let laws = laws(case, belief);
+    let laws = laws(case, estimates);
     let mut found = laws_above_penalty(case, beside, &laws);
     found.sort_by(|a, b| b.score.total_cmp(&a.score));
     found.iter().find_map(|one| confirmed_law(case, beside, &laws[one.law], one))
 }
 
 /// All candidate laws: a force on each axis, then the cutting force, its chip part and its edge part, each as a function of each covariate.
-fn laws(case: &Case, belief: &Estimates) -> Vec<CandidateLaw> {
-    let read = case.readings(belief);
+fn laws(case: &Case, estimates: &Estimates) -> Vec<CandidateLaw> {
+    let read = case.readings(estimates);
     let mut all = Vec::new();
     let mut add =
-        |carrier: &[(usize, Vec<f64>)], word: &Covariate, beside: Option<&'static str>| {
-            let counts = |value: &f64| *value != word.values[0];
-            if word.values.iter().any(counts) {
-                let covariates = [Some(word.name), beside].into_iter().flatten().collect();
-                all.push(CandidateLaw { covariates, columns: carrier_columns(carrier, word) });
+        |carrier: &[(usize, Vec<f64>)], covariate: &Covariate, beside: Option<&'static str>| {
+            let counts = |value: &f64| *value != covariate.values[0];
+            if covariate.values.iter().any(counts) {
+                let covariates = [Some(covariate.name), beside].into_iter().flatten().collect();
+                all.push(CandidateLaw { covariates, columns: carrier_columns(carrier, covariate) });
             }
         };
-    let words = words(case, belief);
+    let all_covariates = covariates(case, estimates);
     for axis in case.table.joints() {
         let push = [(axis, vec![1.0; case.model.rows.len()])];
-        let own = Covariate { name: "wrench", values: read[axis].clone(), knots: KNOTS };
-        words.iter().chain([&feed_covariate(case), &own]).for_each(|word| add(&push, word, None));
+        let of_axis = Covariate { name: "wrench", values: read[axis].clone(), knots: KNOTS };
+        all_covariates
+            .iter()
+            .chain([&feed_covariate(case), &of_axis])
+            .for_each(|covariate| add(&push, covariate, None));
     }
-    for carrier in force_carriers(case, belief, &read) {
-        words.iter().for_each(|word| add(&carrier, word, Some("wrench")));
+    for carrier in force_carriers(case, estimates, &read) {
+        all_covariates.iter().for_each(|covariate| add(&carrier, covariate, Some("wrench")));
     }
     all
 }
 
 /// Covariates of every row.
-fn words(case: &Case, belief: &Estimates) -> Vec<Covariate> {
+fn covariates(case: &Case, estimates: &Estimates) -> Vec<Covariate> {
     let rows = &case.model.rows;
     let teeth = case.model.cutter.teeth.max(1);
-    let turn = |row: usize, by: f64| belief.spindle.angle(&rows[row]).rem_euclid(by);
+    let turn = |row: usize, by: f64| estimates.spindle.angle(&rows[row]).rem_euclid(by);
     let speeds = speeds(case);
-    let word = |name, knots, value: &dyn Fn(usize) -> f64| Covariate {
+    let covariate = |name, knots, value: &dyn Fn(usize) -> f64| Covariate {
         name,
         values: (0..rows.len()).map(value).collect(),
         knots,
     };
-    let mut words = vec![
-        word("spindle_rpm", KNOTS, &|row| speeds[rows[row].segment]),
-        word("spindle_rpm", KNOTS, &|row| turn(row, TAU / f64::from(teeth))),
-        word("feed_mm_s", KNOTS, &|row| rows[row].feed_per_tooth_m),
-        word("t_s", KNOTS, &|row| rows[row].time_s),
-        word("t_s", KNOTS, &|row| rows[row].relative_time),
+    let mut covariates = vec![
+        covariate("spindle_rpm", KNOTS, &|row| speeds[rows[row].segment]),
+        covariate("spindle_rpm", KNOTS, &|row| turn(row, TAU / f64::from(teeth))),
+        covariate("feed_mm_s", KNOTS, &|row| rows[row].feed_per_tooth_m),
+        covariate("t_s", KNOTS, &|row| rows[row].time_s),
+        covariate("t_s", KNOTS, &|row| rows[row].relative_time),
     ];
     if teeth > 1 {
         let knots = KNOTS.max(KNOTS_OF_TOOTH * teeth as usize);
-        words.push(word("spindle_rpm", knots, &|row| turn(row, TAU)));
+        covariates.push(covariate("spindle_rpm", knots, &|row| turn(row, TAU)));
     }
-    words
+    covariates
 }
 
 /// Whether the tool is fed.
 fn feed_covariate(case: &Case) -> Covariate {
-    let of = case.model.rows.iter().map(|stood| f64::from(u8::from(stood.feed_per_tooth_m > 0.0)));
-    Covariate { name: "feed_mm_s", values: of.collect(), knots: 2 }
+    let is_fed =
+        case.model.rows.iter().map(|state| f64::from(u8::from(state.feed_per_tooth_m > 0.0)));
+    Covariate { name: "feed_mm_s", values: is_fed.collect(), knots: 2 }
 }
 
 /// Spindle speed in each segment, rad/s.
 fn speeds(case: &Case) -> Vec<f64> {
     let mut speeds = vec![0.0; case.estimates.spindle.phases.len()];
-    for stood in case.model.rows.iter().filter(|stood| stood.time_s > 0.0) {
-        speeds[stood.segment] = stood.angle_rad / stood.time_s;
+    for state in case.model.rows.iter().filter(|state| state.time_s > 0.0) {
+        speeds[state.segment] = state.angle_rad / state.time_s;
     }
     speeds
 }
@@ -135,48 +139,48 @@ fn speeds(case: &Case) -> Vec<f64> {
 /// The predicted force, its chip part and its edge part: axes and their values, N.
 fn force_carriers(
     case: &Case,
-    belief: &Estimates,
+    estimates: &Estimates,
     read: &[Vec<f64>; 3],
 ) -> [Vec<(usize, Vec<f64>)>; 3] {
-    let air = case.model.reading_model(&belief.parameters).reading_in_air();
+    let air = case.model.reading_model(&estimates.parameters).reading_in_air();
     let axes = || case.table.joints();
     let whole = axes().map(|axis| (axis, read[axis].iter().map(|x| x - air[axis]).collect()));
-    let bites = case.model.all_tooth_forces(&belief.spindle);
+    let bites = case.model.all_tooth_forces(&estimates.spindle);
     let coefficients = case.coefficients();
     let part = |which: usize| {
-        let (from, told) = coefficients[which];
+        let (from, stated) = coefficients[which];
         let wanted: Vec<usize> = (from..from + 3).collect();
-        let slopes = case.model.derivatives(&bites, &belief.parameters, &wanted);
-        let sizes: Vec<f64> = (0..3).map(|k| told[k] + belief.parameters[from + k]).collect();
+        let slopes = case.model.derivatives(&bites, &estimates.parameters, &wanted);
+        let sizes: Vec<f64> = (0..3).map(|k| stated[k] + estimates.parameters[from + k]).collect();
         let value = |axis: usize, row: usize| -> f64 {
             sizes.iter().zip(&slopes).map(|(size, slope)| size * slope[axis][row]).sum()
         };
-        let of = |axis| (axis, (0..bites.len()).map(|row| value(axis, row)).collect());
-        axes().map(of).collect()
+        let part_of_axis = |axis| (axis, (0..bites.len()).map(|row| value(axis, row)).collect());
+        axes().map(part_of_axis).collect()
     };
     debug_assert_eq!([coefficients[0].0, coefficients[1].0], [CHIP.from, EDGE.from]);
     [whole.collect(), part(0), part(1)]
 }
 
 /// The carrier force times 1, times the covariate scaled to −1 to 1, and times a hat function at each inner knot.
-fn carrier_columns(carrier: &[(usize, Vec<f64>)], word: &Covariate) -> Vec<Regressor> {
-    let mut knots = knots(&word.values, word.knots);
+fn carrier_columns(carrier: &[(usize, Vec<f64>)], covariate: &Covariate) -> Vec<Regressor> {
+    let mut knots = knots(&covariate.values, covariate.knots);
     if knots.len() < 2 {
-        knots = vec![word.values[0], word.values[0] + 1.0];
+        knots = vec![covariate.values[0], covariate.values[0] + 1.0];
     }
     let (low, high) = (knots[0], knots[knots.len() - 1]);
     let column = |size: &dyn Fn(f64) -> f64| {
         let part = |(axis, values): &(usize, Vec<f64>)| {
-            let rows = values.iter().zip(&word.values).map(|(x, at)| x * size(*at));
+            let rows = values.iter().zip(&covariate.values).map(|(x, value)| x * size(*value));
             (*axis, rows.collect::<Vec<f64>>().into())
         };
         Regressor { parts: carrier.iter().map(part).collect() }
     };
-    let mut all = vec![column(&|_| 1.0), column(&|at| 2.0 * (at - low) / (high - low) - 1.0)];
+    let mut all = vec![column(&|_| 1.0), column(&|value| 2.0 * (value - low) / (high - low) - 1.0)];
     for three in knots.windows(3) {
-        let rises = |at: f64| (at - three[0]) / (three[1] - three[0]);
-        let falls = |at: f64| (three[2] - at) / (three[2] - three[1]);
-        all.push(column(&|at| rises(at).min(falls(at)).max(0.0)));
+        let rises = |value: f64| (value - three[0]) / (three[1] - three[0]);
+        let falls = |value: f64| (three[2] - value) / (three[2] - three[1]);
+        all.push(column(&|value| rises(value).min(falls(value)).max(0.0)));
     }
     all
 }
@@ -185,8 +189,8 @@ fn carrier_columns(carrier: &[(usize, Vec<f64>)], word: &Covariate) -> Vec<Regre
 fn knots(values: &[f64], count: usize) -> Vec<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let at = |k: usize| sorted[(k * (sorted.len() - 1)) / (count - 1)];
-    let mut knots: Vec<f64> = (0..count).map(at).collect();
+    let quantile = |k: usize| sorted[(k * (sorted.len() - 1)) / (count - 1)];
+    let mut knots: Vec<f64> = (0..count).map(quantile).collect();
     knots.dedup_by(|a, b| *a <= *b);
     knots
 }
@@ -195,16 +199,16 @@ fn knots(values: &[f64], count: usize) -> Vec<f64> {
 fn laws_above_penalty(case: &Case, beside: &[usize], laws: &[CandidateLaw]) -> Vec<ScoredLaw> {
     let mut kept = None;
     let mut found = Vec::new();
-    for (law, asked) in laws.iter().enumerate() {
-        let (sums, products) = products(case, beside, asked, &case.row_sets.train, kept.take());
+    for (law, candidate) in laws.iter().enumerate() {
+        let (sums, products) = products(case, beside, candidate, &case.row_sets.train, kept.take());
         kept = Some(sums);
         let gain = |columns: usize| fit_with_law(&products, beside, columns).gain;
         let rows = 0.5 * (products.rows.max(3) as f64).ln();
         let penalty = |columns: usize| rows * columns as f64 + (laws.len() as f64).ln();
-        let (bare, steady) = (gain(0), gain(1));
-        for columns in [2, asked.columns.len()] {
+        let (without_law, steady) = (gain(0), gain(1));
+        for columns in [2, candidate.columns.len()] {
             let whole = gain(columns);
-            let score = whole - bare - penalty(columns);
+            let score = whole - without_law - penalty(columns);
             // A law whose size does not vary with its covariate is not reported.
             if score > MARGIN && whole - steady > MARGIN + penalty(columns - 1) {
                 found.push(ScoredLaw { law, columns, score });
@@ -273,7 +277,7 @@ fn confirmed_law(
         return None;
     }
     let held = &case.row_sets.test;
-    let both = lefts(&case.row_sets.seen());
+    let both = lefts(&case.row_sets.fitted());
     if !explains(&both, held) {
         return None;
     }
@@ -286,7 +290,7 @@ fn confirmed_law(
     let each = axes.iter().map(|axis| (*axis, [rms(*axis, &both[0]), rms(*axis, &both[1])]));
     let (axis, rms) = each.max_by(|a, b| (a.1[0] / a.1[1]).total_cmp(&(b.1[0] / b.1[1])))?;
     let mut depends_on: Vec<String> =
-        law.covariates.iter().map(|word| (*word).to_owned()).collect();
+        law.covariates.iter().map(|covariate| (*covariate).to_owned()).collect();
     depends_on.dedup();
     let structure =
         UnexplainedForce { axis, depends_on, heldout: rms, tone_hz: None, energy_explained };

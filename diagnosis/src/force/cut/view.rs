@@ -39,8 +39,8 @@ pub(super) fn signal_rms(case: &Case) -> f64 {
 }
 
 fn feed_range(case: &Case) -> [f64; 2] {
-    let cuts = case.model.rows.iter().filter(|stood| stood.is_cutting);
-    cuts.map(|stood| stood.feed_per_tooth_m)
+    let cuts = case.model.rows.iter().filter(|state| state.is_cutting);
+    cuts.map(|state| state.feed_per_tooth_m)
         .fold([f64::INFINITY, 0.0], |[low, high], feed| [low.min(feed), high.max(feed)])
 }
 
@@ -78,8 +78,8 @@ pub(super) fn not_tested(case: &Case) -> Vec<(&'static str, &'static str)> {
 pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
     let mut notes = Vec::new();
     let faster = case.estimates.spindle.excess_speed;
-    let is_off = libm::fabs(faster) > 1e-5;
-    if is_off {
+    let is_faster = libm::fabs(faster) > 1e-5;
+    if is_faster {
         notes.push(format!(
             "the spindle rotates {:.3} % {} than recorded",
             100.0 * libm::fabs(faster),
@@ -104,9 +104,9 @@ pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
 
 /// Plot data of all recorded axes.
 pub(super) fn traces(case: &Case) -> Vec<ForceTrace> {
-    let told = Estimates::as_stated(case.estimates.spindle.clone());
-    let law = [&told, &case.estimates].map(|belief| case.readings(belief));
-    let off = [&told, &case.estimates].map(|belief| case.residual(belief));
+    let stated = Estimates::as_stated(case.estimates.spindle.clone());
+    let law = [&stated, &case.estimates].map(|estimates| case.readings(estimates));
+    let residuals = [&stated, &case.estimates].map(|estimates| case.residual(estimates));
     let count = case.model.rows.len();
     let thin = count.div_ceil(POINTS).max(1);
     let rows: Vec<usize> = (0..count).step_by(thin).collect();
@@ -128,9 +128,12 @@ pub(super) fn traces(case: &Case) -> Vec<ForceTrace> {
                 .map(|row| (spindle.angle(&case.model.rows[*row]) / TAU).rem_euclid(1.0))
                 .collect(),
             measured: some(read),
-            residuals: [some(&off[0][axis]), some(&off[1][axis])],
+            residuals: [some(&residuals[0][axis]), some(&residuals[1][axis])],
             predicted: [some(&law[0][axis]), some(&law[1][axis])],
-            residual_run: [off[0][axis][run.clone()].to_vec(), off[1][axis][run.clone()].to_vec()],
+            residual_run: [
+                residuals[0][axis][run.clone()].to_vec(),
+                residuals[1][axis][run.clone()].to_vec(),
+            ],
             rate_hz,
         })
         .collect()

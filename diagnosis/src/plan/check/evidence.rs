@@ -108,9 +108,10 @@ impl Evidence {
         if open == 0 {
             return self.rows;
         }
-        let seen = self.nn.view((0, 0), (open, open)).into_owned() - DMatrix::identity(open, open);
+        let information =
+            self.nn.view((0, 0), (open, open)).into_owned() - DMatrix::identity(open, open);
         let scale = DMatrix::from_fn(open, open, |i, j| {
-            seen[(i, j)] / (seen[(i, i)] * seen[(j, j)]).max(1e-300).sqrt()
+            information[(i, j)] / (information[(i, i)] * information[(j, j)]).max(1e-300).sqrt()
         });
         let found =
             scale.symmetric_eigenvalues().iter().filter(|value| **value > DEPENDENT).count();
@@ -123,10 +124,10 @@ impl Evidence {
         if self.nuisance == 0 {
             return (self.rr, self.rows);
         }
-        let seen = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
-        let width = |i: usize| seen[(i, i)].max(1e-300).sqrt();
+        let information = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
+        let width = |i: usize| information[(i, i)].max(1e-300).sqrt();
         let scaled = DMatrix::from_fn(self.nuisance, self.nuisance, |i, j| {
-            seen[(i, j)] / (width(i) * width(j))
+            information[(i, j)] / (width(i) * width(j))
         });
         let right = DVector::from_fn(self.nuisance, |i, _| self.nr[i] / width(i));
         let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(scaled);
@@ -138,29 +139,29 @@ impl Evidence {
     }
 
     /// Information matrix (`S`) and score (`g`) of a damage.
-    fn left(&self, look: DamageColumns) -> (DMatrix<f64>, DVector<f64>) {
-        let DamageColumns { first, count } = look;
+    fn left(&self, columns: DamageColumns) -> (DMatrix<f64>, DVector<f64>) {
+        let DamageColumns { first, count } = columns;
         let taken = inverse(&self.nn) * self.nd.columns(first, count);
         let nd = self.nd.columns(first, count);
-        let shows = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
-        let says = self.dr.rows(first, count) - taken.transpose() * &self.nr;
-        (0.5 * (&shows + shows.transpose()), says)
+        let information = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
+        let score = self.dr.rows(first, count) - taken.transpose() * &self.nr;
+        (0.5 * (&information + information.transpose()), score)
     }
 
     /// Information on the least observable direction of a damage, in squared standard deviations per squared unit; `None` if it is unobservable.
-    pub(super) fn weakest(&self, look: DamageColumns) -> Option<f64> {
-        let least = self.left(look).0.symmetric_eigenvalues().min();
-        (least > INFORMATION_MIN).then_some(least)
+    pub(super) fn weakest(&self, columns: DamageColumns) -> Option<f64> {
+        let information_min = self.left(columns).0.symmetric_eigenvalues().min();
+        (information_min > INFORMATION_MIN).then_some(information_min)
     }
 
-    pub(super) fn explained(&self, look: DamageColumns) -> Option<DamageEstimate> {
-        let (shows, says) = self.left(look);
-        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(shows);
-        let mut size = DVector::zeros(look.count);
+    pub(super) fn explained(&self, columns: DamageColumns) -> Option<DamageEstimate> {
+        let (information, score) = self.left(columns);
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(information);
+        let mut size = DVector::zeros(columns.count);
         let (mut gain, mut spread, mut count) = (0.0, 0.0, 0);
         for (direction, shown) in eigenvectors.column_iter().zip(eigenvalues.iter()) {
             if *shown > INFORMATION_MIN {
-                let along = direction.dot(&says) / shown;
+                let along = direction.dot(&score) / shown;
                 size += direction * along;
                 gain += along * along * shown;
                 spread += along * along / shown;
@@ -178,26 +179,33 @@ impl Evidence {
     }
 
     /// Reduction of the sum over all damages of `tr (S + OPEN)⁻¹` by each candidate's rows; poorly observable directions dominate it.
-    pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[DamageColumns]) -> Vec<f64> {
+    pub(super) fn worths(
+        &self,
+        candidates: &[DMatrix<f64>],
+        damages: &[DamageColumns],
+    ) -> Vec<f64> {
         let around = inverse(&self.nn);
         let taken = &around * &self.nd;
         let open = |count: usize| DMatrix::identity(count, count) * OPEN;
         let before: Vec<DMatrix<f64>> =
-            looks.iter().map(|look| self.left(*look).0 + open(look.count)).collect();
-        let traces: Vec<f64> = before.iter().map(|shows| inverse(shows).trace()).collect();
+            damages.iter().map(|columns| self.left(*columns).0 + open(columns.count)).collect();
+        let traces: Vec<f64> =
+            before.iter().map(|information| inverse(information).trace()).collect();
         let worth = |rows: &DMatrix<f64>| {
             let (n, d) = self.split(rows);
             let left = d - &n * &taken;
             let noise =
                 DMatrix::identity(rows.nrows(), rows.nrows()) + &n * &around * n.transpose();
             let Some(noise) = noise.cholesky() else { return 0.0 };
-            let seen = noise.solve(&left);
-            let gain = |(look, (before, trace)): (&DamageColumns, (&DMatrix<f64>, &f64))| {
-                let (a, b) =
-                    (left.columns(look.first, look.count), seen.columns(look.first, look.count));
+            let solved = noise.solve(&left);
+            let gain = |(columns, (before, trace)): (&DamageColumns, (&DMatrix<f64>, &f64))| {
+                let (a, b) = (
+                    left.columns(columns.first, columns.count),
+                    solved.columns(columns.first, columns.count),
+                );
                 trace - inverse(&(before + a.transpose() * b)).trace()
             };
-            looks.iter().zip(before.iter().zip(&traces)).map(gain).sum()
+            damages.iter().zip(before.iter().zip(&traces)).map(gain).sum()
         };
         candidates.iter().map(worth).collect()
     }
@@ -214,13 +222,13 @@ pub(super) fn p_below(freedom: usize, sum: f64) -> f64 {
 }
 
 /// Noncentrality at which a χ² test of size `alarm` has the given power.
-pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
+pub(super) fn minimum_detectable(freedom: usize, alarm: f64, power: f64) -> f64 {
     let Ok(chi) = ChiSquared::new(freedom as f64) else { return f64::INFINITY };
     let bound = chi.inverse_cdf(1.0 - alarm);
     let (mut low, mut high) = (0.0, 1e3);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        if seen(freedom, middle, bound) < power {
+        if detection_power(freedom, middle, bound) < power {
             low = middle;
         } else {
             high = middle;
@@ -230,7 +238,7 @@ pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
 }
 
 /// Probability of a noncentral χ² variable above `bound`, as a Poisson mixture of central ones (Johnson, Kotz and Balakrishnan 1995, chapter 29).
-fn seen(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
+fn detection_power(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
     let half = 0.5 * noncentrality;
     let (mut log_weight, mut sum) = (-half, 0.0);
     for k in 0..2000_usize {
@@ -253,7 +261,7 @@ mod tests {
     fn what_is_seen_as_surely_as_asked_is_what_tables_say() {
         // Cohen 1988 (table of noncentralities): alarm 0.05, power 0.80.
         for (freedom, expected) in [(1, 7.849), (2, 9.635), (3, 10.903), (6, 13.624)] {
-            let found = least_seen(freedom, 0.05, 0.80);
+            let found = minimum_detectable(freedom, 0.05, 0.80);
             assert!((found - expected).abs() < 0.01, "{freedom}: {found}");
         }
         assert!((p_above(6, 12.592) - 0.05).abs() < 1e-4);
@@ -264,14 +272,14 @@ mod tests {
     fn what_may_change_anyway_hides_a_damage_that_does_the_same() {
         let same = DMatrix::from_row_slice(2, 2, &[1e4, 1.0, 2e4, 2.0]);
         let other = DMatrix::from_row_slice(2, 2, &[1e4, 2.0, 2e4, -1.0]);
-        let look = DamageColumns { first: 0, count: 1 };
+        let columns = DamageColumns { first: 0, count: 1 };
         let with = |rows: &DMatrix<f64>| {
             let mut evidence = Evidence::new(1, 1);
             evidence.add(rows, &[1.0, 2.0]);
             evidence
         };
-        assert_eq!(with(&same).weakest(look), None);
-        assert!((with(&other).weakest(look).expect("shown") - 5.0).abs() < 1e-6);
+        assert_eq!(with(&same).weakest(columns), None);
+        assert!((with(&other).weakest(columns).expect("shown") - 5.0).abs() < 1e-6);
         assert!(with(&same).sum() < 1e-6 && with(&other).freedom(1) == 1);
     }
 }

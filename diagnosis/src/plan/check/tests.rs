@@ -25,8 +25,8 @@ fn ten(task: &Task, sigma: &[Vec<f64>]) -> PlannedCheck {
 }
 
 fn planned(count: usize, task: &Task, sigma: &[Vec<f64>]) -> PlannedCheck {
-    let wish = PlanSettings { count, criterion: Criterion::D, candidates: 200, seed: 1 };
-    plan_check(task, sigma, &wish, &TERMS).expect("poses")
+    let settings = PlanSettings { count, criterion: Criterion::D, candidates: 200, seed: 1 };
+    plan_check(task, sigma, &settings, &TERMS).expect("poses")
 }
 
 /// Measurements of a robot that deviates from the model within its stated uncertainty, with damage of size `change` (m or rad) in the first parameter
@@ -79,7 +79,7 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
     for known in [true, false] {
         let (task, sigma) = cell(known);
         let checkup = ten(&task, &sigma);
-        let (mut alarms, mut seen) = (0, 0);
+        let (mut alarms, mut detected) = (0, 0);
         const RUNS: u64 = 150;
         for seed in 0..RUNS {
             let sound = shown(&task, &sigma, &checkup.poses, None, seed);
@@ -89,7 +89,7 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
         // Requested rate: 1 in 100. Six or more of 150 occur in one of two hundred such tests.
         assert!(alarms < 6, "{known}: {alarms} of {RUNS}");
         let damage = Damage::Offset(3);
-        let least = checkup
+        let detectable = checkup
             .detectable
             .iter()
             .find(|d| d.damage == damage)
@@ -97,11 +97,12 @@ fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
             .least
             .expect("seen");
         for seed in 0..100 {
-            let bent = shown(&task, &sigma, &checkup.poses, Some((damage, least)), seed);
-            seen += usize::from(!check_model(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
+            let bent = shown(&task, &sigma, &checkup.poses, Some((damage, detectable)), seed);
+            detected +=
+                usize::from(!check_model(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
         }
         // Requested power: 90 of 100, less three standard deviations.
-        assert!(seen > 80, "{known}: {seen} of 100 at {least}");
+        assert!(detected > 80, "{known}: {detected} of 100 at {detectable}");
     }
 }
 
@@ -155,7 +156,7 @@ fn a_frame_that_is_found_along_takes_the_first_joint_with_it() {
     };
     assert_eq!(first(&ten(&task, &sigma)), None);
     let (task, sigma) = cell(true);
-    assert!(first(&ten(&task, &sigma)).is_some_and(|least| least < 1e-3));
+    assert!(first(&ten(&task, &sigma)).is_some_and(|minimum| minimum < 1e-3));
 }
 
 #[test]
@@ -179,7 +180,7 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
     // A millimetre error in one reading of three poses each, which no joint damage explains.
     for (place, axis) in [(1, 0), (4, 2), (8, 1)] {
         if let Some(crate::Reading::Point { at, .. }) =
-            odd.poses[place].seen.first_mut().map(|seen| &mut seen.reading)
+            odd.poses[place].seen.first_mut().map(|observation| &mut observation.reading)
         {
             at[axis] += 1e-3;
         }
@@ -195,8 +196,8 @@ fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     let checkup = planned(24, &task, &sigma);
     const RUNS: u64 = 100;
     let scatter = |scale: f64, seed: u64| {
-        let seen = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
-        check_model(&seen, &task.hypothesis.model, &sigma, &TERMS).scatter
+        let campaign = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
+        check_model(&campaign, &task.hypothesis.model, &sigma, &TERMS).scatter
     };
     // Requested rate: 1 in 200. Four or more of 100 occur in one of five hundred such tests.
     let chance = (0..RUNS).filter(|seed| scatter(1.0, *seed).is_some()).count();
@@ -205,9 +206,9 @@ fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     for seed in 0..10 {
         let model = &task.hypothesis.model;
         let stops = task.campaign(&checkup.poses);
-        let seen =
+        let campaign =
             campaign_simulation::simulate_readings(&stops, model, &task.surroundings, 0.25, seed);
-        let found = check_model(&seen, model, &sigma, &TERMS).scatter.expect("far too little");
+        let found = check_model(&campaign, model, &sigma, &TERMS).scatter.expect("far too little");
         assert!((0.1..0.5).contains(&found), "{found} of 0.25 stated");
     }
 }

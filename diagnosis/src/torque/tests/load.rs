@@ -10,7 +10,7 @@ use crate::torque::regressors::{TorqueTerm, maxwell_slip, shortest_reversal};
 use crate::torque::reinterpretation;
 
 /// The pendulum, with its mass unstated.
-fn bare() -> Arm {
+fn unstated_pendulum() -> Arm {
     let whole = pendulum();
     let mut joint = whole.joints()[0];
     joint.link = None;
@@ -23,15 +23,15 @@ fn friction_that_is_stated_rubs_under_masses_that_nobody_stated() {
         let arm = pendulum();
         let rub = effect(&arm, "load_friction", &[("coefficient", &[coefficient])]);
         let made = driven(&arm, &[rub], JointKind::Revolute, 0.05);
-        let stated = effect(&bare(), "load_friction", &[("coefficient", &[0.1])]);
-        of(&bare(), &[stated], made)
+        let stated = effect(&unstated_pendulum(), "load_friction", &[("coefficient", &[0.1])]);
+        of(&unstated_pendulum(), &[stated], made)
     };
     let same = rubs(0.1);
     assert!(same.findings.is_empty(), "{:?}", same.findings);
     let more = rubs(0.16);
     let [one] = &more.findings[..] else { panic!("{:?}", more.findings) };
     assert!(one.kind == "load_friction" && one.is_change, "{one:?}");
-    near(&more, "load_friction", 0.06, 0.05);
+    assert_near(&more, "load_friction", 0.06, 0.05);
 }
 
 #[test]
@@ -49,12 +49,12 @@ fn a_delay_of_many_rows_is_told_as_long_as_it_is() {
     let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
     let found = of(&arm, &[dry], made);
     // A first-order column would underestimate this delay by a tenth.
-    near(&found, "torque_delay", late_s, 0.01);
+    assert_near(&found, "torque_delay", late_s, 0.01);
 }
 
 #[test]
 fn a_memory_too_short_for_the_band_is_dry_friction_and_a_longer_one_is_not() {
-    let told = |way: &dyn Fn(f64) -> f64| {
+    let selected_kind = |way: &dyn Fn(f64) -> f64| {
         let model = Model::new(slider(true), &[]).unwrap();
         let stated = StatedModel { model: &model, sigma: &[], delay_s: 0.0 };
         let made = recording(JointKind::Prismatic, 0.5, |[_, _, a]| MASS * a);
@@ -72,8 +72,8 @@ fn a_memory_too_short_for_the_band_is_dry_friction_and_a_longer_one_is_not() {
         let names = reinterpretation::hysteresis_as_friction(&case, &[], vec![name]);
         case.library.terms[names[0]].kind
     };
-    assert_eq!(told(&|shortest| 0.1 * shortest), "coulomb_friction");
-    assert_eq!(told(&|shortest| 30.0 * shortest), "hysteresis");
+    assert_eq!(selected_kind(&|shortest| 0.1 * shortest), "coulomb_friction");
+    assert_eq!(selected_kind(&|shortest| 30.0 * shortest), "hysteresis");
 }
 
 #[test]
@@ -94,9 +94,10 @@ fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
     let name = TorqueTerm::VelocitySign.column(&case.motion, 0).parts[0].1.to_vec();
     let both = case.stated_torque[0].iter().zip(&name).zip(&case.table.moves[0]);
     let rigid = physics_of(&case);
-    let off = both.zip(rigid).filter(|((_, moves), _)| **moves);
-    let off: Vec<f64> = off.map(|(((all, name), _), rigid)| all - rigid - 20.0 * name).collect();
-    let rms = libm::sqrt(off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64);
+    let remaining = both.zip(rigid).filter(|((_, moves), _)| **moves);
+    let remaining: Vec<f64> =
+        remaining.map(|(((all, name), _), rigid)| all - rigid - 20.0 * name).collect();
+    let rms = libm::sqrt(remaining.iter().map(|x| x * x).sum::<f64>() / remaining.len() as f64);
     assert!(rms < 0.1, "{rms}");
 }
 
@@ -149,5 +150,5 @@ fn friction_under_a_load_of_short_pushes_is_told_where_the_band_smooths_them() {
         of(&arm, &[], made)
     };
     let found = made(&[effect(&slider(true), "load_friction", &[("coefficient", &[0.05])])]);
-    near(&found, "load_friction", 0.05, 0.1);
+    assert_near(&found, "load_friction", 0.05, 0.1);
 }

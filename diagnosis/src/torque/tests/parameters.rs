@@ -14,18 +14,18 @@ fn a_stated_number_far_off_its_doubt_is_told_where_what_stood_for_it_fell() {
     let arm = slider(true);
     let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
     let model = Model::new(arm, &[dry]).unwrap();
-    for (sigma, said) in [(0.1, Some("coulomb_friction")), (2.0, None)] {
+    for (sigma, expected) in [(0.1, Some("coulomb_friction")), (2.0, None)] {
         let sigma = [vec![sigma]];
         let stated = StatedModel { model: &model, sigma: &sigma, delay_s: 0.0 };
         let made = recording(JointKind::Prismatic, 1.0, force);
         let mut case = Case::new(&stated, &[made], None, 1);
         case.estimate_noise();
         case.ignore_autocorrelation();
-        let seen = case.row_sets.seen();
-        let products = case.products(&seen);
+        let fitted_rows = case.row_sets.fitted();
+        let products = case.products(&fitted_rows);
         let search = nonlinear_parameters::search(&case, &products, &case.always_fitted);
-        let name = final_checks::contradicted_parameter(&case, &search, &[], &seen);
-        assert_eq!(name.map(|name| case.library.terms[name].kind), said);
+        let name = final_checks::contradicted_parameter(&case, &search, &[], &fitted_rows);
+        assert_eq!(name.map(|name| case.library.terms[name].kind), expected);
     }
 }
 
@@ -42,7 +42,7 @@ fn the_only_joint_is_told_its_gravity_as_sine_and_cosine() {
     let found = of(&arm, &[], made);
     let stems: Vec<&str> = found.findings[0].parameters.iter().map(|number| number.stem).collect();
     assert_eq!(stems, ["cos", "sin"], "{:?}", found.findings);
-    near(&found, "gravity_torque", 0.5, 0.02);
+    assert_near(&found, "gravity_torque", 0.5, 0.02);
 }
 
 #[test]
@@ -78,12 +78,19 @@ fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
     case.ignore_autocorrelation();
     let mut families = case.library.terms.iter();
     let name = families.position(|f| f.kind == "friction_temperature").unwrap();
-    let seen = case.row_sets.seen();
-    nonlinear_parameters::fit_temperature_coefficients(&mut case, &[name], &[], &seen, &|_| 150.0);
-    let products = case.products(&seen);
+    let fitted_rows = case.row_sets.fitted();
+    nonlinear_parameters::fit_temperature_coefficients(
+        &mut case,
+        &[name],
+        &[],
+        &fitted_rows,
+        &|_| 150.0,
+    );
+    let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(&case, &products, &[]).solve(&[name]);
-    let flat = fit_quality::covariance(&case, &selection.solved, &seen)[(0, 0)];
-    let (bent, _) = fit_quality::covariance_with_searched(&case, &selection, &seen, &|_| 150.0);
+    let flat = fit_quality::covariance(&case, &selection.solved, &fitted_rows)[(0, 0)];
+    let (bent, _) =
+        fit_quality::covariance_with_searched(&case, &selection, &fitted_rows, &|_| 150.0);
     // Once friction has nearly vanished, its decay rate is poorly determined: the column reaches 1 − e⁻¹˙⁵ and its slope falls to 1.5 e⁻¹˙⁵.
     assert!(bent[(0, 0)] > 1.5 * flat, "{bent} {flat}");
     let per_kelvin = -selection.solved.values[0] / 150.0;
@@ -93,7 +100,7 @@ fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
 #[test]
 fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
     let swing = |hz: f64, t: f64| libm::sin(std::f64::consts::TAU * hz * t);
-    let of = |step_s: f64| {
+    let motion_at = |step_s: f64| {
         let t_s: Vec<f64> = (0..4000).map(|k| step_s * f64::from(k)).collect();
         let mut made = Recording::new(t_s.clone());
         made.set_joint_kind(0, JointKind::Prismatic);
@@ -109,8 +116,8 @@ fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
         apart.skip(200).take(3000).fold(0.0, f64::max)
     };
     // 20 Hz at an amplitude of 1e-3 is a velocity of 0.126; a band of 12.5 Hz attenuates most of it.
-    assert!(quicker(&of(8e-3)) > 0.06);
-    assert_eq!(quicker(&of(1e-3)), 0.0);
+    assert!(quicker(&motion_at(8e-3)) > 0.06);
+    assert_eq!(quicker(&motion_at(1e-3)), 0.0);
 }
 
 #[test]
@@ -125,16 +132,16 @@ fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
         case.library.add_ripple(&case.motion, 0, cycles);
         case.ignore_autocorrelation();
         let wave = vec![case.library.terms.len() - 1];
-        let seen = case.row_sets.seen();
-        let products = case.products(&seen);
+        let fitted_rows = case.row_sets.fitted();
+        let products = case.products(&fitted_rows);
         let search = nonlinear_parameters::search(&case, &products, &case.always_fitted);
-        let told = significant(
+        let significant_terms = significant(
             &search,
             wave.clone(),
-            &|solved| fit_quality::covariance(&case, solved, &seen),
+            &|solved| fit_quality::covariance(&case, solved, &fitted_rows),
             &|_| false,
         );
-        assert_eq!(told, wave, "beside a height that is known it is plain");
+        assert_eq!(significant_terms, wave, "beside a height that is known it is plain");
         finish::with_significant_size(&case, &stated, &search, wave).1.len()
     };
     assert_eq!([kept(1.0, &long), kept(60.0, &short)], [0, 1]);
@@ -146,13 +153,13 @@ fn rows_more_are_as_likely_as_numbers_of_these_few_foretell_them() {
     case.ignore_autocorrelation();
     let families = &case.library.terms;
     let dry = families.iter().find(|family| family.kind == "coulomb_friction").unwrap().columns[0];
-    let (few, all) = (case.products(&case.row_sets.train), case.products(&case.row_sets.seen()));
-    let told = all.log_marginal_likelihood(&[dry]) - few.log_marginal_likelihood(&[dry]);
+    let (few, all) = (case.products(&case.row_sets.train), case.products(&case.row_sets.fitted()));
+    let log_likelihood = all.log_marginal_likelihood(&[dry]) - few.log_marginal_likelihood(&[dry]);
     // Computed by hand for one parameter: predictive log-likelihood of additional rows under the noise and the parameter's uncertainty.
-    let [one, both] = [&few, &all].map(|of| (of.gram[(dry, dry)], of.right[dry]));
+    let [one, both] = [&few, &all].map(|products| (products.gram[(dry, dry)], products.right[dry]));
     let by_hand = 0.5 * (both.1 * both.1 / both.0 - one.1 * one.1 / one.0 - (both.0 / one.0).ln());
-    assert!((told - by_hand).abs() < 1e-6 * by_hand.abs(), "{told} {by_hand}");
-    assert!(told > 100.0, "{told}");
+    assert!((log_likelihood - by_hand).abs() < 1e-6 * by_hand.abs(), "{log_likelihood} {by_hand}");
+    assert!(log_likelihood > 100.0, "{log_likelihood}");
     // A parameter that these rows contradict predicts them worse than none.
     let mut other = all.clone();
     other.right[dry] = 2.0 * one.1 - both.1;

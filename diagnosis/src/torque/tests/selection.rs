@@ -78,8 +78,8 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let used = &case.row_sets.train;
     let of_rows =
         regression_data::covariance(&case.table, &case.library.columns, &solved, used)[(0, 0)];
-    let told = fit_quality::covariance(&case, &solved, used)[(0, 0)];
-    assert!(((told - of_rows).sqrt() - 0.01 * 2e-3).abs() < 1e-9, "{told} {of_rows}");
+    let variance = fit_quality::covariance(&case, &solved, used)[(0, 0)];
+    assert!(((variance - of_rows).sqrt() - 0.01 * 2e-3).abs() < 1e-9, "{variance} {of_rows}");
 }
 
 #[test]
@@ -114,17 +114,17 @@ fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less
     let force =
         |[_, v, a]: [f64; 3]| MASS * a + 10.0 * v.signum() * libm::exp(-(v / speed) * (v / speed));
     let mut case = case(slider(true), 1.0, force);
-    let seen = case.row_sets.seen();
-    let products = case.products(&seen);
+    let fitted_rows = case.row_sets.fitted();
+    let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(&case, &products, &[]).select(&[]);
-    nonlinear_parameters::search_parameters(&mut case, &selection, &[], &seen);
-    let products = case.products(&seen);
+    nonlinear_parameters::search_parameters(&mut case, &selection, &[], &fitted_rows);
+    let products = case.products(&fitted_rows);
     let selection = nonlinear_parameters::search(&case, &products, &[]).solve(&selection.terms);
     let family = &case.library.terms[selection.terms[0]];
     assert_eq!((family.kind, selection.terms.len()), ("stribeck_friction", 1));
     let (covariance, spreads) =
-        fit_quality::covariance_with_searched(&case, &selection, &seen, &|_| 0.0);
-    let fixed = fit_quality::covariance(&case, &selection.solved, &seen);
+        fit_quality::covariance_with_searched(&case, &selection, &fitted_rows, &|_| 0.0);
+    let fixed = fit_quality::covariance(&case, &selection.solved, &fitted_rows);
     assert!(covariance[(0, 0)] > 1.1 * fixed[(0, 0)], "{covariance} {fixed}");
     let (found, spread) = (family.settings[0].1, spreads[0].1);
     assert!(spread > 1e-4 && spread < 0.05, "{spread}");
@@ -143,13 +143,13 @@ fn a_law_that_makes_the_plain_error_on_unseen_rows_larger_is_none() {
     let noise: Vec<f64> = noise.take(case.table.rows()).collect();
     let held = case.row_sets.test.clone();
     case.table.noise[0] =
-        noise::estimate_from_residual(&case.table, 0, &noise, &case.row_sets.seen(), 0.0);
+        noise::estimate_from_residual(&case.table, 0, &noise, &case.row_sets.fitted(), 0.0);
     // The law removes the fast part, but leaves a constant offset, which counts little against autocorrelated noise.
     let before: Vec<f64> =
         noise.iter().enumerate().map(|(k, x)| x + if k % 8 < 4 { 0.1 } else { -0.1 }).collect();
     let after = |level: f64| noise.iter().map(|x| x + level).collect::<Vec<f64>>();
-    let is_told =
+    let is_law_supported =
         |level| varying_coefficients::is_supported(&case.table, 0, [&before, &after(level)], &held);
     assert!(fit_quality::is_supported(&case.table, 0, [&before, &after(1.0)], &held));
-    assert!(is_told(0.0) && !is_told(1.0));
+    assert!(is_law_supported(0.0) && !is_law_supported(1.0));
 }

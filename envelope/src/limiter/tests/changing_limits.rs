@@ -13,15 +13,15 @@ fn any_limits() -> impl Strategy<Value = Limits> {
 /// A motion that can stop within `limits`, most often only just.
 fn motion_within(limits: &Limits, shares: (f64, f64, f64), share: f64) -> Motion {
     let peak_acceleration = libm::sqrt(limits.jerk() * limits.rate());
-    let wild = Motion {
+    let swinging = Motion {
         value: shares.0 * limits.angle(),
         rate: shares.1 * limits.rate(),
         acceleration: shares.2 * peak_acceleration,
     };
     let scaled = |by: f64| Motion {
-        value: by * wild.value,
-        rate: by * wild.rate,
-        acceleration: by * wild.acceleration,
+        value: by * swinging.value,
+        rate: by * swinging.rate,
+        acceleration: by * swinging.acceleration,
     };
     let (mut inside, mut outside) = (0.0, 1.0);
     for _ in 0..40 {

@@ -18,12 +18,12 @@ impl Kernel for LoadSlopesKernel<'_> {
     type Output = ([Joints; JOINTS_MAX], LoadSlopes);
 
     fn run<S: Lanes>(self, lanes: S) -> Self::Output {
-        let Self(told, arm, Evaluation { loads, .. }) = self;
+        let Self(sums, arm, Evaluation { loads, .. }) = self;
         let (mut joints, mut following) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], LoadSlopes::default());
-        told.load_slopes(lanes, loads, &mut following);
+        sums.load_slopes(lanes, loads, &mut following);
         for (i, row) in joints.iter_mut().enumerate().take(arm.count()) {
             for k in 0..S::PARTS {
-                lanes.store(told.row(lanes, (&following, loads), (i, k)), row, k);
+                lanes.store(sums.row(lanes, (&following, loads), (i, k)), row, k);
             }
         }
         (joints, following)
@@ -47,15 +47,15 @@ fn followed(
     model.push(sample.effect).expect("room");
     let mut memories = Memories::default();
     model.settle(&inputs, &mut memories);
-    let (mut here, mut slopes) = (Evaluation::default(), SlopeSums::default());
-    model.deviate_into(&inputs, &memories, &mut here, Some(&mut slopes));
+    let (mut evaluation, mut slopes) = (Evaluation::default(), SlopeSums::default());
+    model.deviate_into(&inputs, &memories, &mut evaluation, Some(&mut slopes));
     let beside = |times: f64| {
         let mut inputs = inputs;
         inputs.q.iter_mut().zip(step).for_each(|(q, step)| *q += times * step);
         model.evaluate(&inputs, &memories)
     };
     let (joints, following) =
-        run_widest(model.arm.count(), LoadSlopesKernel(&slopes, &model.arm, &here));
+        run_widest(model.arm.count(), LoadSlopesKernel(&slopes, &model.arm, &evaluation));
     let by = |rates: &[f64; JOINTS_MAX]| {
         rates.iter().zip(step).map(|(rate, step)| rate * step).sum::<f64>()
     };
@@ -77,10 +77,10 @@ fn slopes_of_effects_agree_with_differences() {
             let Some((joints, base, [less, more])) = followed(&sample, &step) else { continue };
             complete += 1;
             let (a, b) = (less.deviation, more.deviation);
-            for (i, said) in joints[..sample.scene.arm.count()].iter().enumerate() {
+            for (i, analytic) in joints[..sample.scene.arm.count()].iter().enumerate() {
                 let found = (b.joints[i] - a.joints[i]) / (2.0 * STEP);
-                let close = (said - found).abs() < 1e-5 * found.abs().max(1e-3);
-                assert!(close, "{}: joint {i} by {k}: {said} {found}", sample.name);
+                let close = (analytic - found).abs() < 1e-5 * found.abs().max(1e-3);
+                assert!(close, "{}: joint {i} by {k}: {analytic} {found}", sample.name);
             }
             let turned = (b.base_turn - a.base_turn) / (2.0 * STEP);
             assert!((base - turned).length() < 1e-8, "{}: {base} {turned}", sample.name);
@@ -120,9 +120,14 @@ fn the_effect_of_a_deviation_on_the_tool_is_correct_to_first_order() {
             (Chain::nominal(arm, &inputs.q), Chain::real(arm, &inputs.q, &deviation));
         let (linear, angular) =
             deviation.moves(&nominal, &Loads::on(arm, &nominal, Wrench::ZERO).motions);
-        let (here, there) = (&nominal.base_from_tool, &real.base_from_tool);
-        let turned = vector_from_rotation(&(there.rotation * here.rotation.transpose()));
-        assert!((there.origin - here.origin - linear).length() < 1e-10, "{}", sample.name);
+        let (nominal_tool, real_tool) = (&nominal.base_from_tool, &real.base_from_tool);
+        let turned =
+            vector_from_rotation(&(real_tool.rotation * nominal_tool.rotation.transpose()));
+        assert!(
+            (real_tool.origin - nominal_tool.origin - linear).length() < 1e-10,
+            "{}",
+            sample.name
+        );
         assert!((turned - angular).length() < 1e-10, "{}", sample.name);
         assert!(linear.length() + angular.length() > 1e-9, "{} moves nothing", sample.name);
     }
