@@ -59,8 +59,8 @@ fn value<'l>(line: &'l str, key: &str, separator: char) -> Option<&'l str> {
 }
 
 fn separator(lines: &[&str]) -> char {
-    let said = lines.iter().take(64).find_map(|line| line.strip_prefix("Separator"));
-    match said {
+    let separator = lines.iter().take(64).find_map(|line| line.strip_prefix("Separator"));
+    match separator {
         Some(rest) if rest.contains("Comma") => ',',
         _ => '\t',
     }
@@ -75,11 +75,11 @@ struct Section {
 /// The second and every further end of a header is that of a section.
 fn sections(lines: &[&str], separator: char) -> Vec<Section> {
     let is_end = |line: &&str| line.trim_end_matches([separator, ' ']) == END_OF_HEADER;
-    let ends: Vec<usize> = (0..lines.len()).filter(|at| is_end(&lines[*at])).collect();
+    let ends: Vec<usize> = (0..lines.len()).filter(|line| is_end(&lines[*line])).collect();
     let begins = |line: &str| value(line, "Channels", separator).is_some();
     let mut sections: Vec<Section> = Vec::new();
     for pair in ends.windows(2) {
-        let from = (pair[0] + 1..pair[1]).find(|at| begins(lines[*at])).unwrap_or(pair[0] + 1);
+        let from = (pair[0] + 1..pair[1]).find(|line| begins(lines[*line])).unwrap_or(pair[0] + 1);
         if let Some(before) = sections.last_mut() {
             before.body.end = from;
         }
@@ -109,7 +109,7 @@ impl Section {
             faults.push(fault.expected("X_Value and the channels' names"));
             return Vec::new();
         }
-        let said = self.said(lines, separator, &heads);
+        let header_info = self.header_info(lines, separator, &heads);
         let body_end = byte_of(source, self.body.end);
         let body = source.get(..body_end).unwrap_or(source);
         let dialect = Dialect {
@@ -120,8 +120,8 @@ impl Section {
             ..Dialect::default()
         };
         let shape = Shape { dialect, heads: Some(heads) };
-        let records = table::records(body, shape, &said, options, faults, notes);
-        let stated = said.rate_hz.zip(records.first());
+        let records = table::records(body, shape, &header_info, options, faults, notes);
+        let stated = header_info.rate_hz.zip(records.first());
         if let Some((stated_hz, Record { grid: Grid::Time { rate_hz, .. }, .. })) = stated
             && options.rate_hz.is_none()
             && (stated_hz / rate_hz - 1.0).abs() > 0.01
@@ -134,7 +134,7 @@ impl Section {
     }
 
     /// Units and rate of the section's header. Its lists count channels; the table may have an X column each.
-    fn said(&self, lines: &[&str], separator: char, heads: &[String]) -> HeaderInfo {
+    fn header_info(&self, lines: &[&str], separator: char, heads: &[String]) -> HeaderInfo {
         let header = lines.get(self.header.clone()).unwrap_or_default();
         let list = |key: &str| {
             header

@@ -87,10 +87,10 @@ impl Spacing {
         }
         for run in &self.runs {
             for row in run.rows.clone().skip(1) {
-                let off = ((x[row] - x[row - 1]) / self.step - 1.0).abs();
-                stray += off * off;
-                if off > worst.0 {
-                    worst = (off, row);
+                let deviation = ((x[row] - x[row - 1]) / self.step - 1.0).abs();
+                stray += deviation * deviation;
+                if deviation > worst.0 {
+                    worst = (deviation, row);
                 }
             }
         }
