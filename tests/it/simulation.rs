@@ -22,7 +22,7 @@ fn random_faults_in_virtual_time_break_no_invariant() {
         summary.cycles, summary.ticks, summary.storms, summary.said
     );
     assert_eq!(summary.broken, None, "{again}");
-    for word in [
+    for kind in [
         "corrected/none",
         "rejected/stale",
         "ramping/time_jump",
@@ -36,7 +36,7 @@ fn random_faults_in_virtual_time_break_no_invariant() {
         "client: LastCorrection",
         "client: Plain",
     ] {
-        assert!(summary.said.contains_key(word), "{word} was never seen: {:?}", summary.said);
+        assert!(summary.said.contains_key(kind), "{kind} was never seen: {:?}", summary.said);
     }
 }
 

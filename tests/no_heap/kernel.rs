@@ -137,7 +137,7 @@ impl LatencyClient {
                 q,
                 ..Command::default()
             });
-            while self.answers.take_newest().is_none_or(|said| said.command_seq != self.seq) {
+            while self.answers.take_newest().is_none_or(|answer| answer.command_seq != self.seq) {
                 assert!(start.elapsed() < LIMIT, "no answer to command {} of {rounds}", self.seq);
                 std::hint::spin_loop();
             }
@@ -173,8 +173,8 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
 
 #[test]
 fn a_spinning_cycle_calls_no_system_faults_no_page_and_never_sleeps() {
-    let asked = std::env::var("TRUED_QUIET_CYCLES").ok().and_then(|n| n.parse().ok());
-    let (cost, calls) = cost_of("spin", asked.unwrap_or(SPUN), Duration::ZERO);
+    let given = std::env::var("TRUED_QUIET_CYCLES").ok().and_then(|n| n.parse().ok());
+    let (cost, calls) = cost_of("spin", given.unwrap_or(SPUN), Duration::ZERO);
     assert_eq!((cost.faults, cost.slept), (0, 0), "{cost:?}");
     assert_eq!(calls.unwrap_or_default(), Vec::<String>::new());
 }

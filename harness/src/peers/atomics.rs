@@ -74,7 +74,7 @@ impl Atomics {
             back: Slot::new(),
             task: AtomicU32::new(PARKED),
         });
-        let (tell, told) = std::sync::mpsc::channel();
+        let (tell, started) = std::sync::mpsc::channel();
         let (other, asker) = (Arc::clone(&shared), std::thread::current());
         let thread = std::thread::Builder::new()
             .name("bench-atomics".to_owned())
@@ -88,7 +88,7 @@ impl Atomics {
                 }
             })
             .map_err(|e| BenchError::part("atomics", e.to_string()))?;
-        told.recv().map_err(|_| BenchError::Thread("atomics"))??;
+        started.recv().map_err(|_| BenchError::Thread("atomics"))??;
         Ok(Self { shared, thread: Some(thread), seq: 0 })
     }
 
@@ -144,11 +144,11 @@ impl RoundTrip for Chunk<'_> {
             shared.there.write(black_box(&self.payload));
         }
         shared.there.seq.0.store(seq, Release);
-        let here = || (shared.back.seq.0.load(Acquire) == seq).then_some(());
+        let is_answered = || (shared.back.seq.0.load(Acquire) == seq).then_some(());
         if self.task == WOKEN {
-            self.atomics.unpark_and_park(here);
+            self.atomics.unpark_and_park(is_answered);
         } else {
-            poll(here)?;
+            poll(is_answered)?;
         }
         if self.task != BARE {
             black_box(shared.back.read());
@@ -158,9 +158,9 @@ impl RoundTrip for Chunk<'_> {
 }
 
 impl Atomics {
-    fn unpark_and_park(&self, here: impl Fn() -> Option<()>) {
+    fn unpark_and_park(&self, condition: impl Fn() -> Option<()>) {
         self.unpark();
-        while here().is_none() {
+        while condition().is_none() {
             std::thread::park_timeout(Duration::from_millis(100));
         }
     }

@@ -46,10 +46,10 @@ pub(super) struct AnsweredRequest {
 /// Answers requests until the sender is dropped.
 pub(super) fn run(
     mut monitor: Monitor,
-    asked: &Receiver<OperatorRequest>,
+    requests: &Receiver<OperatorRequest>,
     answers: &Sender<AnsweredRequest>,
 ) {
-    for request in asked {
+    for request in requests {
         let response = match request {
             OperatorRequest::Bypass(on) => monitor.bypass(on, ANSWER_TIMEOUT),
             OperatorRequest::Mode(mode) => monitor.mode(mode, ANSWER_TIMEOUT),

@@ -44,7 +44,7 @@ struct CommandCount {
 pub(super) struct Screen {
     pub(super) cell: String,
     /// The displayed state of the cell; `None` before its first status.
-    pub(super) seen: Option<Arc<CellState>>,
+    pub(super) cell_state: Option<Arc<CellState>>,
     /// The present state of the cell, while the display is frozen.
     waiting: Option<Arc<CellState>>,
     pub(super) frozen: bool,
@@ -64,7 +64,7 @@ impl Screen {
     pub(super) fn new(cell: &str) -> Self {
         Self {
             cell: cell.to_owned(),
-            seen: None,
+            cell_state: None,
             waiting: None,
             frozen: false,
             unconfirmed: None,
@@ -81,15 +81,15 @@ impl Screen {
         for verdict in news.verdicts {
             self.add_event(verdict.to_string());
         }
-        let Some(seen) = news.seen else { return };
-        self.count(&seen.status);
-        for says in self.changes.since_last(&seen.report) {
+        let Some(cell_state) = news.cell_state else { return };
+        self.count(&cell_state.status);
+        for says in self.changes.since_last(&cell_state.report) {
             self.add_event(says);
         }
         if self.frozen {
-            self.waiting = Some(seen);
+            self.waiting = Some(cell_state);
         } else {
-            self.seen = Some(seen);
+            self.cell_state = Some(cell_state);
         }
     }
 
@@ -115,7 +115,7 @@ impl Screen {
         match key.code {
             KeyCode::Char('q') | KeyCode::Esc => KeyAction::Quit,
             KeyCode::Char('b') => {
-                let bypassed = self.now().is_some_and(|seen| seen.report.bypassed);
+                let bypassed = self.now().is_some_and(|cell_state| cell_state.report.bypassed);
                 self.ask(OperatorRequest::Bypass(!bypassed))
             }
             KeyCode::Char('s') => self.ask(OperatorRequest::Mode(Mode::Shadow)),
@@ -125,8 +125,8 @@ impl Screen {
             KeyCode::Char('r') => self.ask(OperatorRequest::Reload),
             KeyCode::Char(' ') => {
                 self.frozen = !self.frozen;
-                if let Some(seen) = self.waiting.take() {
-                    self.seen = Some(seen);
+                if let Some(cell_state) = self.waiting.take() {
+                    self.cell_state = Some(cell_state);
                 }
                 KeyAction::None
             }
@@ -136,7 +136,7 @@ impl Screen {
 
     /// The present state of the cell, displayed or not.
     fn now(&self) -> Option<&Arc<CellState>> {
-        self.waiting.as_ref().or(self.seen.as_ref())
+        self.waiting.as_ref().or(self.cell_state.as_ref())
     }
 
     fn ask(&mut self, request: OperatorRequest) -> KeyAction {
@@ -154,7 +154,7 @@ impl Screen {
     }
 
     fn add_event(&mut self, says: String) {
-        let uptime_s = self.now().map_or(0.0, |seen| seen.report.uptime_s);
+        let uptime_s = self.now().map_or(0.0, |cell_state| cell_state.report.uptime_s);
         self.events.push_front(ScreenEvent { uptime_s, says });
         self.events.truncate(EVENTS_KEPT);
     }
@@ -188,8 +188,8 @@ mod tests {
 
     fn status(screen: &mut Screen, status: Status) {
         let report = Report::new("cell", &status, None);
-        let seen = Some(Arc::new(CellState { report, status, robot: None }));
-        screen.update(CellUpdate { seen, verdicts: Vec::new() });
+        let cell_state = Some(Arc::new(CellState { report, status, robot: None }));
+        screen.update(CellUpdate { cell_state, verdicts: Vec::new() });
     }
 
     #[test]
@@ -230,12 +230,18 @@ mod tests {
         status(&mut screen, Status::default());
         assert_eq!(press(&mut screen, ' '), KeyAction::None);
         status(&mut screen, Status { bypassed: 1, commands: 9, ..Status::default() });
-        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(0));
+        assert_eq!(
+            screen.cell_state.as_ref().map(|cell_state| cell_state.report.counts.commands),
+            Some(0)
+        );
         assert_eq!(press(&mut screen, 'b'), KeyAction::None, "it is bypassed: a yes is needed");
         assert_eq!(screen.unconfirmed, Some(OperatorRequest::Bypass(false)));
         assert_eq!(press(&mut screen, 'n'), KeyAction::None);
         assert_eq!(press(&mut screen, ' '), KeyAction::None);
-        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(9));
+        assert_eq!(
+            screen.cell_state.as_ref().map(|cell_state| cell_state.report.counts.commands),
+            Some(9)
+        );
     }
 
     #[test]

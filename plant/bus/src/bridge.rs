@@ -196,8 +196,8 @@ impl Bridge {
     /// Checks an offered model, stages it, and has it loaded where the owner's file says so.
     fn take_model(&mut self, offered: &Offered) -> Result<Event, Refusal> {
         let Some(acceptance) = &mut self.acceptance else {
-            let words = "this cell accepts no models: its bridge runs without `--models`";
-            return Err(Refusal::new(Reason::NotAccepted, words));
+            let message = "this cell accepts no models: its bridge runs without `--models`";
+            return Err(Refusal::new(Reason::NotAccepted, message));
         };
         let checked = acceptance.check(&offered.model, &offered.signature, now_unix_ms())?;
         let (sha256, counter) = (checked.statement.sha256.clone(), checked.statement.counter);

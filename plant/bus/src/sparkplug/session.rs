@@ -104,11 +104,11 @@ impl Sparkplug {
 
     /// Delivers until `stop` is set; `tell` gets each change of the connection in words.
     pub fn run(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(&str)) {
-        let mut told = String::new();
-        let mut tell = |words: &str| {
-            if words != told {
-                tell(words);
-                words.clone_into(&mut told);
+        let mut last = String::new();
+        let mut tell = |text: &str| {
+            if text != last {
+                tell(text);
+                text.clone_into(&mut last);
             }
         };
         while !stop.load(Relaxed) {
