@@ -258,10 +258,10 @@ impl RequestHandler<'_> {
         let Ok(mode) = shm_schema::Mode::try_from(code) else {
             return (Answer::Malformed, format!("unknown mode {code}"));
         };
-        let most = self.constants.mode_max;
-        if mode.code() > most.code() {
+        let mode_max = self.constants.mode_max;
+        if mode.code() > mode_max.code() {
             let message = format!(
-                "the configuration of this cell allows at most `{most}`: set mode_max = \"{mode}\" in it \
+                "the configuration of this cell allows at most `{mode_max}`: set mode_max = \"{mode}\" in it \
                  and restart the daemon"
             );
             return (Answer::Refused, message);

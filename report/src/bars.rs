@@ -149,9 +149,9 @@ impl Bars {
 
     /// Appearance of the bars in a row: by their roles, otherwise by their order.
     fn looks(&self) -> Vec<Appearance> {
-        let most = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
+        let bars_max = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
         let role = |place: usize| self.roles.get(place).copied().unwrap_or_default();
-        Appearance::each((0..most.max(self.groups.len())).map(role))
+        Appearance::each((0..bars_max.max(self.groups.len())).map(role))
     }
 
     fn span(&self) -> Span {

@@ -221,13 +221,13 @@ mod tests {
                     found[tone_bin]
                 );
                 let is_distant = |(bin, _): &(usize, &f64)| bin.abs_diff(tone_bin) > 4;
-                let most = found
+                let leakage = found
                     .iter()
                     .enumerate()
                     .filter(is_distant)
                     .map(|(_, n)| *n)
                     .fold(0.0, f64::max);
-                assert!(most < 0.02, "{most} N beside a tone of {hz} Hz of {rate_hz}");
+                assert!(leakage < 0.02, "{leakage} N beside a tone of {hz} Hz of {rate_hz}");
             }
         }
     }

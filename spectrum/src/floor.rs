@@ -176,12 +176,12 @@ impl Floor {
             if variance > STEADY * mean * mean {
                 continue;
             }
-            let middle = self.median_around(bin, n);
-            if mean > CONTRAST * middle {
+            let median = self.median_around(bin, n);
+            if mean > CONTRAST * median {
                 let lobe = bin.saturating_sub(self.lobe_half_width)
                     ..(bin + self.lobe_half_width + 1).min(bins);
                 for level in &mut self.level[self.active_set][lobe] {
-                    *level = level.min(middle);
+                    *level = level.min(median);
                 }
             }
         }

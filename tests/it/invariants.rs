@@ -91,7 +91,7 @@ impl Cell {
     }
 
     /// Sends a command and waits for its answer.
-    fn ask(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
+    fn exchange(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
         self.hear();
         let sent_ns = monotonic_ns();
         self.send(command);
@@ -111,7 +111,7 @@ impl Cell {
 
     fn good(&mut self) -> Corrected {
         let command = self.sender.next_valid();
-        let answer = self.ask(&command, LIMIT).expect("a good command is answered");
+        let answer = self.exchange(&command, LIMIT).expect("a good command is answered");
         assert_ne!(answer.status(), Ok(CorrectionStatus::Rejected), "{answer:?}");
         answer
     }
@@ -122,20 +122,20 @@ impl Cell {
             |answer: &Corrected| format!("kind {kind}: {:?} for {command:?}", named(answer));
         match due {
             Expected::Taken => {
-                let answer = self.ask(&command, LIMIT).expect("an answer");
+                let answer = self.exchange(&command, LIMIT).expect("an answer");
                 assert_ne!(answer.status(), Ok(CorrectionStatus::Rejected), "{}", about(&answer));
             }
             Expected::Refused(reason) => {
-                let answer = self.ask(&command, LIMIT).expect("an answer");
+                let answer = self.exchange(&command, LIMIT).expect("an answer");
                 let refused = (CorrectionStatus::Rejected, reason);
                 assert_eq!(named(&answer), refused, "{}", about(&answer));
             }
             Expected::Malformed => {
-                let answer = self.ask(&command, Duration::from_millis(4));
+                let answer = self.exchange(&command, Duration::from_millis(4));
                 assert!(answer.is_none(), "{}", about(&answer.unwrap()));
             }
             Expected::Anything => {
-                self.ask(&command, Duration::from_millis(4));
+                self.exchange(&command, Duration::from_millis(4));
             }
         }
         if !of_use {

@@ -87,16 +87,16 @@ fn modes_change_without_a_restart_and_the_robot_never_steps() {
         cell.tick_until(time, |_, _| false);
         assert_eq!(asking.join().unwrap(), Some(0), "round {round}, {mode}");
     }
-    for (word, mode) in [("limited", Mode::Limited), ("full", Mode::Full)] {
-        assert_eq!(trued(&place, &["mode", word]).code, Some(0));
+    for (name, mode) in [("limited", Mode::Limited), ("full", Mode::Full)] {
+        assert_eq!(trued(&place, &["mode", name]).code, Some(0));
         let is_reported = cell.tick_until(LIMIT, |cell, _| {
             cell.client.status().is_some_and(|status| status.mode() == Ok(mode))
         });
-        assert!(is_reported, "{word}");
+        assert!(is_reported, "{name}");
         cell.tick_until(Duration::from_millis(1500), |_, _| false);
         let largest = cell.tick().largest();
-        assert!(largest > 1e-4, "{word}: {largest} rad");
-        assert!(mode == Mode::Full || largest <= LIMITED_RAD, "{word}: {largest} rad");
+        assert!(largest > 1e-4, "{name}: {largest} rad");
+        assert!(mode == Mode::Full || largest <= LIMITED_RAD, "{name}: {largest} rad");
     }
     // Short: the loop assumes shadow mode until a status says otherwise.
     assert_eq!(trued(&place, &["mode", "shadow"]).code, Some(0));

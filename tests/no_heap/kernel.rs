@@ -119,7 +119,7 @@ impl LatencyClient {
         Self { _seat: seat, commands, answers, seq: 0 }
     }
 
-    fn ask(&mut self, rounds: u64, pause: Duration) {
+    fn exchange(&mut self, rounds: u64, pause: Duration) {
         let start = Instant::now();
         for _ in 0..rounds {
             self.seq += 1;
@@ -157,7 +157,7 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
     assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let thread = daemon.thread("cycle").expect("a thread of that name");
     let mut asker = LatencyClient::join(&place);
-    asker.ask(WARM_UP.min(2 * rounds), pause);
+    asker.exchange(WARM_UP.min(2 * rounds), pause);
     let trace = has("strace").then(|| Trace::start(&place, thread)).flatten();
     if trace.is_none() {
         let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -165,7 +165,7 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
     }
     let before = Cost::of(&daemon, thread);
     let start = Instant::now();
-    asker.ask(rounds, pause);
+    asker.exchange(rounds, pause);
     let cost = Cost::of(&daemon, thread).since(&before);
     println!("{wait}: {rounds} cycles in {:?}: {cost:?}", start.elapsed());
     (cost, trace.map(Trace::end))

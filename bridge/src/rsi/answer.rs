@@ -222,9 +222,9 @@ impl<L: Link> Answerer<L> {
                 sent.sum
             }
             Accumulation::Relative => {
-                let more = std::array::from_fn(|i| rounded(sent.sum[i] - before.sum[i]));
-                sent.sum = std::array::from_fn(|i| before.sum[i] + more[i]);
-                more
+                let increment = std::array::from_fn(|i| rounded(sent.sum[i] - before.sum[i]));
+                sent.sum = std::array::from_fn(|i| before.sum[i] + increment[i]);
+                increment
             }
         };
         let feed_override = self.feed.link().feed_override();

@@ -39,7 +39,7 @@ trait MessageEndpoint {
         found.filter(|()| !broken)
     }
 
-    fn ask(&mut self, seq: u64) -> Option<u64> {
+    fn exchange(&mut self, seq: u64) -> Option<u64> {
         let (mut command, mut answer) = ([1; COMMAND_BYTES], [0; ANSWER_BYTES]);
         command[..8].copy_from_slice(&seq.to_le_bytes());
         let since_ns = monotonic_ns();
@@ -207,18 +207,18 @@ impl MessageEndpoint for Pipes {
 
 impl RoundTrip for Unix {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }
 
 impl RoundTrip for Udp {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }
 
 impl RoundTrip for Pipes {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }

@@ -29,7 +29,7 @@ pub(super) enum KeyAction {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ScreenEvent {
     pub(super) uptime_s: f64,
-    pub(super) says: String,
+    pub(super) text: String,
 }
 
 /// Number of commands at a time.
@@ -83,8 +83,8 @@ impl Screen {
         }
         let Some(cell_state) = news.cell_state else { return };
         self.count(&cell_state.status);
-        for says in self.changes.since_last(&cell_state.report) {
-            self.add_event(says);
+        for text in self.changes.since_last(&cell_state.report) {
+            self.add_event(text);
         }
         if self.frozen {
             self.waiting = Some(cell_state);
@@ -96,7 +96,7 @@ impl Screen {
     /// Processes an answer of the daemon.
     pub(super) fn add_answer(&mut self, answered: &AnsweredRequest) {
         self.pending = None;
-        self.add_event(format!("{}: {}", answered.request.description(), answered.says));
+        self.add_event(format!("{}: {}", answered.request.description(), answered.message));
     }
 
     /// Processes a key.
@@ -153,9 +153,9 @@ impl Screen {
         KeyAction::Ask(request)
     }
 
-    fn add_event(&mut self, says: String) {
+    fn add_event(&mut self, text: String) {
         let uptime_s = self.now().map_or(0.0, |cell_state| cell_state.report.uptime_s);
-        self.events.push_front(ScreenEvent { uptime_s, says });
+        self.events.push_front(ScreenEvent { uptime_s, text });
         self.events.truncate(EVENTS_KEPT);
     }
 
@@ -252,11 +252,11 @@ mod tests {
         status(&mut screen, Status { health: 3, mode: 1, bypassed: 1, ..Status::default() });
         screen.add_answer(&AnsweredRequest {
             request: OperatorRequest::Arm,
-            says: "refused: no".to_owned(),
+            message: "refused: no".to_owned(),
         });
-        let says: Vec<&str> = screen.events.iter().map(|one| one.says.as_str()).collect();
-        assert_eq!(says[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
-        assert!(says[3].starts_with("running -> degraded"), "{says:?}");
+        let texts: Vec<&str> = screen.events.iter().map(|one| one.text.as_str()).collect();
+        assert_eq!(texts[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
+        assert!(texts[3].starts_with("running -> degraded"), "{texts:?}");
     }
 
     #[test]

@@ -176,7 +176,7 @@ fn draw_events(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
     });
     let mut lines = vec![Line::styled(vibration, Style::new().add_modifier(Modifier::BOLD))];
     let event = |one: &super::screen::ScreenEvent| {
-        Line::from(format!("{:>8.1} s  {}", one.uptime_s, one.says))
+        Line::from(format!("{:>8.1} s  {}", one.uptime_s, one.text))
     };
     lines.extend(screen.events.iter().map(event));
     let block = Block::new().borders(Borders::TOP).title(" vibration, events, newest first ");

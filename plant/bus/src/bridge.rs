@@ -156,7 +156,7 @@ impl Bridge {
         self.publish(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
         let period = Duration::from_secs_f64(1.0 / self.settings.summaries_hz);
         while !stop.load(Relaxed) {
-            self.look()?;
+            self.poll()?;
             self.judge_offer(log)?;
             if self.summarised.elapsed() >= period {
                 self.summarise()?;
@@ -246,7 +246,7 @@ impl Bridge {
     }
 
     /// Reads the daemon's messages and publishes what changed.
-    fn look(&mut self) -> Result<(), BridgeError> {
+    fn poll(&mut self) -> Result<(), BridgeError> {
         self.connect();
         let mut events = Vec::new();
         if let Some(monitor) = &mut self.monitor {

@@ -376,6 +376,6 @@ fn tolerance_forecast(one: &SearchedSeries, settings: &Settings) -> Option<Reach
     Some(Reaches {
         is_reached: to_go <= 0.0,
         day: time_at(rate.value * sign).map(day),
-        day_ci95: days.map(|at| at.map(day)),
+        day_ci95: days.map(|time| time.map(day)),
     })
 }

@@ -153,8 +153,8 @@ fn numbered<T>(
 }
 
 fn target_of(table: &Table<'_, '_>) -> Option<usize> {
-    let most = i64::try_from(TARGETS_MAX).unwrap_or(i64::MAX);
-    let target = table.whole("target", 1..most + 1)?;
+    let targets_max = i64::try_from(TARGETS_MAX).unwrap_or(i64::MAX);
+    let target = table.whole("target", 1..targets_max + 1)?;
     usize::try_from(target - 1).ok()
 }
 

@@ -82,7 +82,7 @@ fn pointers(value: &Value) -> Vec<String> {
         // Keys of our files contain neither `/` nor `~`.
         Value::Object(table) => table.iter().for_each(|(key, value)| below(key, value)),
         Value::Array(list) => {
-            list.iter().enumerate().for_each(|(index, v)| below(&index.to_string(), v))
+            list.iter().enumerate().for_each(|(index, v)| below(&index.to_string(), v));
         }
         _ => {}
     }

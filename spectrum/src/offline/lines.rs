@@ -260,8 +260,8 @@ fn floor(power: &[f64], bin: usize) -> f64 {
         [&power[bin - reach..bin - LOBE_BINS], &power[bin + LOBE_BINS + 1..bin + reach + 1]].map(
             |side| {
                 let mut side = side.to_vec();
-                let middle = side.len() / 2;
-                *side.select_nth_unstable_by(middle, f64::total_cmp).1
+                let median_index = side.len() / 2;
+                *side.select_nth_unstable_by(median_index, f64::total_cmp).1
             },
         );
     if reach < MEDIAN_BINS / 2 { left.max(right) } else { (left * right).sqrt() }

@@ -29,16 +29,17 @@ pub fn speed_from_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
         while first < last && rises[last + 1] - rises[first + 1] >= (SPEED_S * rate_hz) as usize {
             first += 1;
         }
-        let middle = median(&turns[first..=last]);
-        if turns[last] as f64 > STANDSTILL_TURNS * middle {
+        let median_turn = median(&turns[first..=last]);
+        if turns[last] as f64 > STANDSTILL_TURNS * median_turn {
             first = last + 1;
             continue;
         }
         let window = turns.get(first..=last).unwrap_or_default();
-        let count: f64 = window.iter().map(|turn| (*turn as f64 / middle).round().max(1.0)).sum();
+        let count: f64 =
+            window.iter().map(|turn| (*turn as f64 / median_turn).round().max(1.0)).sum();
         let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
         let rise = rises[last + 1];
-        let until = (rise + (2.0 * middle) as usize).min(tacho.len());
+        let until = (rise + (2.0 * median_turn) as usize).min(tacho.len());
         // Overwritten from the next pulse on.
         speed[rise..until].fill(rpm);
     }

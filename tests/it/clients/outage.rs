@@ -17,7 +17,7 @@ use tests::process::Process;
 struct ProcessOutput {
     name: String,
     process: Process,
-    heard: usize,
+    lines_read: usize,
 }
 
 /// Events of a busy machine in between, and their end.
@@ -40,8 +40,8 @@ impl ProcessOutput {
     fn line(&mut self, kind: &str) -> String {
         let start = Instant::now();
         loop {
-            if let Some(line) = self.process.lines().get(self.heard) {
-                self.heard += 1;
+            if let Some(line) = self.process.lines().get(self.lines_read) {
+                self.lines_read += 1;
                 return line.clone();
             }
             assert!(start.elapsed() < LIMIT, "{} never said {kind}", self.name);
@@ -118,7 +118,7 @@ fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
         let place = TestDirectory::new("shadow", "");
         arguments.push(CELL.into());
         let process = Process::start(program.to_str().unwrap(), &arguments, &place);
-        let mut output = ProcessOutput { name, process, heard: 0 };
+        let mut output = ProcessOutput { name, process, lines_read: 0 };
         output.next("no_daemon");
         let mut first = daemon(&place);
         output.next("ok");

@@ -92,7 +92,7 @@ impl InvariantMonitor {
         let (Ok(status), Ok(reason)) = (answer.status(), answer.reason()) else {
             return self.breaks(&format!("no such word: {answer:?}"));
         };
-        *summary.said.entry(format!("{status}/{reason}")).or_default() += 1;
+        *summary.counts.entry(format!("{status}/{reason}")).or_default() += 1;
         if answer.seq != self.last_seq + 1 {
             self.breaks(&format!("number {} after {}", answer.seq, self.last_seq));
         }
@@ -130,7 +130,7 @@ impl InvariantMonitor {
 
     /// What the client sends.
     pub(super) fn sent(&mut self, now_ns: u64, sent: &Sent, answer: Option<&Corrected>) {
-        *self.summary.said.entry(format!("client: {:?}", sent.source)).or_default() += 1;
+        *self.summary.counts.entry(format!("client: {:?}", sent.source)).or_default() += 1;
         if let Err(violation) = self.client.take(now_ns, sent.stamp_ns, &sent.command, &sent.target)
         {
             self.breaks(&format!("the client: {violation}: {sent:?}"));

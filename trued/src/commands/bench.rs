@@ -30,7 +30,7 @@ const PAGE: &str = "bench.html";
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     #[command(flatten)]
-    asked: BenchOptions,
+    options: BenchOptions,
     /// Directory for the page (`bench.html`) and the plots; if not given, neither is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -49,7 +49,7 @@ impl Bench {
             return Ok(Answer::Done);
         }
         let stop = interrupt::flag()?;
-        let plan = self.asked.plan()?;
+        let plan = self.options.plan()?;
         let mut outputs = console.outputs();
         if let Some(out) = &self.out {
             outputs = outputs.in_folder(out).page(out.join(PAGE));

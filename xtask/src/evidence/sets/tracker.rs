@@ -251,10 +251,10 @@ pub(super) fn check_several_mismatches(result: &DiagnosisResult) -> LimitCheck {
 
 fn with_feedback_check((mut case, result): (Case, Option<DiagnosisResult>)) -> Case {
     if let Some(result) = result {
-        let arguments = ["measured joint positions", "feedback", "settled"];
+        let markers = ["measured joint positions", "feedback", "settled"];
         let notes = result.list("notes").iter().filter_map(|note| note.as_str());
         let all: Vec<&str> = notes.chain(result.unexplained()).collect();
-        let reason = all.iter().find(|text| arguments.iter().any(|word| text.contains(word)));
+        let reason = all.iter().find(|text| markers.iter().any(|marker| text.contains(marker)));
         case.statements.extend(reason.map(|text| super::super::case::sentence(text)));
         let answer = if reason.is_some() { "said" } else { "not said" };
         case.checks.push(LimitCheck::new(
