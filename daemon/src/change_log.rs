@@ -311,7 +311,7 @@ impl RequestLog {
     ) {
         let known = Operation::try_from(operation).ok();
         if known == Some(Operation::Ping) {
-            debug!(%answer, message, pid, "request: ping");
+            debug!(%answer, words = message, pid, "request: ping");
             return;
         }
         let last = known.and_then(|known| self.last.get_mut(known as usize));
@@ -330,9 +330,9 @@ impl RequestLog {
         let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
         let by = sender::description(pid);
         if answer == Answer::Done {
-            info!(%answer, message, by, unlogged, "request: {name}");
+            info!(%answer, words = message, by, unlogged, "request: {name}");
         } else {
-            warn!(%answer, message, by, unlogged, "request: {name}");
+            warn!(%answer, words = message, by, unlogged, "request: {name}");
         }
     }
 }

@@ -94,7 +94,7 @@ fn cycle(cell: &mut Cell, rig: &mut BridgeRig, outcome: &mut Outcome, k: usize) 
     let mut published: Joints = q_cmd;
     match rig.cycle(&degrees(&q_cmd)) {
         Some(answer) => {
-            published.iter_mut().zip(&answer).for_each(|(q, answer)| *q = answer.to_radians())
+            published.iter_mut().zip(&answer).for_each(|(q, deg)| *q = deg.to_radians());
         }
         None => outcome.missed += 1,
     }
