@@ -43,8 +43,9 @@ fn distance_squared(
     correction: &[f64; JOINTS_MAX],
     share: f64,
 ) -> f64 {
-    let off = q.iter().zip(correction).zip(joints).map(|((q, c), at)| q + share * c - at);
-    off.map(|off| off * off).sum()
+    let differences =
+        q.iter().zip(correction).zip(joints).map(|((q, c), target)| q + share * c - target);
+    differences.map(|difference| difference * difference).sum()
 }
 
 /// Corrections, and the start of a robot's runs.
@@ -182,12 +183,12 @@ mod tests {
 
     /// Correction of the first target of a run, 1 mrad further, with the robot at `stands` and a
     /// last correction of -1 mrad.
-    fn begun(stands: f64, passed: Option<f64>) -> f64 {
+    fn begun(position: f64, passed: Option<f64>) -> f64 {
         let mut feed = Corrections::with_link(Corrected(-1e-3));
         if let Some(passed) = passed {
             feed.store_uncorrected(&first(passed));
         }
-        feed.start_at(&first(stands));
+        feed.start_at(&first(position));
         feed.command(&first(1e-3)[..6]).rad[0]
     }
 

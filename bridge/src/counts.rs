@@ -122,8 +122,8 @@ impl Counts {
     /// `words: number`, one line for each count above zero.
     #[must_use]
     pub fn summary(&self) -> String {
-        let seen = Count::ALL.iter().filter(|what| self.get(**what) > 0);
-        seen.map(|what| format!("{}: {}\n", what.words(), self.get(*what))).collect()
+        let nonzero = Count::ALL.iter().filter(|what| self.get(**what) > 0);
+        nonzero.map(|what| format!("{}: {}\n", what.words(), self.get(*what))).collect()
     }
 
     /// Warnings whose count has risen since `before`, which is updated.

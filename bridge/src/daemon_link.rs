@@ -169,14 +169,14 @@ pub(crate) fn retry_connect<T>(
     over: &AtomicBool,
 ) -> Option<T> {
     let rules = JoinRules::default();
-    let mut said = String::new();
+    let mut last_message = String::new();
     while !over.load(Relaxed) {
         match connect(rules.attempt_timeout) {
             Ok(joined) => return Some(joined),
             Err(why) => {
-                let words = why.to_string();
-                if words != said {
-                    said = words;
+                let message = why.to_string();
+                if message != last_message {
+                    last_message = message;
                     let _ = events.send(LinkEvent::Unavailable(why));
                 }
             }

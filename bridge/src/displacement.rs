@@ -12,11 +12,11 @@ const PARALLEL_SINE: f64 = 1e-3;
 
 /// Tool pose at `q`, and with `correction` added, rad.
 pub(crate) fn tool_poses(arm: &Arm, q: &[f64], correction: &[f64; JOINTS_MAX]) -> (Frame, Frame) {
-    let mut at: Joints = [0.0; JOINTS_MAX];
-    at.iter_mut().zip(q).for_each(|(to, q)| *to = *q);
-    let before = Chain::nominal(arm, &at).base_from_tool;
-    at.iter_mut().zip(correction).for_each(|(q, more)| *q += more);
-    (before, Chain::nominal(arm, &at).base_from_tool)
+    let mut positions: Joints = [0.0; JOINTS_MAX];
+    positions.iter_mut().zip(q).for_each(|(to, q)| *to = *q);
+    let before = Chain::nominal(arm, &positions).base_from_tool;
+    positions.iter_mut().zip(correction).for_each(|(q, more)| *q += more);
+    (before, Chain::nominal(arm, &positions).base_from_tool)
 }
 
 /// The frame of a path: x along it, y = tool z × x, z = x × y.
@@ -58,7 +58,7 @@ mod tests {
     use super::*;
     use glam::DMat3;
 
-    fn at(x: f64, y: f64) -> Frame {
+    fn pose(x: f64, y: f64) -> Frame {
         // A tool that points down.
         let down = DMat3::from_cols(DVec3::X, -DVec3::Y, -DVec3::Z);
         Frame::new(down, DVec3::new(x, y, 0.5))
@@ -67,14 +67,14 @@ mod tests {
     #[test]
     fn components_across_a_path_exclude_the_one_along_it() {
         let mut path = PathFrame::default();
-        path.advance(&at(0.0, 0.0));
+        path.advance(&pose(0.0, 0.0));
         assert_eq!(path.across(DVec3::ONE), (0.0, 0.0), "no direction yet");
-        path.advance(&at(0.01, 0.0));
+        path.advance(&pose(0.01, 0.0));
         let (y, z) = path.across(DVec3::new(0.5, 0.2, 0.1));
         assert!((y + 0.2).abs() < 1e-15 && (z + 0.1).abs() < 1e-15, "{y} {z}");
-        path.advance(&at(0.01, 0.0));
+        path.advance(&pose(0.01, 0.0));
         assert_eq!(path.across(DVec3::new(0.5, 0.2, 0.1)), (y, z), "standing still it stays");
-        path.advance(&at(0.01, 0.01));
+        path.advance(&pose(0.01, 0.01));
         let (y, _) = path.across(DVec3::new(0.5, 0.2, 0.1));
         assert!((y - 0.5).abs() < 1e-15, "round the corner: {y}");
     }

@@ -110,7 +110,7 @@ mod tests {
 
     #[test]
     fn lost_repeated_and_overtaken_datagrams_are_distinguished() {
-        let said = judged(&[
+        let positions = judged(&[
             (Some(7), 1),
             (Some(8), 2),
             (Some(8), 2),
@@ -126,7 +126,7 @@ mod tests {
             SequencePosition::Old,
             next(499),
         ];
-        assert_eq!(said, expected);
+        assert_eq!(positions, expected);
     }
 
     #[test]
@@ -135,8 +135,8 @@ mod tests {
         for number in 1000..1100 {
             sequence.classify(Some(number), &[0]);
             // Numbers far ahead belong to another run.
-            for off in [-1, -20, -40, -900, 5000, 1 << 20] {
-                let old = number.wrapping_add_signed(off);
+            for offset in [-1, -20, -40, -900, 5000, 1 << 20] {
+                let old = number.wrapping_add_signed(offset);
                 assert_eq!(sequence.classify(Some(old), &[1]), SequencePosition::Old);
             }
         }
@@ -144,19 +144,21 @@ mod tests {
 
     #[test]
     fn a_sender_that_restarts_is_taken_once_five_datagrams_count_up() {
-        let said = judged(&[900, 0, 4, 8, 12, 16, 20].map(|number| (Some(number), number as u8)));
+        let positions =
+            judged(&[900, 0, 4, 8, 12, 16, 20].map(|number| (Some(number), number as u8)));
         let (first, old) = (SequencePosition::First, SequencePosition::Old);
-        assert_eq!(said, [first, old, old, old, old, first, next(3)]);
+        assert_eq!(positions, [first, old, old, old, old, first, next(3)]);
         // One of the previous count in between: that sender is still active.
-        let said = judged(&[900, 0, 1, 2, 3, 901, 4].map(|number| (Some(number), number as u8)));
-        assert_eq!(said, [first, old, old, old, old, next(0), old]);
+        let positions =
+            judged(&[900, 0, 1, 2, 3, 901, 4].map(|number| (Some(number), number as u8)));
+        assert_eq!(positions, [first, old, old, old, old, next(0), old]);
     }
 
     #[test]
     fn a_sender_of_which_very_many_were_lost_is_the_same_once_five_datagrams_count_up() {
         let numbers = [7, 5007, 5008, 5009, 5010, 5011];
-        let said = judged(&numbers.map(|number| (Some(number), number as u8)));
-        assert_eq!(said[4..], [SequencePosition::Old, next(5003)]);
+        let positions = judged(&numbers.map(|number| (Some(number), number as u8)));
+        assert_eq!(positions[4..], [SequencePosition::Old, next(5003)]);
     }
 
     #[test]

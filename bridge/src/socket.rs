@@ -15,8 +15,9 @@ pub(crate) const DATAGRAM_MAX: usize = 16_384;
 pub(crate) const DRAIN_MAX: usize = 64;
 
 /// A bound non-blocking socket.
-pub(crate) fn bind(at: SocketAddr) -> Result<UdpSocket, BridgeError> {
-    let socket = UdpSocket::bind(at).map_err(|why| BridgeError::Listen { at, why })?;
+pub(crate) fn bind(address: SocketAddr) -> Result<UdpSocket, BridgeError> {
+    let socket =
+        UdpSocket::bind(address).map_err(|why| BridgeError::Listen { at: address, why })?;
     socket.set_nonblocking(true)?;
     Ok(socket)
 }

@@ -60,8 +60,8 @@ impl Resources {
                  compensation off, calibrate the model in that state, and set absolute_accuracy = \"off\""
             );
         }
-        let (events, heard) = channel();
-        let reporter = reporter::start(Arc::clone(&options.counts), heard)?;
+        let (events, receiver) = channel();
+        let reporter = reporter::start(Arc::clone(&options.counts), receiver)?;
         let within = Duration::from_secs_f64(common.answer_within_s);
         let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
         let lost_feed = cell.fallback_feed_override();

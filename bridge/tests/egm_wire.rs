@@ -132,10 +132,10 @@ fn judge_alike(bytes: &[u8]) -> Result<(), TestCaseError> {
 }
 
 /// A damaged datagram.
-fn spoilt(mut bytes: Vec<u8>, at: usize, byte: u8, cut: usize) -> Vec<u8> {
+fn spoilt(mut bytes: Vec<u8>, offset: usize, byte: u8, cut: usize) -> Vec<u8> {
     if !bytes.is_empty() {
-        let at = at % bytes.len();
-        bytes[at] ^= byte;
+        let offset = offset % bytes.len();
+        bytes[offset] ^= byte;
         bytes.truncate(bytes.len() - cut % bytes.len());
     }
     bytes
@@ -168,20 +168,20 @@ proptest! {
         let count = read.planned.joints.values().len();
         read.planned.joints.write(&mut bytes, &joints[..count]);
         let mut wanted = sensor;
-        if let Some(own) = wanted.planned.as_mut().and_then(|planned| planned.joints.as_mut()) {
-            own.joints.copy_from_slice(&joints[..count]);
+        if let Some(planned) = wanted.planned.as_mut().and_then(|planned| planned.joints.as_mut()) {
+            planned.joints.copy_from_slice(&joints[..count]);
         }
         prop_assert_eq!(bytes, wanted.encode_to_vec());
     }
 
     #[test]
-    fn spoilt_messages_get_the_verdict_of_prost(robot in robot(), at in any::<usize>(), byte in any::<u8>(), cut in 0_usize..40) {
-        judge_alike(&spoilt(robot.encode_to_vec(), at, byte, cut))?;
+    fn spoilt_messages_get_the_verdict_of_prost(robot in robot(), offset in any::<usize>(), byte in any::<u8>(), cut in 0_usize..40) {
+        judge_alike(&spoilt(robot.encode_to_vec(), offset, byte, cut))?;
     }
 
     #[test]
-    fn spoilt_targets_get_the_verdict_of_prost(sensor in sensor(), at in any::<usize>(), byte in any::<u8>(), cut in 0_usize..40) {
-        judge_alike(&spoilt(sensor.encode_to_vec(), at, byte, cut))?;
+    fn spoilt_targets_get_the_verdict_of_prost(sensor in sensor(), offset in any::<usize>(), byte in any::<u8>(), cut in 0_usize..40) {
+        judge_alike(&spoilt(sensor.encode_to_vec(), offset, byte, cut))?;
     }
 
     #[test]

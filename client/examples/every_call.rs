@@ -30,7 +30,7 @@ fn main() -> Done {
     let mut force = ForceSource::connect(&cell, LIMIT)?;
     correct(&mut client, targets)?;
     listen(&mut force, &mut monitor)?;
-    ask(&mut client, &mut monitor)?;
+    request_all(&mut client, &mut monitor)?;
     steer(&mut client, &mut monitor)?;
     measure(&cell, &mut client)
 }
@@ -66,7 +66,7 @@ fn correct(client: &mut Client, targets: usize) -> Done {
         let _ = client.target_for(&q, monotonic_ns());
     }
     took_ns.sort_unstable();
-    let us = |at: usize| took_ns.get(at).map_or(f64::NAN, |ns| *ns as f64 * 1e-3);
+    let us = |index: usize| took_ns.get(index).map_or(f64::NAN, |ns| *ns as f64 * 1e-3);
     println!("targets {targets}\ncorrected {corrected}\nhash {hash:016x}");
     println!("round_trip_us_p50 {:.3}", us(targets / 2));
     println!("round_trip_us_p99 {:.3}", us(targets * 99 / 100));
@@ -74,9 +74,9 @@ fn correct(client: &mut Client, targets: usize) -> Done {
 }
 
 /// Waits until something is there.
-fn comes_to<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
+fn comes_to<T>(mut poll: impl FnMut() -> Option<T>) -> Option<T> {
     (0..10_000).find_map(|_| {
-        let found = look();
+        let found = poll();
         if found.is_none() {
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -88,8 +88,9 @@ fn comes_to<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
 fn listen(force: &mut ForceSource, monitor: &mut Monitor) -> Done {
     let mut ringing = None;
     let hear = |monitor: &mut Monitor, ringing: &mut Option<Verdict>| {
-        let said = std::iter::from_fn(|| monitor.vibration());
-        let confirmed = said.filter(|said| said.state() == Ok(VibrationState::Confirmed)).last();
+        let verdicts = std::iter::from_fn(|| monitor.vibration());
+        let confirmed =
+            verdicts.filter(|verdict| verdict.state() == Ok(VibrationState::Confirmed)).last();
         *ringing = confirmed.or(*ringing);
         *ringing
     };
@@ -134,12 +135,12 @@ fn listen(force: &mut ForceSource, monitor: &mut Monitor) -> Done {
 /// Changes the mode and the recording, and back.
 fn steer(client: &mut Client, monitor: &mut Monitor) -> Done {
     let is = |client: &mut Client, mode: Mode, recorder: RecorderState| {
-        let said = comes_to(|| {
+        let status = comes_to(|| {
             let status = client.status()?;
             let wanted = [mode.code(), recorder.code()];
             ([status.mode, status.recorder] == wanted).then_some(())
         });
-        said.is_some()
+        status.is_some()
     };
     let mut done = is(client, Mode::Full, RecorderState::Recording);
     client.mode(Mode::Limited, LIMIT)?;
@@ -171,7 +172,7 @@ fn measure(cell: &str, client: &mut Client) -> Done {
 }
 
 /// Asks for everything that may be asked for.
-fn ask(client: &mut Client, monitor: &mut Monitor) -> Done {
+fn request_all(client: &mut Client, monitor: &mut Monitor) -> Done {
     let before = client.status().ok_or("no status")?;
     let bypassed_is = |client: &mut Client, on: u32| {
         comes_to(|| (client.status()?.bypassed == on).then_some(())).is_some()

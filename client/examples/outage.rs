@@ -11,10 +11,10 @@ fn main() {
     let cell = std::env::args().nth(1).unwrap_or_else(|| "cell-1".to_owned());
     let seconds = std::env::args().nth(2).and_then(|s| s.parse().ok()).unwrap_or(60);
     let end = Instant::now() + Duration::from_secs(seconds);
-    let mut said = None;
+    let mut last_kind = None;
     let mut client = None;
     while Instant::now() < end {
-        let told = match &mut client {
+        let outcome = match &mut client {
             None => match Client::connect(&cell, Duration::from_millis(200)) {
                 Ok(joined) => {
                     client = Some(joined);
@@ -24,10 +24,10 @@ fn main() {
             },
             Some(client) => cycle(client),
         };
-        let kind = told.as_ref().map(|(kind, _)| *kind);
-        if said.replace(kind) != Some(kind) {
-            match told {
-                Some((kind, words)) => println!("{kind}: {words}"),
+        let kind = outcome.as_ref().map(|(kind, _)| *kind);
+        if last_kind.replace(kind) != Some(kind) {
+            match outcome {
+                Some((kind, message)) => println!("{kind}: {message}"),
                 None => println!("ok"),
             }
         }

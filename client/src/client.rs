@@ -246,8 +246,8 @@ impl Client {
     /// The answer to the command with this number; waits for at most `limit`.
     pub fn wait_corrected(&mut self, seq: u64, limit: Duration) -> Option<Corrected> {
         let start = Instant::now();
-        let asked = (self.session, seq);
-        let ours = |c: &Corrected| (c.command_session, c.command_seq) == asked;
+        let wanted = (self.session, seq);
+        let ours = |c: &Corrected| (c.command_session, c.command_seq) == wanted;
         loop {
             // Reading the clock takes as long as polling for a message.
             for _ in 0..POLLS_PER_CLOCK {

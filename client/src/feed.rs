@@ -46,18 +46,18 @@ impl FeedOutput {
         self.value.unwrap_or(self.lost)
     }
 
-    /// The override at `now_ns`, `dt_s` after the last; `asked`: that of a fresh answer of the daemon.
-    pub(crate) fn step(&mut self, asked: Option<f64>, now_ns: u64, dt_s: f64) -> f64 {
+    /// The override at `now_ns`, `dt_s` after the last; `requested`: that of a fresh answer of the daemon.
+    pub(crate) fn step(&mut self, requested: Option<f64>, now_ns: u64, dt_s: f64) -> f64 {
         let value = self.value();
         let Some(limits) = self.limits else {
             self.value = Some(value);
             return value;
         };
         // The value was written by another process.
-        let goal = match asked.filter(|asked| *asked > 0.0 && *asked <= 1.0) {
-            Some(asked) => {
+        let goal = match requested.filter(|requested| *requested > 0.0 && *requested <= 1.0) {
+            Some(requested) => {
                 self.asked_ns = now_ns;
-                asked
+                requested
             }
             None if now_ns.saturating_sub(self.asked_ns) as f64 * 1e-9 <= self.hold_s => value,
             None => self.lost,
@@ -80,11 +80,11 @@ mod tests {
         FeedBounds { floor: 0.0, lost: 1.0, down_per_s: 0.0, up_per_s: 0.0, hold_s: 0.0 };
 
     /// So many milliseconds; the last override.
-    fn run(output: &mut FeedOutput, now_ns: &mut u64, ms: u64, asked: Option<f64>) -> f64 {
+    fn run(output: &mut FeedOutput, now_ns: &mut u64, ms: u64, requested: Option<f64>) -> f64 {
         let mut value = output.value();
         for _ in 0..ms {
             *now_ns += MS;
-            let next = output.step(asked, *now_ns, 1e-3);
+            let next = output.step(requested, *now_ns, 1e-3);
             assert!((0.1..=1.0).contains(&next) && next - value < 2.1e-4 && value - next < 2.1e-3);
             value = next;
         }
@@ -142,8 +142,8 @@ mod tests {
         ) {
             let (mut output, mut now_ns) = (FeedOutput::new(), 1 << 40);
             output.set_bounds(&BOUNDS);
-            for (asked, ms, has) in steps {
-                run(&mut output, &mut now_ns, ms, Some(asked).filter(|_| has));
+            for (requested, ms, has) in steps {
+                run(&mut output, &mut now_ns, ms, Some(requested).filter(|_| has));
             }
         }
     }

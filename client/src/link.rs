@@ -338,11 +338,11 @@ impl<P: Ports> LinkThread<P> {
 
     fn report_loss(&mut self, e: JoinError) -> bool {
         self.joined = None;
-        let words = e.to_string();
-        if self.last_reported.as_ref() == Some(&words) {
+        let message = e.to_string();
+        if self.last_reported.as_ref() == Some(&message) {
             return true;
         }
-        self.last_reported = Some(words);
+        self.last_reported = Some(message);
         self.tell.send(LinkUpdate::Lost(e)).is_ok()
     }
 }

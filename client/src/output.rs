@@ -131,8 +131,8 @@ impl Output {
             }
             Some(_) => Source::LastCorrection,
         };
-        let asked = answer.map(|answer| answer.feed_override);
-        let feed_override = self.feed.step(asked, now_ns, elapsed.dt_s);
+        let requested = answer.map(|answer| answer.feed_override);
+        let feed_override = self.feed.step(requested, now_ns, elapsed.dt_s);
         let target = Target::new(&q[..q_cmd.len()], source, feed_override);
         self.sent = Some(target);
         Ok(target)

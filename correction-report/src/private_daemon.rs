@@ -39,10 +39,10 @@ pub(crate) struct PrivateDaemon {
 
 /// The daemon failed; with the end of its log.
 #[derive(Debug, thiserror::Error)]
-#[error("the daemon {what}; its log:\n{said}")]
+#[error("the daemon {what}; its log:\n{log_end}")]
 struct DaemonFailed {
     what: String,
-    said: String,
+    log_end: String,
 }
 
 impl PrivateDaemon {
@@ -134,8 +134,8 @@ impl PrivateDir {
             match DirBuilder::new().mode(0o700).create(&dir) {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
                 Err(error) => {
-                    let words = format!("{}: cannot create this folder: {error}", dir.display());
-                    return Err(Error::system(words));
+                    let message = format!("{}: cannot create this folder: {error}", dir.display());
+                    return Err(Error::system(message));
                 }
                 Ok(()) => {
                     let cell = Cell::at(&dir, CELL).map_err(Error::system)?;
@@ -161,8 +161,8 @@ impl PrivateDir {
     fn failure(&self, what: String) -> Error {
         let log = fs::read_to_string(self.log()).unwrap_or_default();
         let lines: Vec<&str> = log.lines().collect();
-        let said = lines[lines.len().saturating_sub(LOG_LINES_SHOWN)..].join("\n");
-        Error::system(DaemonFailed { what, said })
+        let log_end = lines[lines.len().saturating_sub(LOG_LINES_SHOWN)..].join("\n");
+        Error::system(DaemonFailed { what, log_end })
     }
 }
 

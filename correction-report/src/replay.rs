@@ -147,8 +147,8 @@ impl Replay {
 
 impl Latency {
     fn of(all: &Histogram<u64>) -> Self {
-        let at = |share| all.value_at_quantile(share);
-        Self { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: all.max() }
+        let quantile = |share| all.value_at_quantile(share);
+        Self { p50: quantile(0.5), p99: quantile(0.99), p999: quantile(0.999), max: all.max() }
     }
 }
 

@@ -109,8 +109,8 @@ impl<'r> Setpoints<'r> {
         let part =
             |column: Option<&[f64]>| column.map_or(0.0, |column| value(Some(column), self.row));
         let wrench = columns.map(part);
-        let there = columns.iter().any(Option::is_some);
-        (there && wrench.iter().all(|part| !part.is_nan())).then_some(wrench)
+        let is_given = columns.iter().any(Option::is_some);
+        (is_given && wrench.iter().all(|part| !part.is_nan())).then_some(wrench)
     }
 
     fn update_temperatures(&mut self) -> bool {

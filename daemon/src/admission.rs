@@ -117,7 +117,7 @@ mod tests {
         RobotModel::of_file("limited", file).unwrap()
     }
 
-    fn at(joint_1_deg: f64) -> Positions {
+    fn commanded(joint_1_deg: f64) -> Positions {
         let positions = Positions::default();
         let mut q = [0.0; 6];
         q[0] = joint_1_deg.to_radians();
@@ -128,14 +128,14 @@ mod tests {
     #[test]
     fn another_robot_is_refused_with_what_differs_and_the_way_out() {
         let (abb, kuka) = (model("irb1600-6-145-thesis"), model("kuka-kr240"));
-        let said = refusal(&abb, &kuka, &Positions::default(), ARMED).unwrap();
-        for word in ["another robot", "KUKA", "ABB", "restart", "--other-robot"] {
-            assert!(said.contains(word), "{word}: {said}");
+        let message = refusal(&abb, &kuka, &Positions::default(), ARMED).unwrap();
+        for part in ["another robot", "KUKA", "ABB", "restart", "--other-robot"] {
+            assert!(message.contains(part), "{part}: {message}");
         }
-        assert!(said.len() <= MESSAGE_BYTES_MAX, "{said}");
+        assert!(message.len() <= MESSAGE_BYTES_MAX, "{message}");
         let armed = ReloadRequest { other_robot: true, ..ARMED };
-        let said = refusal(&abb, &kuka, &Positions::default(), armed).unwrap();
-        assert!(said.contains("switch to shadow mode first"), "{said}");
+        let message = refusal(&abb, &kuka, &Positions::default(), armed).unwrap();
+        assert!(message.contains("switch to shadow mode first"), "{message}");
         assert_eq!(refusal(&abb, &kuka, &Positions::default(), BY_NAME), None);
     }
 
@@ -144,8 +144,9 @@ mod tests {
         let mut file = model("irb1600-6-145").file;
         file.joints[2].point_mm = Some([150.0, 0.0, 1187.0]);
         let other = RobotModel::of_file("other", file).unwrap();
-        let said = refusal(&model("irb1600-6-145"), &other, &Positions::default(), ARMED).unwrap();
-        assert!(said.contains("the axis of joint 3 is displaced by 0.500 mm"), "{said}");
+        let message =
+            refusal(&model("irb1600-6-145"), &other, &Positions::default(), ARMED).unwrap();
+        assert!(message.contains("the axis of joint 3 is displaced by 0.500 mm"), "{message}");
     }
 
     #[test]
@@ -159,41 +160,45 @@ mod tests {
         let mut file = other.file.clone();
         file.robot.serial = Some("1600-00002".to_owned());
         let second = RobotModel::of_file("second", file).unwrap();
-        let said = refusal(&other, &second, &Positions::default(), ARMED).unwrap();
-        assert!(said.contains("serial \"1600-00002\" instead of \"1600-00001\""), "{said}");
+        let message = refusal(&other, &second, &Positions::default(), ARMED).unwrap();
+        assert!(message.contains("serial \"1600-00002\" instead of \"1600-00001\""), "{message}");
     }
 
     #[test]
     fn other_joints_are_refused_even_by_name() {
-        let said = refusal(&model("ur10e"), &model("fr3"), &Positions::default(), BY_NAME).unwrap();
-        assert!(said.contains("7 joints instead of 6") && said.contains("restart"), "{said}");
+        let message =
+            refusal(&model("ur10e"), &model("fr3"), &Positions::default(), BY_NAME).unwrap();
+        assert!(
+            message.contains("7 joints instead of 6") && message.contains("restart"),
+            "{message}"
+        );
     }
 
     #[test]
     fn limits_that_the_arm_is_outside_of_are_refused_and_those_it_is_inside_of_are_not() {
         let (wide, narrow) = (limited(-180.0, 180.0), limited(-30.0, 30.0));
         assert_eq!(refusal(&wide, &narrow, &Positions::default(), ARMED), None);
-        assert_eq!(refusal(&wide, &narrow, &at(30.0), ARMED), None);
-        let said = refusal(&wide, &narrow, &at(-30.1), ARMED).unwrap();
-        for word in ["joint 1 commanded at -30.100", "-30.000 to 30.000 deg", "move the arm"] {
-            assert!(said.contains(word), "{word}: {said}");
+        assert_eq!(refusal(&wide, &narrow, &commanded(30.0), ARMED), None);
+        let message = refusal(&wide, &narrow, &commanded(-30.1), ARMED).unwrap();
+        for part in ["joint 1 commanded at -30.100", "-30.000 to 30.000 deg", "move the arm"] {
+            assert!(message.contains(part), "{part}: {message}");
         }
-        assert_eq!(refusal(&wide, &narrow, &at(-30.1), BY_NAME), None);
-        let measured = at(0.0);
+        assert_eq!(refusal(&wide, &narrow, &commanded(-30.1), BY_NAME), None);
+        let measured = commanded(0.0);
         measured.measured.store(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2);
         assert!(refusal(&wide, &narrow, &measured, ARMED).unwrap().contains("measured"));
         // The arm is already outside, and the reload narrows nothing.
-        assert_eq!(refusal(&narrow, &narrow, &at(-40.0), ARMED), None);
-        assert_eq!(refusal(&narrow, &wide, &at(-40.0), ARMED), None);
+        assert_eq!(refusal(&narrow, &narrow, &commanded(-40.0), ARMED), None);
+        assert_eq!(refusal(&narrow, &wide, &commanded(-40.0), ARMED), None);
     }
 
     #[test]
     fn the_way_out_is_never_cut_off() {
         let found = vec!["ä".repeat(500)];
-        let said = message("another robot", &found, "restart the daemon");
+        let text = message("another robot", &found, "restart the daemon");
         assert!(
-            said.len() <= MESSAGE_BYTES_MAX && said.ends_with("…; restart the daemon"),
-            "{said}"
+            text.len() <= MESSAGE_BYTES_MAX && text.ends_with("…; restart the daemon"),
+            "{text}"
         );
     }
 }

@@ -25,8 +25,8 @@ impl ModelAgeing {
     pub fn add_measurement(&mut self, model: &Model, request: &Request) -> (Answer, String) {
         let count = model.arm.count();
         if request.joints as usize != count {
-            let words = format!("{} joints, the model has {count}", request.joints);
-            return (Answer::Refused, words);
+            let message = format!("{} joints, the model has {count}", request.joints);
+            return (Answer::Refused, message);
         }
         if !request.q.iter().all(|q| q.is_finite()) || !model.arm.within_limits(&request.q) {
             return (
@@ -34,14 +34,17 @@ impl ModelAgeing {
                 "joint positions must be finite and within their limits".to_owned(),
             );
         }
-        let off = DVec3::from_array(request.point_m) - predicted(model, request);
-        if !self.ageing.add_measurement(off, request.sigma_m, monotonic_ns()) {
-            let words = "the point must be finite and its sigma above 0, both in m";
-            return (Answer::Refused, words.to_owned());
+        let residual = DVec3::from_array(request.point_m) - predicted(model, request);
+        if !self.ageing.add_measurement(residual, request.sigma_m, monotonic_ns()) {
+            let message = "the point must be finite and its sigma above 0, both in m";
+            return (Answer::Refused, message.to_owned());
         }
-        let words =
+        let message =
             self.message(monotonic_ns()).unwrap_or_else(|| "the model is confirmed".to_owned());
-        (Answer::Done, format!("{:.3} mm from the model's prediction; {words}", 1e3 * off.length()))
+        (
+            Answer::Done,
+            format!("{:.3} mm from the model's prediction; {message}", 1e3 * residual.length()),
+        )
     }
 
     /// Adds the trim's estimate of the model's error, once in each pose: repeated estimates at one
@@ -49,8 +52,8 @@ impl ModelAgeing {
     /// and instrument together.
     pub fn add_trim_estimate(&mut self, status: &Status, sigma_m: f64) {
         let believed = [TrimState::Observing, TrimState::Trimming];
-        let is_near = self.last_pose.is_some_and(|at| {
-            at.iter().zip(status.q_command).all(|(at, q)| (q - at).abs() < POSE_DISTANCE)
+        let is_near = self.last_pose.is_some_and(|pose| {
+            pose.iter().zip(status.q_command).all(|(pose, q)| (q - pose).abs() < POSE_DISTANCE)
         });
         if is_near || !status.trim_state().is_ok_and(|state| believed.contains(&state)) {
             return;
@@ -128,13 +131,14 @@ mod tests {
             age.add_trim_estimate(&found(TrimState::Observing, k, 3e-4), sigma_m);
         }
         assert!(
-            age.message(40_000_000_000).is_some_and(|words| words.contains("has been outdated"))
+            age.message(40_000_000_000)
+                .is_some_and(|message| message.contains("has been outdated"))
         );
     }
 
     #[test]
     fn durations_have_a_readable_unit() {
-        let said = [5, 300, 10_000, 400_000].map(|s| duration_text(s * 1_000_000_000));
-        assert_eq!(said, ["5 s", "5 min", "2 h", "4 days"]);
+        let durations = [5, 300, 10_000, 400_000].map(|s| duration_text(s * 1_000_000_000));
+        assert_eq!(durations, ["5 s", "5 min", "2 h", "4 days"]);
     }
 }

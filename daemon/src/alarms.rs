@@ -40,8 +40,8 @@ mod tests {
     fn each_alarm_is_reported_once() {
         let mut alarms = Alarms::default();
         assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Warn)), None);
-        let said = alarms.new_alarm(&verdict(1, VibrationState::Alarm)).expect("it begins");
-        assert!(said.contains("684.0 Hz"), "{said}");
+        let message = alarms.new_alarm(&verdict(1, VibrationState::Alarm)).expect("it begins");
+        assert!(message.contains("684.0 Hz"), "{message}");
         assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Confirmed)), None);
         assert!(alarms.new_alarm(&verdict(2, VibrationState::Confirmed)).is_some(), "another");
         assert_eq!(alarms.new_alarm(&verdict(1, VibrationState::Over)), None);

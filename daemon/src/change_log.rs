@@ -104,8 +104,8 @@ impl ChangeLog {
         self.log_faults(status);
         let learning = status.watch() == Ok(WatchState::Learning);
         if learning != self.learning {
-            let words = if learning { "is learning the noise floor" } else { "watches" };
-            info!("the vibration monitor {words}");
+            let activity = if learning { "is learning the noise floor" } else { "watches" };
+            info!("the vibration monitor {activity}");
         }
         self.learning = learning;
         let since_ns = status.model_broken_since_ns;
@@ -129,14 +129,14 @@ impl ChangeLog {
             status.force_refused,
             status.recorder_dropped,
         ];
-        for ((tally, (name, words, is_normal)), total) in
+        for ((tally, (name, description, is_normal)), total) in
             self.counted.iter_mut().zip(COUNTED).zip(totals)
         {
-            log_count(tally, (name, words, is_normal), total, status.t_ns);
+            log_count(tally, (name, description, is_normal), total, status.t_ns);
         }
-        for (tally, (reason, words, is_normal)) in self.reasons.iter_mut().zip(REASONS) {
+        for (tally, (reason, description, is_normal)) in self.reasons.iter_mut().zip(REASONS) {
             let total = exchange.counters.reason(reason);
-            log_count(tally, (reason.name(), words, is_normal), total, status.t_ns);
+            log_count(tally, (reason.name(), description, is_normal), total, status.t_ns);
         }
     }
 
@@ -223,15 +223,15 @@ impl ChangeLog {
 /// Logs a count that has grown, when due.
 fn log_count(
     tally: &mut CountThrottle,
-    (name, words, is_normal): (&str, &str, bool),
+    (name, description, is_normal): (&str, &str, bool),
     total: u64,
     now_ns: u64,
 ) {
     let Some(count) = tally.due(total, now_ns) else { return };
     if is_normal {
-        info!(reason = name, count, total, "{words}");
+        info!(reason = name, count, total, "{description}");
     } else {
-        warn!(reason = name, count, total, "{words}");
+        warn!(reason = name, count, total, "{description}");
     }
 }
 
@@ -239,7 +239,7 @@ fn log_count(
 #[derive(Debug)]
 struct HealthLog {
     logged: Option<Health>,
-    seen: Option<Health>,
+    last: Option<Health>,
     /// Changes since the last message.
     changes: u32,
     budget: MessageBudget,
@@ -248,15 +248,15 @@ struct HealthLog {
 impl Default for HealthLog {
     fn default() -> Self {
         let budget = MessageBudget::new(HEALTH_BURST, HEALTH_EVERY_NS);
-        Self { logged: None, seen: None, changes: 0, budget }
+        Self { logged: None, last: None, changes: 0, budget }
     }
 }
 
 impl HealthLog {
     fn log(&mut self, status: &Status) {
         let Ok(health) = status.health() else { return };
-        self.changes += u32::from(self.seen != Some(health));
-        self.seen = Some(health);
+        self.changes += u32::from(self.last != Some(health));
+        self.last = Some(health);
         // Changes back and forth between two messages are included in the number of changes.
         if self.changes == 0 || !self.budget.take(status.t_ns) {
             return;
@@ -278,7 +278,7 @@ impl HealthLog {
 #[derive(Debug)]
 struct LoggedRequest {
     answer: Answer,
-    words: String,
+    message: String,
     pid: Option<u32>,
     at_ns: u64,
 }
@@ -305,18 +305,18 @@ impl RequestLog {
         &mut self,
         operation: u32,
         answer: Answer,
-        words: &str,
+        message: &str,
         pid: Option<u32>,
         now_ns: u64,
     ) {
         let known = Operation::try_from(operation).ok();
         if known == Some(Operation::Ping) {
-            debug!(%answer, words, pid, "request: ping");
+            debug!(%answer, words = message, pid, "request: ping");
             return;
         }
         let last = known.and_then(|known| self.last.get_mut(known as usize));
         let is_news = last.as_ref().and_then(|last| last.as_ref()).is_none_or(|last| {
-            (last.answer, last.words.as_str(), last.pid) != (answer, words, pid)
+            (last.answer, last.message.as_str(), last.pid) != (answer, message, pid)
                 || now_ns.saturating_sub(last.at_ns) >= REQUEST_AGAIN_NS
         });
         if !is_news || !self.budget.take(now_ns) {
@@ -324,15 +324,15 @@ impl RequestLog {
             return;
         }
         if let Some(last) = last {
-            *last = Some(LoggedRequest { answer, words: words.to_owned(), pid, at_ns: now_ns });
+            *last = Some(LoggedRequest { answer, message: message.to_owned(), pid, at_ns: now_ns });
         }
         let name = known.map_or("unknown", Operation::name);
         let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
         let by = sender::description(pid);
         if answer == Answer::Done {
-            info!(%answer, words, by, unlogged, "request: {name}");
+            info!(%answer, words = message, by, unlogged, "request: {name}");
         } else {
-            warn!(%answer, words, by, unlogged, "request: {name}");
+            warn!(%answer, words = message, by, unlogged, "request: {name}");
         }
     }
 }

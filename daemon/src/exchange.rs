@@ -465,11 +465,11 @@ impl Exchange {
     /// State of the recorder. One that hangs in its disk cannot report this itself; it is detected
     /// by its missing progress.
     pub fn recorder(&self, now_ns: u64) -> RecorderState {
-        let said =
+        let state =
             RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed);
         let turn_ns = self.counters.recorder_turn_ns.load(Relaxed);
         let hangs = now_ns.saturating_sub(turn_ns) > RECORDER_HANGS_NS;
-        if said == RecorderState::Recording && hangs { RecorderState::Dropping } else { said }
+        if state == RecorderState::Recording && hangs { RecorderState::Dropping } else { state }
     }
 
     /// Whether there is a recorder.

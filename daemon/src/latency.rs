@@ -64,19 +64,19 @@ impl Latency {
         let counts: Vec<u64> = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).collect();
         let count: u64 = counts.iter().sum();
         let max_ns = self.worst_ns.load(Relaxed);
-        let at = |share: f64| {
+        let quantile = |share: f64| {
             let rank = (share * count as f64).ceil().max(1.0) as u64;
-            let mut seen = 0;
+            let mut cumulative = 0;
             let found = counts.iter().position(|n| {
-                seen += n;
-                seen >= rank
+                cumulative += n;
+                cumulative >= rank
             });
             found.map_or(0, |index| upper_edge_ns(index as u64).min(max_ns))
         };
         Quantiles {
-            p50_ns: at(0.5),
-            p99_ns: at(0.99),
-            p999_ns: at(0.999),
+            p50_ns: quantile(0.5),
+            p99_ns: quantile(0.99),
+            p999_ns: quantile(0.999),
             max_ns,
             count,
             sum_ns: self.sum_ns.load(Relaxed),

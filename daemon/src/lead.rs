@@ -169,7 +169,7 @@ mod tests {
         Bench { lead: Lead::default(), filter, counters: LeadCounters::default() }
     }
 
-    fn at(k: u64) -> Joints {
+    fn position(k: u64) -> Joints {
         let mut q = [0.0; JOINTS_MAX];
         q[0] = SPEED * k as f64;
         q
@@ -181,7 +181,7 @@ mod tests {
             let horizon = self.lead.horizon_mut();
             (horizon.session, horizon.command_seq, horizon.count) = (session, seq, count);
             for (k, point) in (1..).zip(&mut horizon.points) {
-                *point = at(seq + k);
+                *point = position(seq + k);
             }
         }
 
@@ -192,7 +192,7 @@ mod tests {
                 seq,
                 t_ns: seq * PERIOD_NS,
                 joints: 1,
-                q: at(seq),
+                q: position(seq),
                 ..Command::default()
             };
             let lead = self.lead.step(Some(&mut self.filter), &command, &self.counters);

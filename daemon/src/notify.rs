@@ -37,9 +37,9 @@ impl ServiceManager {
     /// number of cells.
     #[must_use]
     pub fn from_environment(cells: usize) -> Self {
-        let words = |key: &str| std::env::var(key).ok();
-        let ours = words("WATCHDOG_PID").is_none_or(|pid| pid.parse() == Ok(std::process::id()));
-        let microseconds = words("WATCHDOG_USEC").and_then(|us| us.parse().ok());
+        let variable = |key: &str| std::env::var(key).ok();
+        let ours = variable("WATCHDOG_PID").is_none_or(|pid| pid.parse() == Ok(std::process::id()));
+        let microseconds = variable("WATCHDOG_USEC").and_then(|us| us.parse().ok());
         let patience = microseconds.filter(|us| ours && *us > 0).map(Duration::from_micros);
         Self::with_socket(std::env::var_os("NOTIFY_SOCKET").as_deref(), patience, cells)
     }
@@ -71,16 +71,16 @@ impl ServiceManager {
     /// Cell `place` is alive. The manager is notified two to three times within the watchdog's time
     /// limit, and only if `turns`, counted by the cycle, has changed in every cell. `words` is one
     /// line for users.
-    pub fn report_alive(&mut self, place: usize, turns: u64, words: &str) {
+    pub fn report_alive(&mut self, place: usize, turns: u64, summary: &str) {
         let Some(cell) = self.cells.get_mut(place) else { return };
         cell.iterations = turns;
-        words.clone_into(&mut cell.summary);
+        summary.clone_into(&mut cell.summary);
         let Some(patience) = self.watchdog else { return };
-        let stands = self
+        let is_stalled = self
             .cells
             .iter()
             .any(|cell| !cell.has_ended && cell.iterations == cell.iterations_at_trigger);
-        if stands || self.triggered_at.elapsed() < patience / 3 {
+        if is_stalled || self.triggered_at.elapsed() < patience / 3 {
             return;
         }
         self.triggered_at = Instant::now();
@@ -117,15 +117,15 @@ impl ServiceManager {
 }
 
 /// Replaces line ends, which would cut the message or form another assignment.
-fn one_line(words: &str) -> String {
-    words.replace(['\n', '\r'], " ")
+fn one_line(text: &str) -> String {
+    text.replace(['\n', '\r'], " ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn heard(manager: &UnixDatagram) -> Option<String> {
+    fn received(manager: &UnixDatagram) -> Option<String> {
         let mut bytes = [0; 512];
         let length = manager.recv(&mut bytes).ok()?;
         Some(String::from_utf8_lossy(&bytes[..length]).into_owned())
@@ -151,15 +151,15 @@ mod tests {
         let (socket, mut daemon) = manager("stands", Duration::from_nanos(3), 1);
         daemon.report_alive(0, 0, "ready");
         daemon.ready();
-        assert_eq!(heard(&socket).unwrap(), "READY=1\nSTATUS=ready");
+        assert_eq!(received(&socket).unwrap(), "READY=1\nSTATUS=ready");
         for turns in 1..=3 {
             daemon.report_alive(0, turns, "it\nruns");
-            assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=it runs");
+            assert_eq!(received(&socket).unwrap(), "WATCHDOG=1\nSTATUS=it runs");
             daemon.report_alive(0, turns, "it runs");
-            assert_eq!(heard(&socket), None, "the cycle has not gone on");
+            assert_eq!(received(&socket), None, "the cycle has not gone on");
         }
         daemon.ended(0);
-        assert_eq!(heard(&socket).unwrap(), "STOPPING=1");
+        assert_eq!(received(&socket).unwrap(), "STOPPING=1");
     }
 
     #[test]
@@ -168,32 +168,32 @@ mod tests {
         daemon.ended(1);
         daemon.ended(1);
         daemon.ended(0);
-        assert_eq!(heard(&socket), None, "a cell is left");
+        assert_eq!(received(&socket), None, "a cell is left");
         daemon.report_alive(2, 1, "c runs");
-        assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=; ; c runs");
+        assert_eq!(received(&socket).unwrap(), "WATCHDOG=1\nSTATUS=; ; c runs");
         daemon.ended(2);
         daemon.ended(2);
-        assert_eq!(heard(&socket).unwrap(), "STOPPING=1");
-        assert_eq!(heard(&socket), None);
+        assert_eq!(received(&socket).unwrap(), "STOPPING=1");
+        assert_eq!(received(&socket), None);
     }
 
     #[test]
     fn one_stopped_cycle_of_several_does_not_trigger_the_watchdog() {
         let (socket, mut daemon) = manager("several", Duration::from_nanos(3), 2);
         (1..100).for_each(|turns| daemon.report_alive(0, turns, "a runs"));
-        assert_eq!(heard(&socket), None, "the second has not gone on");
+        assert_eq!(received(&socket), None, "the second has not gone on");
         daemon.report_alive(1, 1, "b runs");
-        assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=a runs; b runs");
+        assert_eq!(received(&socket).unwrap(), "WATCHDOG=1\nSTATUS=a runs; b runs");
         (1..100).for_each(|_| daemon.report_alive(1, 1, "b stands"));
         daemon.report_alive(0, 101, "a runs");
-        assert_eq!(heard(&socket), None, "the second stands");
+        assert_eq!(received(&socket), None, "the second stands");
     }
 
     #[test]
     fn the_watchdog_is_not_fed_more_often_than_it_needs() {
         let (socket, mut daemon) = manager("often", Duration::from_secs(3600), 1);
         (1..1000).for_each(|turns| daemon.report_alive(0, turns, ""));
-        assert_eq!(heard(&socket), None);
+        assert_eq!(received(&socket), None);
     }
 
     #[test]
@@ -202,9 +202,9 @@ mod tests {
         let mut alone = ServiceManager::with_socket(None, patience, 1);
         alone.ready();
         alone.report_alive(0, 1, "");
-        let mut gone =
+        let mut without_manager =
             ServiceManager::with_socket(Some(OsStr::new("/nowhere/at/all")), patience, 1);
-        gone.report_alive(0, 1, "");
-        gone.stopping();
+        without_manager.report_alive(0, 1, "");
+        without_manager.stopping();
     }
 }

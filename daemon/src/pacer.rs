@@ -69,12 +69,12 @@ impl Pacer {
     pub fn wait_for<T>(
         &mut self,
         deadline_ns: u64,
-        mut look: impl FnMut() -> Option<T>,
+        mut poll: impl FnMut() -> Option<T>,
     ) -> Option<(T, u64)> {
         let mut looks = 1;
         loop {
             for _ in 0..looks {
-                if let Some(found) = look() {
+                if let Some(found) = poll() {
                     self.last_ns = monotonic_ns();
                     self.due_ns = self.next_due_ns(self.last_ns);
                     return Some((found, self.last_ns));
@@ -179,8 +179,8 @@ mod tests {
 
     #[test]
     fn commands_after_a_stall_are_found_without_sleep_and_a_drifting_sender_is_followed() {
-        let at = |due_ns| Pacer { due_ns, ..Pacer::new(WaitMode::Sleep, 1_000_000) };
-        let mut pacer = at(100_000_000);
+        let pacer_due_at = |due_ns| Pacer { due_ns, ..Pacer::new(WaitMode::Sleep, 1_000_000) };
+        let mut pacer = pacer_due_at(100_000_000);
         // Ten periods late, then all at once.
         for k in 0..9 {
             let now_ns = 110_000_000 + 5_000 * k;
@@ -188,14 +188,18 @@ mod tests {
             pacer.last_ns = now_ns;
             assert_eq!(pacer.sleep_until_ns(now_ns + 5_000), None, "behind number {k}");
         }
-        let (mut now_ns, mut pacer) = (100_000_000, at(100_000_000));
+        let (mut now_ns, mut pacer) = (100_000_000, pacer_due_at(100_000_000));
         for _ in 0..100_000 {
             pacer.due_ns = pacer.next_due_ns(now_ns);
             now_ns += 1_000_100;
         }
         assert!(now_ns - pacer.due_ns < SPIN_AFTER_NS, "100 ppm: {}", now_ns - pacer.due_ns);
-        assert_eq!(at(1_000_000).next_due_ns(900_000_000), 901_000_000, "the first of others");
-        assert_eq!(at(10_000_000).next_due_ns(9_500_000), 10_500_000, "earlier than due");
+        assert_eq!(
+            pacer_due_at(1_000_000).next_due_ns(900_000_000),
+            901_000_000,
+            "the first of others"
+        );
+        assert_eq!(pacer_due_at(10_000_000).next_due_ns(9_500_000), 10_500_000, "earlier than due");
     }
 
     #[test]

@@ -61,7 +61,7 @@ impl Positions {
         let mut reading: Vec<(&str, PositionReading)> =
             [("commanded", &self.commanded), ("measured", &self.measured)]
                 .into_iter()
-                .filter_map(|(word, position)| Some((word, position.reading()?)))
+                .filter_map(|(name, position)| Some((name, position.reading()?)))
                 .collect();
         let newest_ns = reading.iter().map(|(_, reading)| reading.at_ns).max().unwrap_or(0);
         reading.retain(|(_, reading)| newest_ns - reading.at_ns <= OUTDATED_NS);
@@ -81,7 +81,7 @@ mod tests {
         positions.measured.store(&[1.1, 2.1], 5_900_000_000);
         assert_eq!(positions.newest().len(), 2);
         positions.measured.store(&[1.2, 2.2], 6_100_000_000);
-        let [(word, reading)] = &positions.newest()[..] else { panic!("one of them") };
-        assert_eq!((*word, &reading.q[..]), ("measured", &[1.2, 2.2][..]));
+        let [(name, reading)] = &positions.newest()[..] else { panic!("one of them") };
+        assert_eq!((*name, &reading.q[..]), ("measured", &[1.2, 2.2][..]));
     }
 }

@@ -84,8 +84,8 @@ impl ProcessTracker {
         let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
         let possible = |x: f64| x.is_nan() || (0.0..f64::INFINITY).contains(&x);
         if !possible(spindle_rpm) || !possible(feed_mm_s) {
-            let words = "spindle speed and feed must be 0 or more, or NaN if unknown";
-            return (Answer::Refused, words.to_owned());
+            let message = "spindle speed and feed must be 0 or more, or NaN if unknown";
+            return (Answer::Refused, message.to_owned());
         }
         let cut = match request.in_cut() {
             Ok(cut) => cut,
@@ -101,11 +101,11 @@ impl ProcessTracker {
         let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut };
         self.reported = Some(ProcessReport { state, until });
         exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
-        let words = format!(
+        let message = format!(
             "spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s, in {cut}",
             request.teeth
         );
-        (Answer::Done, words)
+        (Answer::Done, message)
     }
 
     /// Updates from the commanded path, drops expired reports, and informs the monitor.
@@ -176,7 +176,7 @@ mod tests {
         (ProcessTracker::new(&config, &model), Exchange::new(Correction::Full, false), model)
     }
 
-    fn word() -> Request {
+    fn report() -> Request {
         Request {
             operation: Operation::ProcessState.code(),
             spindle_rpm: 28_000.0,
@@ -192,7 +192,7 @@ mod tests {
         let (mut process, exchange, model) = process();
         let configured = process.state();
         assert_eq!((configured.spindle_rpm, configured.teeth), (6000.0, 3));
-        let brief = Request { holds_ms: 30, ..word() };
+        let brief = Request { holds_ms: 30, ..report() };
         assert_eq!(process.add_report(&exchange, &brief).0, Answer::Done);
         process.update(&model, &exchange, true);
         let reported = process.state();
@@ -208,7 +208,7 @@ mod tests {
     #[test]
     fn values_missing_in_a_report_come_from_other_sources() {
         let (mut process, exchange, model) = process();
-        let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..word() };
+        let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..report() };
         process.add_report(&exchange, &partly);
         process.update(&model, &exchange, true);
         let state = process.state();
@@ -219,9 +219,9 @@ mod tests {
     fn invalid_reports_are_refused_without_effect() {
         let (mut process, exchange, model) = process();
         let refused = [
-            Request { spindle_rpm: -1.0, ..word() },
-            Request { feed_mm_s: f64::INFINITY, ..word() },
-            Request { in_cut: 7, ..word() },
+            Request { spindle_rpm: -1.0, ..report() },
+            Request { feed_mm_s: f64::INFINITY, ..report() },
+            Request { in_cut: 7, ..report() },
         ];
         for request in refused {
             assert_eq!(process.add_report(&exchange, &request).0, Answer::Refused);

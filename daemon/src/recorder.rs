@@ -215,7 +215,7 @@ impl Recorder {
 
     /// Starts a file if none is open, or if the present one is full.
     fn begin_file(&mut self, exchange: &Exchange) {
-        if !self.is_on || self.retry_at.is_some_and(|at| Instant::now() < at) {
+        if !self.is_on || self.retry_at.is_some_and(|instant| Instant::now() < instant) {
             return;
         }
         let full = |file: &McapWriter| file.bytes() >= self.settings.max_file_bytes;
@@ -339,15 +339,15 @@ impl Recorder {
     }
 }
 
-fn refused(says: &str) -> RecorderAnswer {
-    RecorderAnswer { answer: Answer::Refused, message: says.to_owned() }
+fn refused(message: &str) -> RecorderAnswer {
+    RecorderAnswer { answer: Answer::Refused, message: message.to_owned() }
 }
 
 /// Whether a recording ended less than [`BEFORE_ALARM`] ago.
 fn ended_recently(path: &Path) -> bool {
     let changed = fs::metadata(path).and_then(|file| file.modified());
     // If the clock was set back since, its end is in the future: this also counts as recent.
-    changed.is_ok_and(|at| at.elapsed().unwrap_or_default() < BEFORE_ALARM)
+    changed.is_ok_and(|time| time.elapsed().unwrap_or_default() < BEFORE_ALARM)
 }
 
 /// Keeps a recording that is already closed.

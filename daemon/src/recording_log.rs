@@ -32,14 +32,14 @@ pub fn attached_exchange() -> Option<Arc<Exchange>> {
 
 /// Stores a line logged by this thread, at `info`, `warn` or `error`; called by the program's
 /// logger.
-pub fn record_line(level: &str, says: impl FnOnce() -> String) {
+pub fn record_line(level: &str, message: impl FnOnce() -> String) {
     // A thread may log while its thread-local data are already destroyed.
     let _ = CELL.try_with(|cell| {
         // A line that is logged while another is stored is dropped.
         let Ok(cell) = cell.try_borrow() else { return };
         if let Some(exchange) = cell.as_ref() {
             let (t_ns, level) = (monotonic_ns(), level.to_owned());
-            exchange.record_line(|| LogRecord { t_ns, level, says: says() });
+            exchange.record_line(|| LogRecord { t_ns, level, says: message() });
         }
     });
 }

@@ -55,8 +55,8 @@ mod tests {
     #[test]
     fn a_process_is_described_with_program_and_user_if_it_exists() {
         let pid = std::process::id();
-        let told = description(Some(pid));
-        assert!(told.contains(&format!("process {pid}, user ")), "{told}");
+        let sender = description(Some(pid));
+        assert!(sender.contains(&format!("process {pid}, user ")), "{sender}");
         // Above the largest process number.
         assert_eq!(description(Some(u32::MAX)), format!("process {}", u32::MAX));
         assert_eq!(description(None), "an unknown process");

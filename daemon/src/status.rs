@@ -241,8 +241,8 @@ impl StatusBuilder {
 
     /// Why the status of the last target is not `corrected`, if this is to be reported.
     fn last_reason(&self, exchange: &Exchange) -> Option<Reason> {
-        let said = exchange.counters.last_status_and_reason.load(Relaxed) as u32;
-        let reason = Reason::try_from(said).ok()?;
+        let code = exchange.counters.last_status_and_reason.load(Relaxed) as u32;
+        let reason = Reason::try_from(code).ok()?;
         let quiet = [Reason::None, Reason::Starting, Reason::ShadowMode, Reason::Bypass];
         (!quiet.contains(&reason)).then_some(reason)
     }
@@ -255,10 +255,10 @@ impl StatusBuilder {
         status: &Status,
         aged: Option<&str>,
     ) -> String {
-        let mut words = format!("{}: {health}", self.model_name);
+        let mut text = format!("{}: {health}", self.model_name);
         let mut add = |part: std::fmt::Arguments<'_>| {
             // Writing to a string cannot fail.
-            let _ = write!(words, "; {part}");
+            let _ = write!(text, "; {part}");
         };
         if status.bypassed != 0 {
             let by = self.bypassed_by.as_deref().unwrap_or_default();
@@ -299,7 +299,7 @@ impl StatusBuilder {
         if self.uncompensated > 0 {
             add(format_args!("{} effects of the model are not compensated", self.uncompensated));
         }
-        words
+        text
     }
 }
 

@@ -112,7 +112,7 @@ impl Supervisor {
             info!(clients = found.cleaned, "cleaned up after terminated clients");
         }
         let wanted = found.epoch_requested || found.files_damaged;
-        if wanted && self.renewed.is_none_or(|at| at.elapsed() > RENEW_AGAIN_AFTER) {
+        if wanted && self.renewed.is_none_or(|instant| instant.elapsed() > RENEW_AGAIN_AFTER) {
             let why = if found.files_damaged {
                 "its shared-memory files were removed or changed"
             } else {
@@ -156,9 +156,9 @@ impl Supervisor {
         while control.serve_with_pid(|request, pid| {
             let mut desk =
                 RequestHandler { model_path, model, model_epoch, constants, process, age, pid };
-            let (answer, words) = desk.answer(exchange, request);
-            requests.log(request.operation, answer, &words, pid, monotonic_ns());
-            Response::to(request, answer, &words)
+            let (answer, message) = desk.answer(exchange, request);
+            requests.log(request.operation, answer, &message, pid, monotonic_ns());
+            Response::to(request, answer, &message)
         }) {}
     }
 
@@ -230,16 +230,16 @@ impl RequestHandler<'_> {
     fn mark(&self, exchange: &Exchange, text: &str) -> (Answer, String) {
         let state = exchange.recorder(monotonic_ns());
         if state != RecorderState::Recording {
-            let words = format!(
+            let message = format!(
                 "nothing is being recorded (recorder: {state}); use `trued record start`, with a table [recorder] in the configuration"
             );
-            return (Answer::Refused, words);
+            return (Answer::Refused, message);
         }
-        let says = format!("{text} (by {})", sender::description(self.pid));
+        let text_with_sender = format!("{text} (by {})", sender::description(self.pid));
         exchange.record_line(|| LogRecord {
             t_ns: monotonic_ns(),
             level: MARKER_LEVEL.to_owned(),
-            says,
+            says: text_with_sender,
         });
         (Answer::Done, "marked".to_owned())
     }
@@ -249,8 +249,8 @@ impl RequestHandler<'_> {
         if was != on {
             self.constants.bypassed_by = on.then(|| sender::description_with_time(self.pid));
         }
-        let words = if on { "the correction ramps out" } else { "the correction ramps in" };
-        (Answer::Done, words.to_owned())
+        let message = if on { "the correction ramps out" } else { "the correction ramps in" };
+        (Answer::Done, message.to_owned())
     }
 
     /// Sets a mode; the corrector and the client's limiter ramp the change.
@@ -258,21 +258,21 @@ impl RequestHandler<'_> {
         let Ok(mode) = shm_schema::Mode::try_from(code) else {
             return (Answer::Malformed, format!("unknown mode {code}"));
         };
-        let most = self.constants.mode_max;
-        if mode.code() > most.code() {
-            let words = format!(
-                "the configuration of this cell allows at most `{most}`: set mode_max = \"{mode}\" in it \
+        let mode_max = self.constants.mode_max;
+        if mode.code() > mode_max.code() {
+            let message = format!(
+                "the configuration of this cell allows at most `{mode_max}`: set mode_max = \"{mode}\" in it \
                  and restart the daemon"
             );
-            return (Answer::Refused, words);
+            return (Answer::Refused, message);
         }
-        let words = match mode {
+        let message = match mode {
             shm_schema::Mode::Shadow => "shadow: commands pass unchanged",
             shm_schema::Mode::Limited => "limited: corrections up to a tenth of the limits",
             shm_schema::Mode::Full => "full: corrections up to the limits",
         };
         self.set_mode(exchange, status::corrector_mode(mode));
-        (Answer::Done, words.to_owned())
+        (Answer::Done, message.to_owned())
     }
 
     fn set_mode(&mut self, exchange: &Exchange, mode: Mode) {
@@ -286,18 +286,18 @@ impl RequestHandler<'_> {
     fn arm(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
         // Independent of the configured mode: the registration of the instrument was checked.
         exchange.rearm_instrument.store(on, Relaxed);
-        let (mode, words) = match (on, self.constants.armed_mode) {
+        let (mode, message) = match (on, self.constants.armed_mode) {
             (false, _) => (Mode::Shadow, "shadow: commands pass unchanged"),
             (true, Some(mode)) => (mode, "armed: corrections are applied"),
             (true, None) => {
-                let words = "this cell is configured for shadow mode: set mode = \"limited\" or \"full\" \
+                let message = "this cell is configured for shadow mode: set mode = \"limited\" or \"full\" \
                              in its configuration and restart the daemon, or mode_max, and ask for a mode; \
                              an instrument whose readings jumped is used again in any case";
-                return (Answer::Refused, words.to_owned());
+                return (Answer::Refused, message.to_owned());
             }
         };
         self.set_mode(exchange, mode);
-        (Answer::Done, words.to_owned())
+        (Answer::Done, message.to_owned())
     }
 
     fn reload(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
@@ -307,17 +307,17 @@ impl RequestHandler<'_> {
             Ok(next) => next,
             Err(fault) => return (Answer::Refused, shortened(&fault)),
         };
-        let asked = admission::ReloadRequest {
+        let reload = admission::ReloadRequest {
             other_robot: request.other_robot != 0,
             in_shadow: exchange.mode() == Mode::Shadow,
         };
-        if let Some(words) = admission::refusal(self.model, &next, &exchange.positions, asked) {
-            return (Answer::Refused, words);
+        if let Some(reason) = admission::refusal(self.model, &next, &exchange.positions, reload) {
+            return (Answer::Refused, reason);
         }
         if !self.hand_over(exchange, &next) {
             return (Answer::Failed, "the cycle did not take over the model in time".to_owned());
         }
-        let words = format!("{} loaded from {}", next.file.name, path.display());
+        let message = format!("{} loaded from {}", next.file.name, path.display());
         log_model(&next, self.constants.lead.is_some());
         let header = recorder::header("", &next, *self.model_epoch, String::new());
         exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
@@ -325,7 +325,7 @@ impl RequestHandler<'_> {
         self.process.set_model(&next);
         *self.age = ModelAgeing::default();
         (*self.model_path, *self.model) = (path, next);
-        (Answer::Done, shortened(&words))
+        (Answer::Done, shortened(&message))
     }
 
     /// Activates the model between two cycles and waits until the cycle has it.
@@ -357,8 +357,8 @@ fn request_recorder(exchange: &Exchange, code: u32) -> (Answer, String) {
         return (Answer::Malformed, format!("unknown recorder request {code}"));
     };
     if !exchange.has_recorder() {
-        let words = "this cell has no recorder; add a table [recorder] to its configuration";
-        return (Answer::Refused, words.to_owned());
+        let message = "this cell has no recorder; add a table [recorder] to its configuration";
+        return (Answer::Refused, message.to_owned());
     }
     // Discards late answers of a slow recorder.
     while exchange.recorder_answers.pop().is_some() {}
@@ -371,11 +371,11 @@ fn request_recorder(exchange: &Exchange, code: u32) -> (Answer, String) {
         std::thread::sleep(Duration::from_millis(1));
     }
     // After the timeout the request is withdrawn.
-    let words = match exchange.recorder_requests.pop() {
+    let message = match exchange.recorder_requests.pop() {
         Some(_) => "the recorder does not respond; check its disk. Nothing was done",
         None => "the recorder is slow and still working; see `trued status`",
     };
-    (Answer::Failed, words.to_owned())
+    (Answer::Failed, message.to_owned())
 }
 
 /// Frees models returned by the cycle, in this thread, where freeing may take time.
@@ -384,6 +384,6 @@ fn free_retired(exchange: &Exchange) {
 }
 
 /// Shortens a message to the length of an answer: its first lines.
-fn shortened(words: &str) -> String {
-    words.chars().take(admission::MESSAGE_BYTES_MAX).collect()
+fn shortened(message: &str) -> String {
+    message.chars().take(admission::MESSAGE_BYTES_MAX).collect()
 }

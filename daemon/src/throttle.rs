@@ -41,25 +41,25 @@ impl CountThrottle {
 /// Rate limit of messages: a burst, then one per interval.
 #[derive(Clone, Copy, Debug)]
 pub struct MessageBudget {
-    most: u32,
+    capacity: u32,
     every_ns: u64,
     left: u32,
     refilled_ns: u64,
 }
 
 impl MessageBudget {
-    /// `most` messages at once, and one more per `every_ns`.
+    /// `capacity` messages at once, and one more per `every_ns`.
     #[must_use]
-    pub fn new(most: u32, every_ns: u64) -> Self {
-        Self { most, every_ns, left: most, refilled_ns: 0 }
+    pub fn new(capacity: u32, every_ns: u64) -> Self {
+        Self { capacity, every_ns, left: capacity, refilled_ns: 0 }
     }
 
     /// Takes one message from the budget, if available.
     pub fn take(&mut self, now_ns: u64) -> bool {
-        let more = now_ns.saturating_sub(self.refilled_ns) / self.every_ns.max(1);
-        if more > 0 {
-            let room = u64::from(self.most - self.left);
-            self.left += more.min(room) as u32;
+        let refill = now_ns.saturating_sub(self.refilled_ns) / self.every_ns.max(1);
+        if refill > 0 {
+            let room = u64::from(self.capacity - self.left);
+            self.left += refill.min(room) as u32;
             self.refilled_ns = now_ns;
         }
         let has_one = self.left > 0;

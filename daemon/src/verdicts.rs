@@ -9,12 +9,12 @@ use spectrum::{Fault, Faults, Health, NearestLine};
 /// stream.
 #[must_use]
 pub fn verdict(verdict: &spectrum::Verdict, health: &Health, seq: u64) -> Verdict {
-    let at = |line: Option<NearestLine>| {
+    let distances_to = |line: Option<NearestLine>| {
         line.map_or((f64::NAN, f64::NAN), |line| (line.frequency_hz, line.distance_hz))
     };
-    let (nearest_mode_hz, mode_distance_hz) = at(verdict.mode);
-    let (nearest_harmonic_hz, harmonic_distance_hz) = at(verdict.harmonic);
-    let (nearest_alias_hz, alias_distance_hz) = at(verdict.alias);
+    let (nearest_mode_hz, mode_distance_hz) = distances_to(verdict.mode);
+    let (nearest_harmonic_hz, harmonic_distance_hz) = distances_to(verdict.harmonic);
+    let (nearest_alias_hz, alias_distance_hz) = distances_to(verdict.alias);
     let rivals = verdict.alternatives.iter().fold(0, |bits, rival| bits | 1 << class(rival).code());
     let channel = verdict.axis.channel();
     let advice = AdviceFields::new(&verdict.advice);
@@ -125,28 +125,29 @@ mod tests {
     #[test]
     fn states_and_classes_have_the_same_names_on_both_sides() {
         use spectrum::State;
-        for said in [State::Warn, State::Alarm, State::Confirmed, State::Over] {
-            assert_eq!(said.name(), state(said).name());
+        for known in [State::Warn, State::Alarm, State::Confirmed, State::Over] {
+            assert_eq!(known.name(), state(known).name());
         }
-        for said in spectrum::Class::ALL {
-            assert_eq!(said.name(), class(said).name());
+        for known in spectrum::Class::ALL {
+            assert_eq!(known.name(), class(known).name());
         }
         // The schema uses the plural, for compatibility.
         let spoken = |fault: Fault| if fault == Fault::Gap { "gaps" } else { fault.name() };
-        for said in Fault::ALL {
-            assert_eq!(spoken(said), fault(said).name());
+        for known in Fault::ALL {
+            assert_eq!(spoken(known), fault(known).name());
         }
     }
 
     #[test]
     fn the_values_of_an_advice_are_in_the_message() {
-        let said = |advice| {
-            let told = spectrum::Verdict { advice, ..spectrum::Verdict::default() };
-            verdict(&told, &Health::default(), 1)
+        let with_advice = |advice| {
+            let source = spectrum::Verdict { advice, ..spectrum::Verdict::default() };
+            verdict(&source, &Health::default(), 1)
         };
-        let pocket = said(spectrum::Advice::StabilityPocket { spindle_rpm: 9000.0, lobe: 3 });
+        let pocket =
+            with_advice(spectrum::Advice::StabilityPocket { spindle_rpm: 9000.0, lobe: 3 });
         assert_eq!((pocket.advice_rpm, pocket.advice_lobe), (9000.0, 3));
-        let gear = said(spectrum::Advice::CheckGear { joint: 5, shaft: 2 });
+        let gear = with_advice(spectrum::Advice::CheckGear { joint: 5, shaft: 2 });
         assert_eq!((gear.gear_joint, gear.gear_shaft), (5, 2));
     }
 }

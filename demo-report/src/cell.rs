@@ -54,7 +54,7 @@ pub fn run_cell(
     provenance: Provenance,
     stop: &AtomicBool,
 ) -> Result<(), Error> {
-    let heard = read_instructions();
+    let instructions = read_instructions();
     let mut loop_ = CellLoop::join(name, scene)?;
     loop_.mill(scene, &scene.path, stop)?;
     loop_.drain_verdicts();
@@ -66,7 +66,7 @@ pub fn run_cell(
     print_line("measured")?;
     let first = loop_.renew_log(scene)?;
     loop_.client.start_anew();
-    let (told, swap) = loop_.wait_for_diagnosis(scene, &heard, stop)?;
+    let (outcome, swap) = loop_.wait_for_diagnosis(scene, &instructions, stop)?;
     let (mut again, mut second) = (None, None);
     if let Some(swap) = swap {
         let stood = loop_.renew_log(scene)?;
@@ -77,7 +77,7 @@ pub fn run_cell(
         again = Some(RepeatRun { error_mm: loop_.log.error_mm(0), counts, swap });
         second = Some(loop_.log);
     }
-    let report = Report::new(milled, told, again);
+    let report = Report::new(milled, outcome, again);
     let page = page::render(scene, &report, &first, second.as_ref());
     write_files([(out.join(PAGE), page.provenance(provenance).render().into_bytes())])?;
     print_line(&format!("again {}", json(&again)?))
@@ -99,12 +99,12 @@ fn write_files(
 
 /// Lines from standard input, read by another thread.
 fn read_instructions() -> Receiver<String> {
-    let (say, heard) = channel();
+    let (say, instructions) = channel();
     std::thread::spawn(move || {
         // If the receiver is gone, the loop has ended.
         std::io::stdin().lock().lines().map_while(Result::ok).try_for_each(|line| say.send(line))
     });
-    heard
+    instructions
 }
 
 fn json(value: &impl serde::Serialize) -> Result<String, Error> {
@@ -164,7 +164,7 @@ impl CellLoop {
     fn wait_for_diagnosis(
         &mut self,
         scene: &Scene,
-        heard: &Receiver<String>,
+        instructions: &Receiver<String>,
         stop: &AtomicBool,
     ) -> Result<(DiagnosisOutcome, Option<ModelChange>), Error> {
         let mut standing = Standstill::default();
@@ -176,8 +176,8 @@ impl CellLoop {
                 let missed_before = self.log.missed;
                 self.tick_at(scene, k);
                 let missed = self.log.missed > missed_before;
-                standing.count_tick(self.client.newest().map(|said| said.model_epoch), missed);
-                if let Some(done) = standing.poll_instruction(heard)? {
+                standing.count_tick(self.client.newest().map(|answer| answer.model_epoch), missed);
+                if let Some(done) = standing.poll_instruction(instructions)? {
                     return Ok(done);
                 }
             }

@@ -54,20 +54,21 @@ pub(crate) fn run(
         says.extend(lines);
     }
     let verdict = found.diagnosis.as_ref().map_or(Verdict::Undetermined, |d| d.verdict);
-    let claims = verdict == Verdict::MissingPhysics;
-    let swapped = claims && load_model(cell, &folder.join(MODEL), tell)?;
+    let is_claimed = verdict == Verdict::MissingPhysics;
+    let swapped = is_claimed && load_model(cell, &folder.join(MODEL), tell)?;
     let hidden = effect_name(scene.hidden.effect.spec().kind, scene.hidden.effect.joint());
-    let first = found.diagnosis.as_ref().and_then(|d| d.findings.first()).filter(|_| claims);
+    let first = found.diagnosis.as_ref().and_then(|d| d.findings.first()).filter(|_| is_claimed);
     let said = first.map(|one| effect_name(one.effect.spec().kind, one.effect.joint()));
     let named_right = first.is_some_and(|one| {
-        let alike = one.alternatives.iter().filter(|(rival, _)| rival.is_indistinguishable);
-        let rivals = alike.map(|(rival, _)| &rival.effect);
+        let indistinguishable =
+            one.alternatives.iter().filter(|(rival, _)| rival.is_indistinguishable);
+        let rivals = indistinguishable.map(|(rival, _)| &rival.effect);
         said.as_ref().is_some_and(|said| are_equivalent(said, &hidden))
             || rivals
                 .map(|r| effect_name(r.spec().kind, r.joint()))
                 .any(|rival| are_equivalent(&rival, &hidden))
     });
-    let told = DiagnosisOutcome {
+    let outcome = DiagnosisOutcome {
         truth: truth_sentence(scene),
         hidden_effect: hidden,
         said,
@@ -77,7 +78,7 @@ pub(crate) fn run(
         says,
         diagnosis_s,
     };
-    Ok((told, swapped))
+    Ok((outcome, swapped))
 }
 
 /// The diagnosis of the measuring program's recording with the daemon's model.
@@ -121,12 +122,12 @@ fn load_model(cell: &str, model: &Path, tell: &mut EventSink<'_>) -> Result<bool
 
 /// Whether two names are equivalent (docs/reference/effects.md, "What may answer for what"): sag
 /// counts as gravity compliance.
-fn are_equivalent(said: &EffectName, hidden: &EffectName) -> bool {
+fn are_equivalent(reported: &EffectName, hidden: &EffectName) -> bool {
     let family = |named: &EffectName| match named.effect.as_str() {
         "gravity_sag" => "gravity_compliance".to_owned(),
         name => name.to_owned(),
     };
-    said.joint == hidden.joint && family(said) == family(hidden)
+    reported.joint == hidden.joint && family(reported) == family(hidden)
 }
 
 fn effect_name(kind: &str, joint: Option<usize>) -> EffectName {

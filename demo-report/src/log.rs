@@ -92,7 +92,7 @@ impl CellLog {
     /// The evaluation, from the moment the robot started moving.
     pub(crate) fn milled(&self, scene: &Scene, rejected: u64) -> MillingResult {
         let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
-        let at = |quantile| self.latency.value_at_quantile(quantile);
+        let quantile = |share| self.latency.value_at_quantile(share);
         MillingResult {
             seed: scene.seed,
             quick: scene.quick,
@@ -105,9 +105,9 @@ impl CellLog {
             vibration: self.events.clone(),
             ringing: self.ringing(scene),
             latency_ns: Latency {
-                p50: at(0.5),
-                p99: at(0.99),
-                p999: at(0.999),
+                p50: quantile(0.5),
+                p99: quantile(0.99),
+                p999: quantile(0.999),
                 max: self.latency.max(),
             },
         }
@@ -174,10 +174,10 @@ pub(crate) fn keeps_invariants(
     arm.joints().iter().enumerate().all(|(i, joint)| {
         let (q, correction) = (published[i], published[i] - command[i]);
         let in_limits = q >= joint.limits.0 && q <= joint.limits.1;
-        let near = correction.abs() <= bounds.angle[i] + rounding;
-        let slow = before.is_none_or(|(before, elapsed_s)| {
+        let is_bounded = correction.abs() <= bounds.angle[i] + rounding;
+        let is_slow = before.is_none_or(|(before, elapsed_s)| {
             (correction - before[i]).abs() <= bounds.rate[i] * elapsed_s + rounding
         });
-        q.is_finite() && in_limits && near && slow
+        q.is_finite() && in_limits && is_bounded && is_slow
     })
 }

@@ -37,16 +37,16 @@ pub(crate) fn measuring_recording(scene: &Scene) -> Recording {
     }
     recording.set(Channel::Ambient, rows.iter().map(|row| row.ambient_celsius).collect());
     for (number, reflector) in REFLECTORS_TOOL.iter().enumerate() {
-        let seen = places.iter().enumerate().map(|(row, place)| {
+        let positions = places.iter().enumerate().map(|(row, place)| {
             let stream = (row * REFLECTORS_TOOL.len() + number) as u32;
             let mut noise = normals(scene.seed, Purpose::Tracker, stream);
             place.point(*reflector) + DVec3::new(noise(), noise(), noise()) * TRACKER_M
         });
-        let seen: Vec<DVec3> = seen.collect();
+        let positions: Vec<DVec3> = positions.collect();
         for axis in 0..3 {
             let channel = Channel::Target(number, axis);
             recording.metadata.sigma.insert(channel, TRACKER_M);
-            recording.set(channel, seen.iter().map(|seen| seen[axis]).collect());
+            recording.set(channel, positions.iter().map(|position| position[axis]).collect());
         }
     }
     recording

@@ -178,8 +178,8 @@ impl ErrorStatistics {
             return Self { mean: 0.0, p95: 0.0, max: 0.0 };
         };
         let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
-        let at = (0.95 * (sorted.len() - 1) as f64).ceil() as usize;
-        Self { mean, p95: sorted[at], max }
+        let index = (0.95 * (sorted.len() - 1) as f64).ceil() as usize;
+        Self { mean, p95: sorted[index], max }
     }
 }
 

@@ -20,7 +20,7 @@ pub(crate) fn render(
     Page::new("Accuracy with and without correction")
         .kicker("trued demo: a simulated cell")
         .robot(format!("{}, simulated", milled.robot))
-        .verdict(tone(report), word(report), &sentence(scene, report))
+        .verdict(tone(report), verdict_label(report), &sentence(scene, report))
         .numbers(numbers(report))
         .figure(
             "Distance of the true tool centre point from the commanded path, both measured on the true robot.",
@@ -56,7 +56,7 @@ fn tone(report: &Report) -> Tone {
     if report.diagnosis.named_right { Tone::Good } else { Tone::Caution }
 }
 
-fn word(report: &Report) -> &'static str {
+fn verdict_label(report: &Report) -> &'static str {
     if report.diagnosis.named_right {
         "corrected, hidden effect identified"
     } else {
@@ -156,11 +156,11 @@ fn latency(log: &CellLog) -> Histogram {
 
 fn force(scene: &Scene, log: &CellLog) -> Plot {
     let from_s = log.ringing_from_s.unwrap_or(0.0) - 0.5;
-    let seen = || log.rows.iter().filter(move |row| row.t_s >= from_s && row.t_s <= from_s + 1.5);
+    let rows = || log.rows.iter().filter(move |row| row.t_s >= from_s && row.t_s <= from_s + 1.5);
     let mut plot = Plot::new("Force", Axis::new("Time", "s"), Axis::new("Force", "N"));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         plot =
-            plot.series(Series::line(name, seen().map(move |row| (row.t_s, row.force_tool[axis]))));
+            plot.series(Series::line(name, rows().map(move |row| (row.t_s, row.force_tool[axis]))));
     }
     if let Some(from_s) = log.ringing_from_s {
         plot = plot.mark_x(from_s, "rings");

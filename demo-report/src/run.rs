@@ -105,10 +105,10 @@ impl<'s> Demo<'s> {
         tell(Event::Text(text::milled(&milled, *width)))?;
         tell(Event::Text(text::measurement(scene)))?;
         lines.wait_for_line("measured", &mut |_| Ok(()))?;
-        let (told, swapped) = diagnosis::run(self, &name, tell)?;
+        let (outcome, swapped) = diagnosis::run(self, &name, tell)?;
         let go_on = if swapped { "again" } else { "end" };
-        let told_json = serde_json::to_string(&told).map_err(Error::system)?;
-        cell.write_line(&format!("{go_on} {told_json}")).map_err(Error::system)?;
+        let outcome_json = serde_json::to_string(&outcome).map_err(Error::system)?;
+        cell.write_line(&format!("{go_on} {outcome_json}")).map_err(Error::system)?;
         let steps = scene.work.samples.len() as u64;
         tell(Event::Begins { what: "milling again", steps })?;
         let again: Option<RepeatRun> = from_json(&lines.wait_for_line("again ", tell)?)?;
@@ -116,7 +116,7 @@ impl<'s> Demo<'s> {
         finish(&mut cell, "the cell")?;
         daemon.terminate();
         check(stop)?;
-        let report = Report::new(milled, told, again);
+        let report = Report::new(milled, outcome, again);
         tell(Event::Text(text::summary(&report, out, *width)))?;
         Ok(report)
     }

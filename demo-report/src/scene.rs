@@ -179,12 +179,12 @@ fn model_without_hidden(model: &RobotModel, hidden: &HiddenEffect) -> String {
         .iter()
         .zip(&hidden.kept)
         .filter(|(_, kept)| !**kept)
-        .map(|(at, _)| *at)
+        .map(|(index, _)| *index)
         .collect();
-    let mut at = 0;
+    let mut count = 0;
     file.effects.retain(|_| {
-        at += 1;
-        !lacks.contains(&(at - 1))
+        count += 1;
+        !lacks.contains(&(count - 1))
     });
     file.to_toml()
 }

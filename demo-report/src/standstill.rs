@@ -18,7 +18,7 @@ pub(crate) struct Standstill {
     missed: Vec<u64>,
     epoch: Option<u64>,
     changed_at: Option<u64>,
-    told: Option<(bool, DiagnosisOutcome)>,
+    instruction: Option<(bool, DiagnosisOutcome)>,
 }
 
 impl Standstill {
@@ -43,36 +43,39 @@ impl Standstill {
     /// The parent is gone, or sent something outside this protocol.
     pub(crate) fn poll_instruction(
         &mut self,
-        heard: &Receiver<String>,
+        instructions: &Receiver<String>,
     ) -> Result<Option<(DiagnosisOutcome, Option<ModelChange>)>, Error> {
-        match heard.try_recv() {
-            Ok(line) => self.told = Some(parse_instruction(&line)?),
+        match instructions.try_recv() {
+            Ok(line) => self.instruction = Some(parse_instruction(&line)?),
             Err(TryRecvError::Empty) => {}
             Err(TryRecvError::Disconnected) => return Err(Error::Interrupted),
         }
-        Ok(match (&self.told, self.changed_at) {
-            (Some((false, told)), _) => Some((told.clone(), None)),
-            (Some((true, told)), Some(at)) if self.ticks >= at + CHANGE_WINDOW_TICKS => {
-                Some((told.clone(), Some(self.model_change(at))))
+        Ok(match (&self.instruction, self.changed_at) {
+            (Some((false, outcome)), _) => Some((outcome.clone(), None)),
+            (Some((true, outcome)), Some(changed_at))
+                if self.ticks >= changed_at + CHANGE_WINDOW_TICKS =>
+            {
+                Some((outcome.clone(), Some(self.model_change(changed_at))))
             }
             _ => None,
         })
     }
 
-    fn model_change(&self, at: u64) -> ModelChange {
-        let about = self.missed.iter().filter(|tick| tick.abs_diff(at) <= CHANGE_WINDOW_TICKS);
+    fn model_change(&self, changed_at: u64) -> ModelChange {
+        let about =
+            self.missed.iter().filter(|tick| tick.abs_diff(changed_at) <= CHANGE_WINDOW_TICKS);
         let missed_about = about.count() as u64;
         ModelChange { cycles: self.ticks, missed: self.missed.len() as u64, missed_about }
     }
 }
 
 fn parse_instruction(line: &str) -> Result<(bool, DiagnosisOutcome), Error> {
-    let (again, told) = match (line.strip_prefix("again "), line.strip_prefix("end ")) {
-        (Some(told), _) => (true, told),
-        (None, Some(told)) => (false, told),
+    let (again, outcome) = match (line.strip_prefix("again "), line.strip_prefix("end ")) {
+        (Some(outcome), _) => (true, outcome),
+        (None, Some(outcome)) => (false, outcome),
         _ => return Err(Error::system("the demo's cell received an unknown instruction")),
     };
-    Ok((again, serde_json::from_str(told).map_err(Error::system)?))
+    Ok((again, serde_json::from_str(outcome).map_err(Error::system)?))
 }
 
 #[cfg(test)]
@@ -81,7 +84,7 @@ mod tests {
     use crate::outcome::EffectName;
     use std::sync::mpsc::channel;
 
-    fn told() -> DiagnosisOutcome {
+    fn outcome() -> DiagnosisOutcome {
         DiagnosisOutcome {
             hidden_effect: EffectName { effect: "backlash".to_owned(), joint: Some(3) },
             said: None,
@@ -96,9 +99,9 @@ mod tests {
 
     #[test]
     fn it_continues_half_a_second_after_the_change_and_counts_what_was_late_about_it() {
-        let (say, heard) = channel();
+        let (say, instructions) = channel();
         let mut standing = Standstill::default();
-        say.send(format!("again {}", serde_json::to_string(&told()).expect("plain")))
+        say.send(format!("again {}", serde_json::to_string(&outcome()).expect("plain")))
             .expect("heard");
         let mut went_on = None;
         for tick in 1..=3000_u64 {
@@ -106,7 +109,7 @@ mod tests {
             standing
                 .count_tick(Some(1 + u64::from(tick >= 1200)), [100, 900, 1300].contains(&tick));
             if let Some((_, swap)) =
-                standing.poll_instruction(&heard).expect("in words of the protocol")
+                standing.poll_instruction(&instructions).expect("in words of the protocol")
             {
                 went_on = Some((tick, swap.expect("changed")));
                 break;
@@ -118,13 +121,14 @@ mod tests {
 
     #[test]
     fn where_nothing_is_claimed_it_ends_at_once_and_where_nobody_speaks_it_is_interrupted() {
-        let (say, heard) = channel();
+        let (say, instructions) = channel();
         let mut standing = Standstill::default();
-        assert!(standing.poll_instruction(&heard).expect("silence is no fault").is_none());
-        say.send(format!("end {}", serde_json::to_string(&told()).expect("plain"))).expect("heard");
-        let (_, swap) = standing.poll_instruction(&heard).expect("words").expect("it ends");
+        assert!(standing.poll_instruction(&instructions).expect("silence is no fault").is_none());
+        say.send(format!("end {}", serde_json::to_string(&outcome()).expect("plain")))
+            .expect("heard");
+        let (_, swap) = standing.poll_instruction(&instructions).expect("words").expect("it ends");
         assert!(swap.is_none());
         drop(say);
-        assert!(Standstill::default().poll_instruction(&heard).is_err());
+        assert!(Standstill::default().poll_instruction(&instructions).is_err());
     }
 }

@@ -69,7 +69,7 @@ pub(crate) fn measurement(scene: &Scene) -> Vec<TextLine> {
 
 /// Milling again, the truth, and where everything is.
 pub(crate) fn summary(report: &Report, out: &Path, width: Option<usize>) -> Vec<TextLine> {
-    let (milled, told) = (&report.milled, &report.diagnosis);
+    let (milled, outcome) = (&report.milled, &report.diagnosis);
     let mut lines = Vec::new();
     if let (Some(after), Some(swap)) = (report.tool_error_after_diagnosis_mm, report.swap) {
         lines.push(model_change_text(&swap).into());
@@ -83,9 +83,9 @@ pub(crate) fn summary(report: &Report, out: &Path, width: Option<usize>) -> Vec<
         lines.push(table(rows, width).into());
     }
     lines.extend(head("True effect"));
-    let (truth, moved_mm) = (&told.truth, told.hidden_effect_mm);
+    let (truth, moved_mm) = (&outcome.truth, outcome.hidden_effect_mm);
     lines.push(format!("{truth} It moved the tool by {moved_mm:.3} mm RMS on this path.").into());
-    lines.push(outcome_line(told));
+    lines.push(outcome_line(outcome));
     lines.push(TextLine::from(format!(
         "{} cycles at 1 kHz; {} missed, {} commands rejected, {} invariants broken",
         milled.counts.cycles,
@@ -93,33 +93,33 @@ pub(crate) fn summary(report: &Report, out: &Path, width: Option<usize>) -> Vec<
         milled.counts.rejected_commands,
         milled.counts.invariants_broken
     )));
-    let at = |name: &str| out.join(name).display().to_string();
+    let path_of = |name: &str| out.join(name).display().to_string();
     lines.extend([
         "".into(),
         format!("diagnosis  {}", out.join(FOLDER).join(PAGE).display()).into(),
-        format!("recordings {} and {}", at("recording.csv"), at("measured.csv")).into(),
-        format!("MCAP       {} (recorded by the daemon)", at("blackbox")).into(),
-        format!("page: {}", at(PAGE)).into(),
+        format!("recordings {} and {}", path_of("recording.csv"), path_of("measured.csv")).into(),
+        format!("MCAP       {} (recorded by the daemon)", path_of("blackbox")).into(),
+        format!("page: {}", path_of(PAGE)).into(),
     ]);
     lines
 }
 
 /// Whether the diagnosis named the hidden effect.
-fn outcome_line(told: &DiagnosisOutcome) -> TextLine {
-    let (tone, judged) = match (&told.said, told.named_right) {
+fn outcome_line(outcome: &DiagnosisOutcome) -> TextLine {
+    let (tone, judged) = match (&outcome.said, outcome.named_right) {
         (Some(_), true) => (Tone::Good, "correctly identified".to_owned()),
-        (Some(said), false) => {
-            let whose = said.joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
-            let effect = said.effect.replace('_', " ");
+        (Some(reported), false) => {
+            let whose = reported.joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
+            let effect = reported.effect.replace('_', " ");
             (Tone::Bad, format!("NOT CORRECT: {effect}{whose} was reported"))
         }
         (None, _) => {
-            let verdict = told.verdict.replace('_', " ");
+            let verdict = outcome.verdict.replace('_', " ");
             let why = format!("the verdict was {verdict}, and the model was not changed");
             (Tone::Bad, format!("NOT IDENTIFIED: {why}"))
         }
     };
-    TextLine::with_head(tone, judged, format!(", in {:.1} s", told.diagnosis_s))
+    TextLine::with_head(tone, judged, format!(", in {:.1} s", outcome.diagnosis_s))
 }
 
 /// The effect of the model's replacement, compared with the cycles before it.

@@ -30,15 +30,16 @@ const ADDED: [&str; 4] = [
 
 /// A robot with gear ratio errors and `effects` further effects.
 pub(crate) fn robot_model(joints: usize, effects: usize) -> String {
-    let at = |link: usize, share: f64| LINK_MM.map(|mm| mm * (link as f64 + share));
+    let point = |link: usize, share: f64| LINK_MM.map(|mm| mm * (link as f64 + share));
     let mut text = format!(
         "schema = \"trued.model/1\"\nname = \"{joints} joints, {effects} effects more\"\n\
          [tool]\ntcp_mm = {:?}\nmass_kg = 2.0\ncom_mm = {:?}\n",
-        at(joints, 0.0),
-        at(joints, -0.2)
+        point(joints, 0.0),
+        point(joints, -0.2)
     );
     for joint in 0..joints {
-        let (axis, point, centre) = (AXES[joint % AXES.len()], at(joint, 0.0), at(joint, 0.5));
+        let (axis, point, centre) =
+            (AXES[joint % AXES.len()], point(joint, 0.0), point(joint, 0.5));
         // Writing to a string cannot fail.
         let _ = write!(
             text,

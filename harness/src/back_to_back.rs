@@ -217,8 +217,9 @@ impl BackToBackMeasurement<'_> {
 /// The median of a few trips of one word, ns; zero without atomics.
 fn reference(atomics: Option<&mut Atomics>) -> f64 {
     let Some(atomics) = atomics else { return 0.0 };
-    let mut bare = atomics.bare();
-    let mut trips: Vec<u64> = (0..REFERENCE_TRIPS).filter_map(|_| bare.round_trip(0)).collect();
+    let mut reference = atomics.bare();
+    let mut trips: Vec<u64> =
+        (0..REFERENCE_TRIPS).filter_map(|_| reference.round_trip(0)).collect();
     trips.sort_unstable();
     trips.get(trips.len() / 2).map_or(0.0, |ns| *ns as f64)
 }

@@ -101,9 +101,10 @@ impl ChildGuard {
     fn is_stopped(&self) -> bool {
         let tasks = std::fs::read_dir(format!("/proc/{}/task", self.0.id()));
         let stat = |dir: std::path::PathBuf| std::fs::read_to_string(dir.join("stat"));
-        let stands = |text: String| text.rsplit(')').next().is_some_and(|s| s.starts_with(" T"));
+        let is_stopped =
+            |text: String| text.rsplit(')').next().is_some_and(|s| s.starts_with(" T"));
         tasks.is_ok_and(|mut tasks| {
-            tasks.all(|task| task.is_ok_and(|task| stat(task.path()).is_ok_and(stands)))
+            tasks.all(|task| task.is_ok_and(|task| stat(task.path()).is_ok_and(is_stopped)))
         })
     }
 }

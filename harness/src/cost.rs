@@ -107,9 +107,9 @@ impl CostLine {
         let n = points.len() as f64;
         let mean = |of: fn(&CostPoint) -> f64| points.iter().map(of).sum::<f64>() / n;
         let (x, y) = (mean(|p| p.n as f64), mean(|p| p.cost_us));
-        let off = |p: &CostPoint| (p.n as f64 - x, p.cost_us - y);
+        let deviation = |p: &CostPoint| (p.n as f64 - x, p.cost_us - y);
         let (mut along, mut square) = (0.0, 0.0);
-        for (dx, dy) in points.iter().map(off) {
+        for (dx, dy) in points.iter().map(deviation) {
             along += dx * dy;
             square += dx * dx;
         }
@@ -273,7 +273,7 @@ fn processor_ns(pid: u32) -> Result<u64, BenchError> {
     for task in tasks.flatten() {
         let path = task.path().join("schedstat");
         let text = std::fs::read_to_string(&path).map_err(|e| unread(&path, e))?;
-        let first = text.split_whitespace().next().and_then(|word| word.parse::<u64>().ok());
+        let first = text.split_whitespace().next().and_then(|field| field.parse::<u64>().ok());
         sum_ns += first.unwrap_or(0);
     }
     Ok(sum_ns)

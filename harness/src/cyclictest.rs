@@ -80,8 +80,8 @@ mod tests {
 
     #[test]
     fn anything_else_is_no_figure() {
-        for said in ["", "T: 0", "000001 x\n", "# Max Latencies: 1\n# Histogram Overflows: 0\n"] {
-            assert!(parse(said).is_none(), "{said}");
+        for output in ["", "T: 0", "000001 x\n", "# Max Latencies: 1\n# Histogram Overflows: 0\n"] {
+            assert!(parse(output).is_none(), "{output}");
         }
     }
 }

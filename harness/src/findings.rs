@@ -120,9 +120,9 @@ impl Findings {
     #[must_use]
     pub fn missed_cycles(&self) -> u64 {
         let strict = || self.settings.iter().filter(|s| s.policy == self.machine.scheduling);
-        let lowest = strict().flat_map(|s| &s.paced).map(|at| at.rate_hz).min();
-        let counted = strict().flat_map(|s| &s.paced).filter(|at| Some(at.rate_hz) == lowest);
-        counted.map(|at| at.paced.missed).sum()
+        let lowest = strict().flat_map(|s| &s.paced).map(|run| run.rate_hz).min();
+        let counted = strict().flat_map(|s| &s.paced).filter(|run| Some(run.rate_hz) == lowest);
+        counted.map(|run| run.paced.missed).sum()
     }
 
     /// The object of the schema `trued.bench/1`.
@@ -152,7 +152,7 @@ impl Findings {
     /// Time in the daemon: back-to-back if measured, otherwise at a rate.
     fn correction(&self) -> Option<Quantiles> {
         let flat = self.settings.iter().filter_map(|s| s.flat.as_ref()).map(|f| &f.correction);
-        let paced = self.settings.iter().flat_map(|s| &s.paced).map(|at| &at.paced.correction);
+        let paced = self.settings.iter().flat_map(|s| &s.paced).map(|run| &run.paced.correction);
         flat.chain(paced).find(|counted| counted.count() > 0).map(Latencies::quantiles)
     }
 }
@@ -282,11 +282,11 @@ fn back_to_back_report(flat: &BackToBack) -> BackToBackReport {
     }
 }
 
-fn paced_report(at: &PacedAtRate) -> PacedReport<'_> {
-    let paced = &at.paced;
+fn paced_report(run: &PacedAtRate) -> PacedReport<'_> {
+    let paced = &run.paced;
     PacedReport {
-        wait: at.wait,
-        rate_hz: at.rate_hz,
+        wait: run.wait,
+        rate_hz: run.rate_hz,
         cycles: paced.cycles,
         scheduled_ns: paced.scheduled.quantiles(),
         actual_ns: paced.actual.quantiles(),

@@ -74,8 +74,8 @@ pub(crate) const ARGUMENT_SEPARATOR: &str = "\t";
 /// # Errors
 /// An error of the part.
 pub fn part(text: &str) -> Result<(), BenchError> {
-    let words: Vec<&str> = text.split(ARGUMENT_SEPARATOR).collect();
-    match words.split_first() {
+    let arguments: Vec<&str> = text.split(ARGUMENT_SEPARATOR).collect();
+    match arguments.split_first() {
         Some((&"echo", arguments)) => peers::echo::run_echo(arguments),
         Some((&"load", arguments)) => load::run_loads(arguments),
         _ => Err(BenchError::part("unknown", "unknown part")),

@@ -88,9 +88,9 @@ fn check_round_trips(flat: &BackToBack) -> Vec<LimitCheck> {
     let parted = flat.sorter.threshold_ns.is_some();
     for (name, placed, unix_bar) in placements {
         let name = if parted { name } else { "one placement" };
-        let of = |kind: Transport, least: u64| {
+        let of = |kind: Transport, count_min: u64| {
             let found = flat.counted.get(kind.index()).map(placed);
-            found.filter(|latencies| latencies.count() >= least)
+            found.filter(|latencies| latencies.count() >= count_min)
         };
         let mut median = |other: Transport, what: &str, bar: f64| {
             let both = of(Transport::Trued, TRIPS_MIN).zip(of(other, TRIPS_MIN));
@@ -119,15 +119,15 @@ fn check_round_trips(flat: &BackToBack) -> Vec<LimitCheck> {
 }
 
 fn check_missed(setting: &Setting) -> Vec<LimitCheck> {
-    let at_rate = setting.paced.iter().filter(|at| at.rate_hz == RATE_HZ);
-    let judged = at_rate.map(|at| {
+    let at_rate = setting.paced.iter().filter(|run| run.rate_hz == RATE_HZ);
+    let judged = at_rate.map(|run| {
         let what = format!(
             "cycles missed at {RATE_HZ} Hz beyond the empty cycle's, of {}, {}, daemon by {}",
-            at.paced.cycles,
+            run.paced.cycles,
             setting.load_name(),
-            at.wait.name()
+            run.wait.name()
         );
-        LimitCheck::new(what, at.paced.missed_beyond_empty as f64, 0.0, "")
+        LimitCheck::new(what, run.paced.missed_beyond_empty as f64, 0.0, "")
     });
     judged.collect()
 }
@@ -168,10 +168,10 @@ mod tests {
     fn near_is_compared_with_near_and_far_with_far() {
         let judged = check_round_trips(&flat(20_000));
         assert_eq!(judged.len(), 6);
-        let said = |what: &str| judged.iter().find(|j| j.what.contains(what)).expect("judged");
-        assert!(!said("plain iceoryx2, near").ok && said("plain iceoryx2, far").ok);
-        assert!(said("Unix datagram, near").ok && !said("Unix datagram, far").ok);
-        assert!((said("atomics with a copy, near").measured - 1.0).abs() < 1e-9);
+        let check = |what: &str| judged.iter().find(|j| j.what.contains(what)).expect("judged");
+        assert!(!check("plain iceoryx2, near").ok && check("plain iceoryx2, far").ok);
+        assert!(check("Unix datagram, near").ok && !check("Unix datagram, far").ok);
+        assert!((check("atomics with a copy, near").measured - 1.0).abs() < 1e-9);
     }
 
     #[test]

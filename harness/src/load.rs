@@ -38,10 +38,10 @@ pub(crate) fn start(
         return Ok(None);
     }
     let names: Vec<_> = loads.iter().map(|load| load.name()).collect();
-    let words =
+    let arguments =
         ["load", &plan.scratch.to_string_lossy(), &names.join(",")].join(ARGUMENT_SEPARATOR);
     let failed = |e: std::io::Error| BenchError::part("load", e.to_string());
-    Ok(Some(ChildGuard::spawn_piped(programs.part(&words).map_err(failed)?).map_err(failed)?))
+    Ok(Some(ChildGuard::spawn_piped(programs.part(&arguments).map_err(failed)?).map_err(failed)?))
 }
 
 /// Checks that a load is still running.
@@ -97,14 +97,14 @@ fn memory() -> ! {
 }
 
 fn cache() -> ! {
-    let mut words = vec![0_u64; CACHE_WORDS];
-    let mut at = 0;
+    let mut buffer = vec![0_u64; CACHE_WORDS];
+    let mut index = 0;
     loop {
         for _ in 0..CACHE_WORDS {
-            at = (at + STRIDE_WORDS) % CACHE_WORDS;
-            words[at] = words[at].wrapping_add(1);
+            index = (index + STRIDE_WORDS) % CACHE_WORDS;
+            buffer[index] = buffer[index].wrapping_add(1);
         }
-        black_box(&words);
+        black_box(&buffer);
     }
 }
 

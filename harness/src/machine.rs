@@ -82,7 +82,7 @@ impl Machine {
 
     fn meaning(&self) -> Vec<String> {
         let mut means = Vec::new();
-        let mut say = |words: &str| means.push(words.to_owned());
+        let mut say = |text: &str| means.push(text.to_owned());
         if self.is_virtual {
             say(
                 "Virtual machine: the host preempts and moves its cores, so quantiles from 99.9 % and the maximum depend on the host. \

@@ -156,9 +156,9 @@ pub(crate) fn ready(mut daemon: ChildGuard) -> Result<ChildGuard, BenchError> {
         drain(&mut daemon);
         return Ok(daemon);
     }
-    let mut said = String::new();
-    if let Some(mut words) = daemon.0.stderr.take() {
-        let _ = words.read_to_string(&mut said);
+    let mut log = String::new();
+    if let Some(mut stderr) = daemon.0.stderr.take() {
+        let _ = stderr.read_to_string(&mut log);
     }
     let since = Instant::now();
     while daemon.try_exit_status().is_none() && since.elapsed() < Duration::from_secs(1) {
@@ -166,13 +166,13 @@ pub(crate) fn ready(mut daemon: ChildGuard) -> Result<ChildGuard, BenchError> {
     }
     let status =
         daemon.try_exit_status().map_or_else(|| "still there".into(), |status| status.to_string());
-    Err(BenchError::Daemon { status, said: said.trim().to_owned() })
+    Err(BenchError::Daemon { status, said: log.trim().to_owned() })
 }
 
 /// Reads and discards its log: a full pipe would block it.
 fn drain(daemon: &mut ChildGuard) {
-    if let Some(mut words) = daemon.0.stderr.take() {
-        std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
+    if let Some(mut stderr) = daemon.0.stderr.take() {
+        std::thread::spawn(move || std::io::copy(&mut stderr, &mut std::io::sink()));
     }
 }
 

@@ -75,7 +75,9 @@ fn wait(over: &AtomicBool) -> bool {
 }
 
 fn swap(monitor: &mut Monitor, path: &std::path::Path) -> bool {
-    monitor.reload(Some(path), ANSWER_WITHIN).is_ok_and(|said| said.answer() == Ok(Answer::Done))
+    monitor
+        .reload(Some(path), ANSWER_WITHIN)
+        .is_ok_and(|response| response.answer() == Ok(Answer::Done))
 }
 
 /// Steps of the correction from answer to answer.
@@ -120,16 +122,16 @@ mod tests {
             jump: 0.0,
             epochs: 0,
         };
-        let at = |ms: u64, correction: f64, model_epoch: u64| {
+        let answer_at = |ms: u64, correction: f64, model_epoch: u64| {
             let mut answer = Corrected { joints: 6, model_epoch, ..Corrected::default() };
             (answer.made_ns, answer.t_ns) = (ms * 1_000_000, ms * 1_000_000);
             (answer.correction[2], answer.wanted[2]) = (correction, correction);
             answer
         };
-        steps.add(&at(0, 0.0, 1));
-        steps.add(&at(1, 4e-5, 1));
+        steps.add(&answer_at(0, 0.0, 1));
+        steps.add(&answer_at(1, 4e-5, 1));
         assert!(steps.worst > 0.75 && steps.worst < 1.0, "{}", steps.worst);
-        steps.add(&at(2, 4e-4, 2));
+        steps.add(&answer_at(2, 4e-4, 2));
         assert!(steps.worst > 7.0 && steps.epochs == 1 && steps.jump > 3e-4);
     }
 }

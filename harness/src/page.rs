@@ -70,11 +70,11 @@ fn curves(flat: &BackToBack) -> Svg {
 }
 
 fn paced(setting: &Setting) -> Svg {
-    let plot = setting.paced.iter().fold(axes("Round trips at a rate"), |plot, at| {
-        let name = format!("{} Hz, daemon by {}", at.rate_hz, at.wait.name());
-        plot.series(Series::line(name, at.paced.scheduled.curve()))
+    let plot = setting.paced.iter().fold(axes("Round trips at a rate"), |plot, run| {
+        let name = format!("{} Hz, daemon by {}", run.rate_hz, run.wait.name());
+        plot.series(Series::line(name, run.paced.scheduled.curve()))
     });
-    let empty = setting.paced.first().map(|at| at.paced.empty.curve()).unwrap_or_default();
+    let empty = setting.paced.first().map(|run| run.paced.empty.curve()).unwrap_or_default();
     plot.series(Series::line("empty cycle", empty).role(Role::Before)).render()
 }
 
@@ -83,7 +83,7 @@ fn paced(setting: &Setting) -> Svg {
 pub fn render(findings: &Findings) -> Page {
     let machine = &findings.machine;
     let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
-    let (tone, word) = match (findings.judged.len(), missed) {
+    let (tone, label) = match (findings.judged.len(), missed) {
         (0, _) => (Tone::Plain, "measured, no limits requested".to_owned()),
         (_, 0) => (Tone::Good, "all limits met".to_owned()),
         (all, missed) => (Tone::Bad, format!("{missed} of {all} limits missed")),
@@ -95,7 +95,7 @@ pub fn render(findings: &Findings) -> Page {
                 format!("trued bench: separate daemon, model {}", model.unwrap_or("unknown"))
             }
         })
-        .verdict(tone, &word, &sentence(findings))
+        .verdict(tone, &label, &sentence(findings))
         .numbers(numbers(findings));
     let mut all = plots(findings);
     // At a rate, from the due time of each command: the latency of a cell.
@@ -140,8 +140,8 @@ pub fn render(findings: &Findings) -> Page {
         page = page.figure(&caption, &plot);
     }
     page = page.section("Figures");
-    for words in tables::tables(findings) {
-        page = page.table(&table(&words));
+    for contents in tables::tables(findings) {
+        page = page.table(&table(&contents));
     }
     page
 }
@@ -180,10 +180,10 @@ fn trued_latency(findings: &Findings) -> Option<(String, Quantiles)> {
         });
         counted.map(|(_, counted)| counted.all.quantiles()).next()
     };
-    let at_rate = paced.map(|at| {
+    let at_rate = paced.map(|run| {
         (
-            format!("at {} Hz, daemon by {}", at.rate_hz, at.wait.name()),
-            at.paced.scheduled.quantiles(),
+            format!("at {} Hz, daemon by {}", run.rate_hz, run.wait.name()),
+            run.paced.scheduled.quantiles(),
         )
     });
     at_rate.or_else(|| Some(("flat out".to_owned(), flat()?))).filter(|(_, q)| q.n > 0)
@@ -213,9 +213,9 @@ fn yes(is: bool) -> String {
     if is { "yes" } else { "no" }.to_owned()
 }
 
-fn table(words: &BenchTable) -> Table {
-    let table = Table::new(words.title.clone(), words.heads.iter().map(String::as_str));
-    words.rows.iter().fold(table, |table, row| {
+fn table(contents: &BenchTable) -> Table {
+    let table = Table::new(contents.title.clone(), contents.heads.iter().map(String::as_str));
+    contents.rows.iter().fold(table, |table, row| {
         table.row(row.iter().map(|cell| report::Cell::from(cell.as_str())))
     })
 }

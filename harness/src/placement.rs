@@ -38,8 +38,9 @@ impl PlacementClassifier {
     pub fn from_references(references_ns: &[f64]) -> Self {
         let mut sorted: Vec<f64> = references_ns.iter().copied().filter(|r| *r > 0.0).collect();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize);
-        let ends = at(OUTLIER_SHARE).zip(at(1.0 - OUTLIER_SHARE));
+        let quantile =
+            |share: f64| sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize);
+        let ends = quantile(OUTLIER_SHARE).zip(quantile(1.0 - OUTLIER_SHARE));
         let parted = ends.filter(|(low, high)| **high > GROUP_RATIO_MIN * **low);
         Self { threshold_ns: parted.map(|(low, high)| (low * high).sqrt()) }
     }

@@ -46,7 +46,7 @@ pub(crate) fn run(
             starts.record(first_ns - since_ns);
         }
         drop(daemon);
-        gone(&mut client, stop)?;
+        wait_for_end(&mut client, stop)?;
         trued = Some(client);
     }
     Ok(starts)
@@ -72,7 +72,7 @@ fn first_corrected(trued: &mut Trued, since_ns: u64, stop: &AtomicBool) -> Resul
 }
 
 /// Waits until the client notices that the daemon has ended.
-fn gone(trued: &mut Trued, stop: &AtomicBool) -> Result<(), BenchError> {
+fn wait_for_end(trued: &mut Trued, stop: &AtomicBool) -> Result<(), BenchError> {
     let since_ns = monotonic_ns();
     while matches!(trued.client.connection(), Connection::Connected { .. }) {
         if monotonic_ns() - since_ns > WITHIN.as_nanos() as u64 {

@@ -120,12 +120,12 @@ fn trips(title: String, flat: &BackToBack) -> BenchTable {
 fn paced(setting: &Setting) -> BenchTable {
     let title = format!("At fixed rates, command to answer, µs ({})", setting.name());
     let mut table = with_quantiles(title, &["rate", "daemon by", "from"]);
-    for at in &setting.paced {
-        let (rate, wait) = (format!("{} Hz", at.rate_hz), at.wait.name());
+    for run in &setting.paced {
+        let (rate, wait) = (format!("{} Hz", run.rate_hz), run.wait.name());
         for (from, counted) in [
-            ("schedule", &at.paced.scheduled),
-            ("sending", &at.paced.actual),
-            ("empty cycle, its wake-up", &at.paced.empty),
+            ("schedule", &run.paced.scheduled),
+            ("sending", &run.paced.actual),
+            ("empty cycle, its wake-up", &run.paced.empty),
         ] {
             table.rows.push(cells(&[&rate, wait, from], &counted.quantiles()));
         }
@@ -143,10 +143,10 @@ fn counts(setting: &Setting) -> BenchTable {
         "empty cycle missed",
         "missed beyond it",
     ];
-    let rows = setting.paced.iter().map(|at| {
-        let p = &at.paced;
+    let rows = setting.paced.iter().map(|run| {
+        let p = &run.paced;
         let numbers = [p.cycles, p.missed, p.unanswered, p.empty_missed, p.missed_beyond_empty];
-        let mut cells = vec![format!("{} Hz", at.rate_hz), at.wait.name().to_owned()];
+        let mut cells = vec![format!("{} Hz", run.rate_hz), run.wait.name().to_owned()];
         cells.extend(numbers.map(|number| number.to_string()));
         cells
     });
@@ -232,8 +232,8 @@ fn costs(cost: &Cost) -> Vec<BenchTable> {
     let table = |(name, what, beside, costs): (&str, String, &str, &CostSeries)| {
         let line = &costs.line;
         let row = |point: &crate::cost::CostPoint| {
-            let off = 100.0 * (point.cost_us / line.at(point.n) - 1.0);
-            let numbers = [format!("{:.2}", point.cost_us), format!("{off:+.1} %")];
+            let deviation = 100.0 * (point.cost_us / line.at(point.n) - 1.0);
+            let numbers = [format!("{:.2}", point.cost_us), format!("{deviation:+.1} %")];
             let mut cells = vec![point.n.to_string()];
             cells.extend(numbers);
             cells.push(point.beside.to_string());

@@ -95,9 +95,9 @@ mod tests {
 
     #[test]
     fn one_core_twice_or_a_core_that_is_not_ours_is_refused() {
-        for asked in [Some([1, 1]), Some([1, 7]), None] {
-            let allowed: &[usize] = if asked.is_some() { &[0, 1] } else { &[3] };
-            assert!(matches!(choose(asked, &[], allowed), Err(BenchError::Cores { .. })));
+        for cores in [Some([1, 1]), Some([1, 7]), None] {
+            let allowed: &[usize] = if cores.is_some() { &[0, 1] } else { &[3] };
+            assert!(matches!(choose(cores, &[], allowed), Err(BenchError::Cores { .. })));
         }
     }
 }

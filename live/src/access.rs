@@ -27,10 +27,10 @@ pub(crate) struct AccessRequest<'a> {
 
 impl Access {
     /// Whether a request may be answered.
-    pub(crate) fn allows(&self, asked: AccessRequest<'_>) -> bool {
-        let Self::Token(token) = self else { return asked.host.is_none_or(is_loopback) };
-        let bearer = asked.authorization.and_then(|header| header.strip_prefix("Bearer "));
-        let query = asked.target.split_once('?').map_or("", |(_, query)| query);
+    pub(crate) fn allows(&self, request: AccessRequest<'_>) -> bool {
+        let Self::Token(token) = self else { return request.host.is_none_or(is_loopback) };
+        let bearer = request.authorization.and_then(|header| header.strip_prefix("Bearer "));
+        let query = request.target.split_once('?').map_or("", |(_, query)| query);
         let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         bearer.is_some_and(|given| is_same(given, token))
             || given.is_some_and(|given| is_same(given, token))
@@ -60,9 +60,9 @@ mod tests {
     #[test]
     fn a_token_opens_by_header_or_address_and_nothing_else_does() {
         let access = Access::Token("secret".to_owned());
-        let asked = |target, authorization| AccessRequest { target, host: None, authorization };
-        assert!(access.allows(asked("/metrics", Some("Bearer secret"))));
-        assert!(access.allows(asked("/?x=1&token=secret", None)));
+        let request = |target, authorization| AccessRequest { target, host: None, authorization };
+        assert!(access.allows(request("/metrics", Some("Bearer secret"))));
+        assert!(access.allows(request("/?x=1&token=secret", None)));
         for (target, header) in [
             ("/", None),
             ("/?token=", None),
@@ -71,7 +71,7 @@ mod tests {
             ("/", Some("secret")),
             ("/", Some("Bearer Secret")),
         ] {
-            assert!(!access.allows(asked(target, header)), "{target} {header:?}");
+            assert!(!access.allows(request(target, header)), "{target} {header:?}");
         }
     }
 

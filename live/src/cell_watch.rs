@@ -36,7 +36,7 @@ type NumberedVerdict = (u64, Verdict);
 struct SharedState {
     /// Number of the state.
     number: u64,
-    seen: Option<Arc<CellState>>,
+    cell_state: Option<Arc<CellState>>,
     verdicts: Vec<NumberedVerdict>,
     verdict_number: u64,
     history: History,
@@ -60,7 +60,7 @@ pub(crate) struct ReaderPosition {
 #[derive(Debug, Default)]
 pub(crate) struct CellUpdate {
     /// The present state of the cell, if it changed.
-    pub(crate) seen: Option<Arc<CellState>>,
+    pub(crate) cell_state: Option<Arc<CellState>>,
     /// Verdicts since the last update.
     pub(crate) verdicts: Vec<Verdict>,
 }
@@ -72,7 +72,7 @@ impl CellWatch {
 
     /// The present state of the cell; `None` before the first status.
     pub(crate) fn current(&self) -> Option<Arc<CellState>> {
-        self.lock_state().seen.clone()
+        self.lock_state().cell_state.clone()
     }
 
     /// Changes for `reader`, waiting up to `limit`.
@@ -89,9 +89,9 @@ impl CellWatch {
         let (known, _) = waited.unwrap_or_else(PoisonError::into_inner);
         let is_new = |(number, _): &&NumberedVerdict| *number >= reader.verdict_number;
         let verdicts = known.verdicts.iter().filter(is_new).map(|(_, verdict)| *verdict).collect();
-        let seen = known.seen.clone().filter(|_| known.number != reader.number);
+        let cell_state = known.cell_state.clone().filter(|_| known.number != reader.number);
         (reader.number, reader.verdict_number) = (known.number, known.verdict_number);
-        CellUpdate { seen, verdicts }
+        CellUpdate { cell_state, verdicts }
     }
 
     /// Entries of the history since `mark`; they come with [`CellWatch::wait_for_update`], at the latest after a second.
@@ -99,11 +99,11 @@ impl CellWatch {
         self.lock_state().history.since(mark)
     }
 
-    pub(crate) fn set_state(&self, seen: CellState) {
+    pub(crate) fn set_state(&self, cell_state: CellState) {
         let mut known = self.lock_state();
-        known.history.add_status(unix_ms(), &seen.status, &seen.report);
+        known.history.add_status(unix_ms(), &cell_state.status, &cell_state.report);
         known.number += 1;
-        known.seen = Some(Arc::new(seen));
+        known.cell_state = Some(Arc::new(cell_state));
         drop(known);
         self.news.notify_all();
     }
@@ -137,7 +137,7 @@ pub(crate) fn run(
     stop: &AtomicBool,
 ) {
     let mut last: Option<(u64, Option<String>)> = None;
-    let mut told = Instant::now();
+    let mut last_sent = Instant::now();
     while !stop.load(Relaxed) {
         while let Some(verdict) = monitor.vibration() {
             watch.add_verdict(verdict);
@@ -156,11 +156,11 @@ pub(crate) fn run(
                 std::thread::sleep(POLL_EVERY);
                 continue;
             }
-            if last.as_ref() != Some(&key) || told.elapsed() > RESEND_AFTER {
+            if last.as_ref() != Some(&key) || last_sent.elapsed() > RESEND_AFTER {
                 let report = Report::new(cell, &status, key.1.clone());
                 let robot = robot.as_mut().map(|robot| robot.drawing(&status));
                 watch.set_state(CellState { report, status, robot });
-                (last, told) = (Some(key), Instant::now());
+                (last, last_sent) = (Some(key), Instant::now());
             }
         }
         std::thread::sleep(POLL_EVERY);

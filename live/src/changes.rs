@@ -41,6 +41,6 @@ impl Changes {
             (now.recorder != last.recorder, format!("recorder {}", now.recorder)),
             (now.model_epoch != last.model_epoch, format!("model {} in use", now.model_epoch)),
         ];
-        all.into_iter().filter(|(changed, _)| *changed).map(|(_, says)| says).collect()
+        all.into_iter().filter(|(changed, _)| *changed).map(|(_, text)| text).collect()
     }
 }

@@ -134,8 +134,8 @@ fn serve(
         for verdict in &news.verdicts {
             client.send(VERDICT, &records::verdict(verdict).to_cdr())?;
         }
-        if let Some(seen) = news.seen {
-            client.send(STATUS, &records::status(&seen.status).to_cdr())?;
+        if let Some(cell_state) = news.cell_state {
+            client.send(STATUS, &records::status(&cell_state.status).to_cdr())?;
         }
     }
     client.socket.close(None)
@@ -147,8 +147,8 @@ fn negotiate(
     mut response: Response,
     access: &Access,
 ) -> Result<Response, ErrorResponse> {
-    let refused = |code: StatusCode, words: &str| {
-        let mut refusal = ErrorResponse::new(Some(words.to_owned()));
+    let refused = |code: StatusCode, text: &str| {
+        let mut refusal = ErrorResponse::new(Some(text.to_owned()));
         *refusal.status_mut() = code;
         Err(refusal)
     };
@@ -224,8 +224,8 @@ impl Client {
                 }
             }
             Some("unsubscribe") => {
-                let gone: Vec<u32> = list("subscriptionIds").iter().filter_map(number).collect();
-                self.subscriptions.retain(|one| !gone.contains(&one.id));
+                let ended: Vec<u32> = list("subscriptionIds").iter().filter_map(number).collect();
+                self.subscriptions.retain(|one| !ended.contains(&one.id));
             }
             _ => {}
         }

@@ -201,7 +201,7 @@ impl History {
         if let Some(done) = self.open.take_if(|open| t_ms >= open.t_ms + STEP_MS) {
             self.spectra.push(Arc::new(done));
         }
-        let is_old = |at: u64| at + SPAN_MS < t_ms;
+        let is_old = |at_ms: u64| at_ms + SPAN_MS < t_ms;
         self.latency.drop_while(|one| is_old(one.t_ms));
         self.events.drop_while(|one| is_old(one.t_ms));
         self.spectra.drop_while(|one| is_old(one.t_ms));

@@ -44,13 +44,13 @@ struct CellCollector {
 impl Collector for CellCollector {
     fn encode(&self, encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let mut metrics = Metrics { cell: &self.name, encoder };
-        let there = self.report.as_ref().filter(|report| report.away.is_none());
+        let connected = self.report.as_ref().filter(|report| report.away.is_none());
         metrics.gauge(
             "up",
             "1 if the daemon of the cell responds",
-            f64::from(u8::from(there.is_some())),
+            f64::from(u8::from(connected.is_some())),
         )?;
-        let Some(report) = there else { return Ok(()) };
+        let Some(report) = connected else { return Ok(()) };
         metrics.state(report)?;
         metrics.correction(report)?;
         metrics.latency(report)?;
@@ -95,10 +95,10 @@ impl Metrics<'_, '_> {
     }
 
     /// One value for each name: 1 for the state that applies.
-    fn state_gauge(&mut self, name: &str, help: &str, words: &[&str], now: &str) -> fmt::Result {
-        let value = |word: &&str| f64::from(u8::from(*word == now));
-        let label = |word| Some(("state", word));
-        let values: Vec<_> = words.iter().map(|word| (label(*word), value(word))).collect();
+    fn state_gauge(&mut self, name: &str, help: &str, states: &[&str], now: &str) -> fmt::Result {
+        let value = |state: &&str| f64::from(u8::from(*state == now));
+        let label = |state| Some(("state", state));
+        let values: Vec<_> = states.iter().map(|state| (label(*state), value(state))).collect();
         self.put(name, help, &values)
     }
 

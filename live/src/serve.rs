@@ -78,11 +78,13 @@ impl Live {
         let foxglove = foxglove.transpose()?;
         let (http, stream) = (web.address(), foxglove.as_ref().map(foxglove::Server::address));
         let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };
-        let (name, seen) = (cell.to_owned(), Arc::clone(&watch));
+        let (name, shared) = (cell.to_owned(), Arc::clone(&watch));
         let robot = settings.model.clone().map(RobotModelFile::new);
-        live.spawn("watch", move |stop| cell_watch::run(&name, monitor, robot, true, &seen, stop))?;
-        let seen = Arc::clone(&watch);
-        live.spawn("web", move |stop| web.run(&seen, stop))?;
+        live.spawn("watch", move |stop| {
+            cell_watch::run(&name, monitor, robot, true, &shared, stop);
+        })?;
+        let shared = Arc::clone(&watch);
+        live.spawn("web", move |stop| web.run(&shared, stop))?;
         if let Some(server) = foxglove {
             live.spawn("foxglove", move |stop| server.run(&watch, stop))?;
         }

@@ -28,7 +28,7 @@ const EVENTS_MAX: usize = 100;
 /// Content of a page.
 pub(crate) struct SnapshotPage {
     /// The state.
-    pub(crate) seen: Arc<CellState>,
+    pub(crate) cell_state: Arc<CellState>,
     /// The last five minutes.
     pub(crate) entries: Entries,
     /// This computer's clock, ms since 1970.
@@ -38,7 +38,7 @@ pub(crate) struct SnapshotPage {
 /// The verdict and the next step.
 struct Headline {
     tone: Tone,
-    word: String,
+    label: String,
     sentence: String,
     next: &'static str,
     /// Command for the next step, without the cell's name, which is appended.
@@ -50,12 +50,12 @@ impl SnapshotPage {
     pub(crate) fn file_name(&self) -> String {
         let digits: String = self.utc().chars().filter(char::is_ascii_digit).take(14).collect();
         let (day, time) = digits.split_at(8.min(digits.len()));
-        format!("{}-{day}-{time}.html", self.seen.report.cell)
+        format!("{}-{day}-{time}.html", self.cell_state.report.cell)
     }
 
     /// The page as HTML.
     pub(crate) fn html(&self) -> String {
-        let report = &self.seen.report;
+        let report = &self.cell_state.report;
         let episodes = vibration_events::from_events(&self.entries.events, self.now_ms);
         let headline = self.headline(&episodes);
         let robot = &report.robot;
@@ -66,7 +66,7 @@ impl SnapshotPage {
         };
         let named = [robot.maker.as_str(), &robot.kind, &serial];
         let named: Vec<&str> = named.into_iter().filter(|name| !name.is_empty()).collect();
-        let mut page = Page::new(format!("Cell {}: {}", report.cell, headline.word))
+        let mut page = Page::new(format!("Cell {}: {}", report.cell, headline.label))
             .kicker("trued live")
             .robot(named.join(" "))
             .about("Cell", &report.cell)
@@ -80,7 +80,7 @@ impl SnapshotPage {
                 command: format!("trued live {}", report.cell),
                 ..Provenance::default()
             })
-            .verdict(headline.tone, &headline.word, &headline.sentence);
+            .verdict(headline.tone, &headline.label, &headline.sentence);
         let rings = episodes.iter().any(|one| one.is_alarm);
         let force = pictures::spectrogram(&self.entries.spectra, &episodes, self.now_ms);
         let force_caption = "Amplitude of the force over frequency and time, the largest of the force channels; outlined: vibration events, empty: no force samples.";
@@ -127,8 +127,8 @@ impl SnapshotPage {
     }
 
     fn no_daemon_headline(&self) -> Option<Headline> {
-        let report = &self.seen.report;
-        let (word, why) = match &report.away {
+        let report = &self.cell_state.report;
+        let (label, why) = match &report.away {
             Some(why) => ("no daemon", capitalised(why)),
             None if report.age_s > STATUS_AGE_MAX_S => {
                 ("no status", format!("No status for {}", duration(report.age_s)))
@@ -137,7 +137,7 @@ impl SnapshotPage {
         };
         Some(Headline {
             tone: Tone::Bad,
-            word: word.to_owned(),
+            label: label.to_owned(),
             sentence: format!("{why}. All values are the last known ones."),
             next: "Find out why the daemon does not respond, and start it again.",
             command: "trued status",
@@ -145,14 +145,14 @@ impl SnapshotPage {
     }
 
     fn restricted_headline(&self) -> Option<Headline> {
-        let report = &self.seen.report;
-        let state = self.seen.status.verdict.state();
+        let report = &self.cell_state.report;
+        let state = self.cell_state.status.verdict.state();
         let rings = matches!(state, Ok(VibrationState::Alarm | VibrationState::Confirmed));
         let line = report.vibration.line.as_ref().filter(|_| rings && report.health != "fault");
         if let Some(line) = line {
             return Some(Headline {
                 tone: Tone::Bad,
-                word: "vibration alarm".to_owned(),
+                label: "vibration alarm".to_owned(),
                 sentence: format!("{}.", capitalised(line)),
                 next: "Follow the advice above, and mark the moment in the recording for an analysis.",
                 command: "trued mark 'vibration alarm'",
@@ -167,7 +167,7 @@ impl SnapshotPage {
         let sentence = if details.is_empty() { otherwise } else { &details };
         Some(Headline {
             tone,
-            word: report.health.to_owned(),
+            label: report.health.to_owned(),
             sentence: format!("{}.", capitalised(sentence)),
             next: "Remove the cause that is named above; the status has the details.",
             command: "trued status",
@@ -175,8 +175,8 @@ impl SnapshotPage {
     }
 
     fn uncorrected_headline(&self) -> Option<Headline> {
-        let report = &self.seen.report;
-        let (word, sentence, next, command) = if report.bypassed {
+        let report = &self.cell_state.report;
+        let (label, sentence, next, command) = if report.bypassed {
             (
                 "bypassed".to_owned(),
                 "The correction is bypassed on request: targets are sent as commanded.".to_owned(),
@@ -193,18 +193,18 @@ impl SnapshotPage {
         } else {
             return None;
         };
-        Some(Headline { tone: Tone::Caution, word, sentence, next, command })
+        Some(Headline { tone: Tone::Caution, label, sentence, next, command })
     }
 
     fn correcting_headline(&self, episodes: &[VibrationEvent]) -> Headline {
-        let report = &self.seen.report;
-        let word = format!("{}, mode {}", report.health, report.mode);
+        let report = &self.cell_state.report;
+        let label = format!("{}, mode {}", report.health, report.mode);
         let alarms: Vec<&VibrationEvent> = episodes.iter().filter(|one| one.is_alarm).collect();
         if let Some(last) = alarms.last() {
             let alarms = pluralise(alarms.len(), "vibration alarm");
             return Headline {
                 tone: Tone::Caution,
-                word,
+                label,
                 sentence: format!(
                     "{alarms} in the last five minutes, the last at {}. {}",
                     last.name,
@@ -219,7 +219,7 @@ impl SnapshotPage {
             if details.is_empty() { details } else { format!(" {}.", capitalised(&details)) };
         Headline {
             tone: Tone::Good,
-            word,
+            label,
             sentence: format!("{}{also}", self.largest_share_text()),
             next: "No action is needed. To follow the cell:",
             command: "trued live",
@@ -228,16 +228,16 @@ impl SnapshotPage {
 
     /// The status message without its first part (the state).
     fn details(&self) -> String {
-        self.seen.report.message.split("; ").skip(1).collect::<Vec<_>>().join("; ")
+        self.cell_state.report.message.split("; ").skip(1).collect::<Vec<_>>().join("; ")
     }
 
     fn largest_share_text(&self) -> String {
-        let (joint, share) = largest(&self.seen.report);
+        let (joint, share) = largest(&self.cell_state.report);
         format!("The largest correction is {} % of its limit (joint {joint}).", percent(share))
     }
 
     fn numbers(&self, episodes: &[VibrationEvent]) -> [Number; 4] {
-        let report = &self.seen.report;
+        let report = &self.cell_state.report;
         let (joint, share) = largest(report);
         let tone = if share >= 1.0 { Tone::Caution } else { Tone::Plain };
         let counts = &report.counts;
@@ -262,7 +262,7 @@ impl SnapshotPage {
 
     fn robot(&self, page: Page) -> Page {
         let page = page.section("Robot at the last command");
-        match self.seen.robot.as_ref().map(pictures::robot) {
+        match self.cell_state.robot.as_ref().map(pictures::robot) {
             Some(Ok((side, above, factor, shift_mm))) => page
                 .figure(&format!("From the side. The correction displaces the tool by {}, drawn {factor} times as long.", quantity(shift_mm, "mm")), &side)
                 .figure("From above.", &above),
@@ -272,7 +272,7 @@ impl SnapshotPage {
     }
 
     fn latency(&self, page: Page) -> Page {
-        let (latency_us, page) = (&self.seen.report.latency_us, page.section("Latency"));
+        let (latency_us, page) = (&self.cell_state.report.latency_us, page.section("Latency"));
         let period_s = period_s(&self.entries.latency);
         let page = match pictures::latency(&self.entries.latency, period_s, self.now_ms) {
             Some(plot) => page.figure("99th percentile of the time from a command to its answer, since the start of the daemon.", &plot),
@@ -284,7 +284,7 @@ impl SnapshotPage {
             ("99.9 %", latency(latency_us.p999)),
             ("Largest", latency(latency_us.max)),
             ("Period of the commands", period_s.map_or("unknown".to_owned(), duration)),
-            ("Late cycles", self.seen.report.counts.missed_cycles.to_string()),
+            ("Late cycles", self.cell_state.report.counts.missed_cycles.to_string()),
         ])
     }
 

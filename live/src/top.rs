@@ -49,14 +49,14 @@ pub fn run(
 ) -> Result<(), TopError> {
     let watch = Arc::new(CellWatch::default());
     let ended = Arc::new(AtomicBool::new(false));
-    let (ask, asked) = mpsc::channel();
+    let (ask, requests_sent) = mpsc::channel();
     let (answer, answers) = mpsc::channel();
     let looks = {
         let (name, watch, ended) = (cell.to_owned(), Arc::clone(&watch), Arc::clone(&ended));
         spawn("watch", move || cell_watch::run(&name, looking, None, false, &watch, &ended))?
     };
     // It ends when `ask` is dropped; a daemon that does not respond is not waited for.
-    spawn("ask", move || requests::run(asking, &asked, &answer))?;
+    spawn("ask", move || requests::run(asking, &requests_sent, &answer))?;
     let mut terminal = ratatui::try_init()?;
     let shown = show(cell, &mut terminal, &Channels { watch: &watch, ask, answers }, stop);
     let restored = ratatui::try_restore();

@@ -88,8 +88,8 @@ impl Server {
         if *request.method() != Method::Get {
             return respond(request, 405, TEXT, "only GET is supported\n".to_owned());
         }
-        let seen = watch.current();
-        let report = seen.as_deref().map(|seen| &seen.report);
+        let cell_state = watch.current();
+        let report = cell_state.as_deref().map(|cell_state| &cell_state.report);
         let path = request.url().split('?').next().unwrap_or_default();
         match path {
             "/" => respond(request, 200, HTML, PAGE.to_owned()),
@@ -102,8 +102,8 @@ impl Server {
                 let text = metrics::metrics_text(cell, report).unwrap_or_default();
                 respond(request, 200, OPEN_METRICS, text);
             }
-            "/report" => match seen {
-                Some(seen) => send_report(request, watch, seen),
+            "/report" => match cell_state {
+                Some(cell_state) => send_report(request, watch, cell_state),
                 None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
             },
             "/events" => stream_events(request, watch, followers, stop),
@@ -129,9 +129,9 @@ fn json(report: &Report) -> String {
 }
 
 /// The report, under the name by which a browser saves it.
-fn send_report(request: Request, watch: &CellWatch, seen: Arc<CellState>) {
+fn send_report(request: Request, watch: &CellWatch, cell_state: Arc<CellState>) {
     let entries = watch.history(&mut HistoryPosition::default());
-    let moment = SnapshotPage { seen, entries, now_ms: unix_ms() };
+    let moment = SnapshotPage { cell_state, entries, now_ms: unix_ms() };
     let saved = format!("attachment; filename=\"{}\"", moment.file_name());
     respond_as(request, 200, HTML, moment.html(), Some(("Content-Disposition", &saved)));
 }
@@ -166,8 +166,8 @@ fn stream_events(
 ) {
     if followers.fetch_add(1, Relaxed) >= EVENT_READERS_MAX {
         followers.fetch_sub(1, Relaxed);
-        let words = format!("{EVENT_READERS_MAX} browsers are connected already\n");
-        return respond(request, 503, TEXT, words);
+        let message = format!("{EVENT_READERS_MAX} browsers are connected already\n");
+        return respond(request, 503, TEXT, message);
     }
     let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(followers));
     let thread = thread::Builder::new().name("events".to_owned());
@@ -192,9 +192,9 @@ fn send_events(to: &mut impl Write, watch: &CellWatch, stop: &AtomicBool) -> io:
         let news = watch.wait_for_update(&mut reader, HEARTBEAT_AFTER);
         send_history(to, &watch.history(&mut mark), is_first)?;
         is_first = false;
-        match news.seen {
-            Some(seen) => {
-                if let Some(robot) = &seen.robot {
+        match news.cell_state {
+            Some(cell_state) => {
+                if let Some(robot) = &cell_state.robot {
                     let drawing = serde_json::to_string(robot).unwrap_or_default();
                     // An unchanged drawing is sent once to each reader, however often the status is published.
                     if drawing != drawn {
@@ -202,7 +202,7 @@ fn send_events(to: &mut impl Write, watch: &CellWatch, stop: &AtomicBool) -> io:
                         drawn = drawing;
                     }
                 }
-                write!(to, "data: {}\n\n", json(&seen.report))?;
+                write!(to, "data: {}\n\n", json(&cell_state.report))?;
             }
             None => to.write_all(b":\n\n")?,
         }

@@ -224,8 +224,9 @@ direction = [0.0, 2.0, 0.0]
         let text = SHORT.replace("12000", "0").replace("[0.0, 2.0, 0.0]", "[0, 0, 0]")
             + "stiffness_N_per_mm = 2\n[chart]\nspindle_from_rpm = 9e3\nspindle_to_rpm = 8e3\ndepth_max_mm = 0.1\n";
         let faults = CutFile::parse("cut.toml", &text).unwrap_err();
-        for words in ["`spindle_rpm`: is 0", "`mode[1].direction`: is zero", "stiffness_N_per_mm"] {
-            faults.assert_say(words);
+        for message in ["`spindle_rpm`: is 0", "`mode[1].direction`: is zero", "stiffness_N_per_mm"]
+        {
+            faults.assert_say(message);
         }
         faults.assert_say("`chart.spindle_to_rpm`: is 8000");
         faults.assert_say("`chart.depth_max_mm`: is 0.1 mm");

@@ -48,7 +48,7 @@ impl Location {
     pub fn from_span(source: &str, span: &Range<usize>) -> Self {
         let start = floor_boundary(source, span.start);
         let before = source.get(..start).unwrap_or_default();
-        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        let line_start = before.rfind('\n').map_or(0, |line_break| line_break + 1);
         let rest = source.get(line_start..).unwrap_or_default();
         let text = rest.lines().next().unwrap_or_default();
         let line = before.matches('\n').count() + 1;
@@ -67,12 +67,12 @@ impl Location {
 }
 
 /// The largest character boundary of `text` not after `at`.
-fn floor_boundary(text: &str, at: usize) -> usize {
-    let mut at = at.min(text.len());
-    while !text.is_char_boundary(at) {
-        at -= 1;
+fn floor_boundary(text: &str, byte: usize) -> usize {
+    let mut byte = byte.min(text.len());
+    while !text.is_char_boundary(byte) {
+        byte -= 1;
     }
-    at
+    byte
 }
 
 impl Fault {
@@ -228,9 +228,9 @@ impl Faults {
     /// Asserts that the text contains these words.
     #[cfg(test)]
     #[track_caller]
-    pub(crate) fn assert_say(&self, words: &str) {
-        let told = self.plain();
-        assert!(told.contains(words), "{words} in\n{told}");
+    pub(crate) fn assert_say(&self, part: &str) {
+        let message = self.plain();
+        assert!(message.contains(part), "{part} in\n{message}");
     }
 
     fn render(&self, renderer: &Renderer) -> String {
@@ -254,8 +254,8 @@ impl std::error::Error for Faults {}
 /// The nearest of `known` to `name`, if it is near enough for a misspelling.
 #[must_use]
 pub fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
-    let near = |k: &'k str| (distance(name, k), k);
-    let (steps, found) = known.into_iter().map(near).min_by_key(|(steps, _)| *steps)?;
+    let with_distance = |k: &'k str| (distance(name, k), k);
+    let (steps, found) = known.into_iter().map(with_distance).min_by_key(|(steps, _)| *steps)?;
     // Only the start of a name is compared, so that a long text has no near match.
     let length = name.chars().count().max(found.chars().count()).min(COMPARED);
     (steps > 0 && steps * 3 <= length.max(3)).then_some(found)

@@ -94,9 +94,12 @@ fn manifest(root: &Table<'_, '_>) -> Option<Manifest> {
         }
         robots.push(robot(table));
     }
-    let mut seen = BTreeSet::new();
-    let entries: Vec<Option<RecordingEntry>> =
-        root.tables("recording").iter().map(|table| entry(table, &places, &mut seen)).collect();
+    let mut known_files = BTreeSet::new();
+    let entries: Vec<Option<RecordingEntry>> = root
+        .tables("recording")
+        .iter()
+        .map(|table| entry(table, &places, &mut known_files))
+        .collect();
     root.close();
     Some(Manifest {
         seed: seed.map_or(Some(0), |seed| u64::try_from(seed).ok())?,
@@ -130,15 +133,17 @@ fn robot(table: &Table<'_, '_>) -> Option<Robot> {
 fn entry(
     table: &Table<'_, '_>,
     robots: &BTreeMap<&str, usize>,
-    seen: &mut BTreeSet<(usize, String)>,
+    known_files: &mut BTreeSet<(usize, String)>,
 ) -> Option<RecordingEntry> {
     table.require("robot", "the name of a [[robot]]");
     table.require("files", "a list of files, such as [\"2026-03-01.csv\"]");
     let robot = filled(table, "robot").and_then(|name| {
         let place = robots.get(name).copied();
         if place.is_none() {
-            let near = nearest(name, robots.keys().copied());
-            let meant = near.map(|near| format!(" (did you mean \"{near}\"?)")).unwrap_or_default();
+            let nearest_name = nearest(name, robots.keys().copied());
+            let meant = nearest_name
+                .map(|nearest_name| format!(" (did you mean \"{nearest_name}\"?)"))
+                .unwrap_or_default();
             table.fault(
                 "robot",
                 format!("is \"{name}\""),
@@ -154,7 +159,7 @@ fn entry(
     }
     for file in files.iter().flatten() {
         if let Some(robot) = robot
-            && !seen.insert((robot, file.clone()))
+            && !known_files.insert((robot, file.clone()))
         {
             table.fault("files", format!("contains \"{file}\" twice"), "each file once per robot");
         }
@@ -217,22 +222,22 @@ files = ["a.csv"]
             .replace("serial", "seriall")
             .replace("seed = 7", "band_Hz = 0");
         let faults = Manifest::parse("m.toml", &text).unwrap_err();
-        for words in [
+        for message in [
             "did you mean \"R08\"",
             "contains \"a.csv\" twice",
             "a time with time zone",
             "did you mean `serial`?",
             "`band_Hz`: is 0",
         ] {
-            faults.assert_say(words);
+            faults.assert_say(message);
         }
     }
 
     #[test]
     fn a_time_without_quotes_is_refused_with_the_remedy() {
         let quoted = "\"1970-01-02T01:00:00.5+01:00\"";
-        let bare = SHORT.replace(quoted, quoted.trim_matches('"'));
-        Manifest::parse("m.toml", &bare).unwrap_err().assert_say("a string, in quotes");
+        let unquoted = SHORT.replace(quoted, quoted.trim_matches('"'));
+        Manifest::parse("m.toml", &unquoted).unwrap_err().assert_say("a string, in quotes");
     }
 
     #[test]

@@ -155,18 +155,18 @@ impl Outputs {
 
     /// The existing file at an output's path, if the output may replace it.
     fn allowed(&self, Output { path, is_result, .. }: &Output) -> Result<TargetState, WriteError> {
-        let there = state(path).map_err(failed(path))?;
-        if matches!(there, TargetState::Stream | TargetState::Missing) {
-            return Ok(there);
+        let state = state(path).map_err(failed(path))?;
+        if matches!(state, TargetState::Stream | TargetState::Missing) {
+            return Ok(state);
         }
         if self.inputs.contains(&place(path)) {
             return Err(WriteError::Input(path.clone()));
         }
         let may_go = self.may_replace || (*is_result && self::is_result(path));
-        if there == TargetState::Full && !may_go {
+        if state == TargetState::Full && !may_go {
             return Err(WriteError::Exists(path.clone()));
         }
-        Ok(there)
+        Ok(state)
     }
 
     /// Where to test that `path` can be written: in the nearest existing directory, if its own will
@@ -193,8 +193,8 @@ impl Outputs {
             let (path, Some(bytes)) = (&output.path, &output.bytes) else { continue };
             match self.allowed(output)? {
                 TargetState::Stream => streams.push((path, bytes)),
-                there => {
-                    let is_new = there == TargetState::Missing;
+                state => {
+                    let is_new = state == TargetState::Missing;
                     parts.push(written_part(path, bytes, is_new).map_err(failed(path))?);
                 }
             }
@@ -257,9 +257,9 @@ enum TargetState {
 
 fn state(path: &Path) -> io::Result<TargetState> {
     match fs::metadata(path) {
-        Ok(there) if there.is_dir() => Err(ErrorKind::IsADirectory.into()),
-        Ok(there) if !there.is_file() => Ok(TargetState::Stream),
-        Ok(there) if there.len() == 0 => Ok(TargetState::Empty),
+        Ok(metadata) if metadata.is_dir() => Err(ErrorKind::IsADirectory.into()),
+        Ok(metadata) if !metadata.is_file() => Ok(TargetState::Stream),
+        Ok(metadata) if metadata.len() == 0 => Ok(TargetState::Empty),
         Ok(_) => Ok(TargetState::Full),
         // A dangling symbolic link is refused.
         Err(error) if fs::symlink_metadata(path).is_ok() => Err(error),
@@ -308,7 +308,7 @@ pub fn is_result(path: &Path) -> bool {
 
 /// Whether a file was not changed after another that was written with it.
 fn is_as_old(path: &Path, beside: &Path) -> bool {
-    let changed = |path| fs::metadata(path).and_then(|there| there.modified()).ok();
+    let changed = |path| fs::metadata(path).and_then(|metadata| metadata.modified()).ok();
     let later = changed(path).zip(changed(beside));
     later.is_some_and(|(path, beside)| path <= beside + WRITTEN_TOGETHER)
 }

@@ -72,8 +72,8 @@ impl Transform for AsToml {
                 object.insert("type".to_owned(), only);
             }
         }
-        if let Some(Value::Array(words)) = object.get_mut("enum") {
-            words.retain(|word| !word.is_null());
+        if let Some(Value::Array(values)) = object.get_mut("enum") {
+            values.retain(|value| !value.is_null());
         }
         without_null(object);
         numbered_keys(object);

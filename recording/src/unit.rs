@@ -136,10 +136,10 @@ impl Unit {
     /// otherwise the nearest. Of several, one with at most nine decimals, as in files.
     #[must_use]
     pub fn from_si(self, si: f64) -> f64 {
-        let near = si / self.si;
-        let written = (near * DECIMALS).round() / DECIMALS;
-        let exact = [written, near, near.next_up(), near.next_down()];
-        exact.into_iter().find(|value| self.to_si(*value) == si).unwrap_or(near)
+        let quotient = si / self.si;
+        let written = (quotient * DECIMALS).round() / DECIMALS;
+        let exact = [written, quotient, quotient.next_up(), quotient.next_down()];
+        exact.into_iter().find(|value| self.to_si(*value) == si).unwrap_or(quotient)
     }
 }
 

@@ -93,8 +93,8 @@ fn declared(bytes: &[u8]) -> Option<String> {
 pub(crate) fn relaxed(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
-    while let Some(at) = rest.find('<') {
-        let (before, tag) = rest.split_at(at);
+    while let Some(index) = rest.find('<') {
+        let (before, tag) = rest.split_at(index);
         out.push_str(before);
         let (taken, is_kept) = extent(tag);
         let (markup, after) = tag.split_at(taken);
@@ -118,7 +118,7 @@ enum MarkupHandling {
 /// How long the markup is that `text` begins with; to the end where it is not closed.
 fn extent(text: &str) -> (usize, MarkupHandling) {
     let upto = |end: &str, from: usize| {
-        text.get(from..).and_then(|rest| rest.find(end)).map(|at| from + at + end.len())
+        text.get(from..).and_then(|rest| rest.find(end)).map(|index| from + index + end.len())
     };
     let whole = text.len();
     if text.starts_with("<!--") {
@@ -144,14 +144,14 @@ fn extent(text: &str) -> (usize, MarkupHandling) {
 fn closed(text: &str) -> Option<usize> {
     let mut quote = None;
     let mut depth = 0_usize;
-    for (at, byte) in text.bytes().enumerate() {
+    for (index, byte) in text.bytes().enumerate() {
         match (quote, byte) {
             (Some(open), _) if open == byte => quote = None,
             (Some(_), _) => {}
             (None, b'"' | b'\'') => quote = Some(byte),
             (None, b'[') => depth += 1,
             (None, b']') => depth = depth.saturating_sub(1),
-            (None, b'>') if depth == 0 => return Some(at + 1),
+            (None, b'>') if depth == 0 => return Some(index + 1),
             (None, _) => {}
         }
     }
@@ -245,7 +245,7 @@ mod tests {
         fn positions_of_any_text_stay(text in "[<>!\\-\\[\\]CDAT?:'\" aü\n]{0,60}") {
             let relaxed = relaxed(&text);
             prop_assert_eq!(relaxed.len(), text.len());
-            let places = |text: &str| text.match_indices('\n').map(|(at, _)| at).collect::<Vec<_>>();
+            let places = |text: &str| text.match_indices('\n').map(|(index, _)| index).collect::<Vec<_>>();
             prop_assert_eq!(places(&relaxed), places(&text));
         }
     }

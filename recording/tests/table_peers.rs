@@ -38,8 +38,8 @@ fn peers(jobs: &[Value]) -> Option<Vec<Value>> {
 }
 
 /// Numbers that look random: a Weyl sequence within ±`size`.
-fn weyl(at: u32, size: f64) -> f64 {
-    ((f64::from(at) * 0.618_033_988_749_895).fract() - 0.5) * 2.0 * size
+fn weyl(index: u32, size: f64) -> f64 {
+    ((f64::from(index) * 0.618_033_988_749_895).fract() - 0.5) * 2.0 * size
 }
 
 /// How a file is written.
@@ -61,8 +61,8 @@ fn number(value: f64, form: Form) -> String {
     let (whole, decimals) = text.split_once('.').expect("decimals");
     let digits = whole.trim_start_matches('-');
     let mut grouped = String::new();
-    for (at, digit) in digits.chars().enumerate() {
-        if at > 0 && (digits.len() - at).is_multiple_of(3) {
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
             grouped.extend(form.thousands);
         }
         grouped.push(digit);
@@ -72,9 +72,9 @@ fn number(value: f64, form: Form) -> String {
 }
 
 /// A time of day, `at` quarters of a minute and some after 23:57 of the last of February.
-fn stamp(at: u32, form: Form) -> String {
-    let Some(clock) = form.clock else { return number(f64::from(at) * 0.125, form) };
-    let ms = (23 * 3600 + 57 * 60) * 1000 + at * 15_007;
+fn stamp(row: u32, form: Form) -> String {
+    let Some(clock) = form.clock else { return number(f64::from(row) * 0.125, form) };
+    let ms = (23 * 3600 + 57 * 60) * 1000 + row * 15_007;
     let (day, month) = if ms < 86_400_000 { (28, 2) } else { (1, 3) };
     let ms = ms % 86_400_000;
     let (hour, minute, second) = (ms / 3_600_000, ms / 60_000 % 60, ms / 1000 % 60);
@@ -94,17 +94,17 @@ fn written(form: Form) -> String {
     let cell = |text: &str| if form.quoted { format!("\"{text}\"") } else { text.to_owned() };
     let line = |cells: [&str; 3]| cells.map(cell).join(&form.separator.to_string()) + form.end;
     let mut text = String::new();
-    for at in 0..form.above {
-        let _ = write!(text, "line {at} of somebody{}", form.end);
+    for index in 0..form.above {
+        let _ = write!(text, "line {index} of somebody{}", form.end);
     }
     text += &line(["t_s", "q1_deg", "x_mm"]);
     if form.units {
         text += &line(["s", "deg", "mm"]);
     }
-    for at in 0..ROWS {
+    for row in 0..ROWS {
         // The largest have thousands, and some whole values end in three noughts.
-        let x = if at % 8 == 3 { f64::from(at) * 1000.0 } else { weyl(at, 3e6) };
-        text += &line([&stamp(at, form), &number(weyl(at + 7, 180.0), form), &number(x, form)]);
+        let x = if row % 8 == 3 { f64::from(row) * 1000.0 } else { weyl(row, 3e6) };
+        text += &line([&stamp(row, form), &number(weyl(row + 7, 180.0), form), &number(x, form)]);
     }
     text
 }
@@ -122,10 +122,10 @@ fn forms() -> Vec<Form> {
             for grouped in [false, true] {
                 let quoted = separator == ',' && (decimal == ',' || grouped);
                 let thousands = grouped.then_some(if decimal == '.' { ',' } else { '.' });
-                let at = forms.len();
-                let end = if at % 3 == 0 { "\r\n" } else { "\n" };
-                let clock = clocks[(at + at / 4) % clocks.len()];
-                let (above, units) = (if at % 5 == 2 { 2 } else { 0 }, at % 4 == 1);
+                let index = forms.len();
+                let end = if index % 3 == 0 { "\r\n" } else { "\n" };
+                let clock = clocks[(index + index / 4) % clocks.len()];
+                let (above, units) = (if index % 5 == 2 { 2 } else { 0 }, index % 4 == 1);
                 forms.push(Form {
                     separator,
                     decimal,
@@ -148,9 +148,9 @@ fn every_form_of_table_is_read_as_pandas_reads_it() {
     std::fs::create_dir_all(&folder).expect("a folder");
     let forms = forms();
     let mut jobs = Vec::new();
-    for (at, form) in forms.iter().enumerate() {
-        let file = folder.join(format!("{at}.csv"));
-        let mark = if at % 2 == 0 { "\u{feff}" } else { "" };
+    for (index, form) in forms.iter().enumerate() {
+        let file = folder.join(format!("{index}.csv"));
+        let mark = if index % 2 == 0 { "\u{feff}" } else { "" };
         std::fs::write(&file, mark.to_owned() + &written(*form)).expect("written");
         let mut skip: Vec<usize> = (0..form.above).collect();
         skip.extend(form.units.then_some(form.above + 1));
@@ -160,7 +160,7 @@ fn every_form_of_table_is_read_as_pandas_reads_it() {
         }));
     }
     let Some(answers) = peers(&jobs) else { return };
-    for (at, (form, expected)) in forms.iter().zip(answers).enumerate() {
+    for (index, (form, expected)) in forms.iter().zip(answers).enumerate() {
         let clock = form.clock.map(|clock| format!(", format = \"{clock}\"")).unwrap_or_default();
         let separator =
             if form.separator == '\t' { "tab".to_owned() } else { form.separator.to_string() };
@@ -170,7 +170,7 @@ fn every_form_of_table_is_read_as_pandas_reads_it() {
             form.decimal, form.above
         );
         let mapping = Mapping::parse("m.toml", &mapping).expect("a mapping");
-        let file = folder.join(format!("{at}.csv"));
+        let file = folder.join(format!("{index}.csv"));
         let text = recording::files::read_text(&file).expect("a text");
         let read = series::read_text("x.csv", &text, Some(&mapping), None, RequiredData::Path)
             .unwrap_or_else(|faults| panic!("{form:?}\n{faults}"));
@@ -191,8 +191,8 @@ fn every_orientation_is_the_rotation_that_scipy_makes_of_it() {
     let conventions = ["ZYX", "xyz", "XYZ", "ZYZ", "zyx", "YXZ", "XZX", "yzy", "rotation_vector"];
     let mut jobs = Vec::new();
     for convention in conventions {
-        for at in 0..ROWS {
-            let numbers = [0, 1, 2].map(|k| weyl(3 * at + k, 180.0));
+        for row in 0..ROWS {
+            let numbers = [0, 1, 2].map(|k| weyl(3 * row + k, 180.0));
             jobs.push(json!({ "convention": convention, "numbers": numbers }));
         }
     }

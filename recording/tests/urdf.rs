@@ -32,7 +32,7 @@ fn reference(name: &str) -> Vec<[Vec<f64>; 4]> {
     let text = std::fs::read_to_string(file(&format!("{name}.txt"))).expect("reference");
     let lines: Vec<Vec<f64>> = text
         .lines()
-        .map(|line| line.split(' ').skip(1).map(|word| word.parse().expect("number")).collect())
+        .map(|line| line.split(' ').skip(1).map(|field| field.parse().expect("number")).collect())
         .collect();
     lines.chunks_exact(4).map(|pose| pose.to_vec().try_into().expect("four")).collect()
 }
@@ -58,11 +58,11 @@ fn most_apart(a: &[f64], b: &[f64]) -> f64 {
 fn inertia(model: &RobotModel, chain: &Chain) -> Vec<f64> {
     let arm = &model.physics.arm;
     let n = arm.count();
-    let moves = |k: usize, at: DVec3, upto: usize| {
+    let moves = |k: usize, offset: DVec3, upto: usize| {
         let joint = arm.joints()[k];
         match joint.kind {
             _ if k > upto => (DVec3::ZERO, DVec3::ZERO),
-            JointKind::Revolute => (chain.axis(k).cross(at - chain.point(k)), chain.axis(k)),
+            JointKind::Revolute => (chain.axis(k).cross(offset - chain.point(k)), chain.axis(k)),
             JointKind::Prismatic => (chain.axis(k), DVec3::ZERO),
         }
     };
@@ -90,15 +90,15 @@ fn kinematics_and_masses_of_an_import_are_those_of_pinocchio() {
         for [q, tip, gravity, mass] in poses {
             assert_eq!(q.len(), arm.count(), "{name}");
             let chain = Chain::nominal(arm, &joints(&q));
-            let off = most_apart(&rows(&chain), &tip);
-            assert!(off < 1e-12, "{name}: placement off by {off}");
+            let error = most_apart(&rows(&chain), &tip);
+            assert!(error < 1e-12, "{name}: placement off by {error}");
             let loads = physics::Loads::on(arm, &chain, Wrench::ZERO);
             // The reference gives the torque that holds the arm, ours is that exerted by gravity.
             let held: Vec<f64> = loads.gravity_torque[..q.len()].iter().map(|t| -t).collect();
-            let off = most_apart(&held, &gravity);
-            assert!(off < 1e-10, "{name}: gravity off by {off} Nm");
-            let off = most_apart(&inertia(&model, &chain), &mass);
-            assert!(off < 1e-11, "{name}: inertia off by {off} kg m²");
+            let error = most_apart(&held, &gravity);
+            assert!(error < 1e-10, "{name}: gravity off by {error} Nm");
+            let error = most_apart(&inertia(&model, &chain), &mass);
+            assert!(error < 1e-11, "{name}: inertia off by {error} kg m²");
         }
     }
 }
@@ -222,14 +222,14 @@ fn what_is_fixed_stands_in_the_frames_and_the_rest_is_named() {
         assert_eq!(left[..4], wanted);
         let arm =
             urdf::parse("x", &export.text, &ChainEnds::default()).expect("reads").model.physics.arm;
-        for at in 0..50 {
+        for index in 0..50 {
             let q: Vec<f64> =
-                (0..6).map(|j| ((at * 7 + j) as f64 * 0.618_034).fract() * 4.0 - 2.0).collect();
+                (0..6).map(|j| ((index * 7 + j) as f64 * 0.618_034).fract() * 4.0 - 2.0).collect();
             let wanted = real(&model, &q);
-            let off = most_apart(&wanted, &rows(&Chain::nominal(&arm, &joints(&q))));
-            assert!(off < 1e-12, "{name}: off by {off}");
-            let off = most_apart(&wanted, &by_urdf_rs(&export.text, &q));
-            assert!(off < 1e-12, "{name}: urdf-rs sees it off by {off}");
+            let error = most_apart(&wanted, &rows(&Chain::nominal(&arm, &joints(&q))));
+            assert!(error < 1e-12, "{name}: off by {error}");
+            let error = most_apart(&wanted, &by_urdf_rs(&export.text, &q));
+            assert!(error < 1e-12, "{name}: urdf-rs sees it off by {error}");
             // The deviations are significant: otherwise the test would show nothing.
             let nominal = rows(&Chain::nominal(&model.physics.arm, &joints(&q)));
             assert!(most_apart(&wanted, &nominal) > 1e-3);
@@ -301,7 +301,7 @@ fn made() -> impl Strategy<Value = Made> {
     })
 }
 
-fn words(numbers: &[f64; 3]) -> String {
+fn joined(numbers: &[f64; 3]) -> String {
     numbers.map(|number| number.to_string()).join(" ")
 }
 
@@ -312,9 +312,9 @@ fn text_of(joints: &[Made]) -> String {
         text += &format!(
             "<joint name='j{i}' type='{kind}'><axis xyz='{}'/><origin rpy='{}' xyz='{}'/><child link='l{}'/>\
              <parent link='l{i}'/><limit lower='-3' upper='3' velocity='0'/></joint><link name='l{}'/>",
-            words(axis),
-            words(rpy),
-            words(xyz),
+            joined(axis),
+            joined(rpy),
+            joined(xyz),
             i + 1,
             i + 1
         );
@@ -374,8 +374,8 @@ fn a_real_description_gives_its_arm_and_its_telescope_as_one_joint() {
     let whole = urdf::read(&path, &ends(None, Some("prism"))).expect("imports");
     assert_eq!(whole.model.physics.arm.count(), 7);
     assert_eq!(whole.model.physics.arm.joints()[0].kind, physics::JointKind::Prismatic);
-    let told = whole.notes.join(" ");
-    assert!(told.contains("column_middle_joint") && told.contains("column_top_joint"), "{told}");
+    let notes = whole.notes.join(" ");
+    assert!(notes.contains("column_middle_joint") && notes.contains("column_top_joint"), "{notes}");
     let import = urdf::read(&path, &ends(Some("dsr_base_0"), Some("prism"))).expect("imports");
     let arm = import.model.physics.arm;
     assert_eq!((arm.count(), arm.bodies().count()), (6, 6));
@@ -389,6 +389,6 @@ fn a_real_description_gives_its_arm_and_its_telescope_as_one_joint() {
         chain.insert(0, robot.joints.swap_remove(above));
     }
     let q = [0.3, -0.4, 0.5, -0.6, 0.7, -0.8];
-    let off = most_apart(&composed_by(&chain, &q), &rows(&Chain::nominal(&arm, &joints(&q))));
-    assert!(off < 1e-12, "off by {off}");
+    let error = most_apart(&composed_by(&chain, &q), &rows(&Chain::nominal(&arm, &joints(&q))));
+    assert!(error < 1e-12, "off by {error}");
 }

@@ -29,8 +29,8 @@ struct Pose {
     links: BTreeMap<String, Frame>,
 }
 
-fn frame(words: &[&str]) -> Frame {
-    let n: Vec<f64> = words.iter().map(|word| word.parse().expect("number")).collect();
+fn frame(fields: &[&str]) -> Frame {
+    let n: Vec<f64> = fields.iter().map(|field| field.parse().expect("number")).collect();
     let rotation =
         glam::DMat3::from_cols_array(&[n[0], n[4], n[8], n[1], n[5], n[9], n[2], n[6], n[10]]);
     Frame::new(rotation, glam::DVec3::new(n[3], n[7], n[11]))
@@ -41,8 +41,8 @@ fn frames(python: &Path, files: &[PathBuf]) -> Vec<(PathBuf, Option<Vec<Pose>>)>
     let names: String = files.iter().map(|file| format!("{}\n", file.display())).collect();
     let mut found: Vec<(PathBuf, Option<Vec<Pose>>)> = Vec::new();
     for line in answer(python, "urdf/frames.py", names).lines() {
-        let words: Vec<&str> = line.split('\t').collect();
-        match words.as_slice() {
+        let fields: Vec<&str> = line.split('\t').collect();
+        match fields.as_slice() {
             ["file", path, state] => {
                 found.push((PathBuf::from(path), (*state == "loaded").then(Vec::new)));
             }
@@ -82,9 +82,9 @@ fn compare(file: &Path, poses: &[Pose], account: &mut Account) {
             let import = match urdf::read(file, &ChainEnds { base, tip: Some(tip) }) {
                 Ok(import) => import,
                 Err(error) => {
-                    let told = error.to_string();
-                    let told = told.lines().next().unwrap_or_default().to_owned();
-                    *account.refused.entry(told).or_default() += 1;
+                    let message = error.to_string();
+                    let message = message.lines().next().unwrap_or_default().to_owned();
+                    *account.refused.entry(message).or_default() += 1;
                     continue;
                 }
             };
@@ -103,11 +103,11 @@ fn compare(file: &Path, poses: &[Pose], account: &mut Account) {
                     [&import.base, &import.tip].map(|link| pose.links[link]);
                 let wanted = root_from_base.inverse().after(&root_from_tip);
                 let turn = (found.rotation - wanted.rotation).to_cols_array();
-                let off = turn.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                let off = off.max((found.origin - wanted.origin).length());
+                let error = turn.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                let error = error.max((found.origin - wanted.origin).length());
                 let (file, base) = (file.display(), &import.base);
-                assert!(off < AGREES, "{file}: `{base}` to `{tip}` is off by {off}");
-                account.most = account.most.max(off);
+                assert!(error < AGREES, "{file}: `{base}` to `{tip}` is off by {error}");
+                account.most = account.most.max(error);
             }
             account.chains += 1;
         }
@@ -202,7 +202,7 @@ fn every_link_frame_of_every_form_of_file_is_that_of_pinocchio() {
     }
     eprintln!("{loaded} made files, {} chains, at most {:.1e} apart", account.chains, account.most);
     // Only files without a moving joint between the ends are refused.
-    let wrong = account.refused.keys().find(|told| !told.contains("has 0 moving joints"));
+    let wrong = account.refused.keys().find(|message| !message.contains("has 0 moving joints"));
     assert_eq!(wrong, None);
     assert!(account.chains > 10 * CASES, "{}", account.chains);
 }
@@ -239,7 +239,7 @@ fn every_link_frame_of_a_folder_of_descriptions_is_that_of_pinocchio() {
         "{} files, {loaded} loaded by Pinocchio, {whole} with chains, {chains} chains, at most {most:.1e} apart",
         files.len()
     );
-    for (told, count) in refused {
-        eprintln!("{count} x {told}");
+    for (message, count) in refused {
+        eprintln!("{count} x {message}");
     }
 }

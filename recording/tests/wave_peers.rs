@@ -84,11 +84,11 @@ fn every_form_of_wav_is_read_as_soundfile_reads_it() {
     for (format, endian) in forms {
         for subtype in subtypes {
             for channels in [1, 2, 3, 6] {
-                let at = jobs.len();
+                let index = jobs.len();
                 // A title is a chunk behind the samples, of odd size now and then.
-                let title = ["", "a", "ab"][at % 3];
+                let title = ["", "a", "ab"][index % 3];
                 jobs.push(json!({
-                    "file": folder.join(format!("{at}.wav")), "seed": at, "samples": SAMPLES + at % 2, "channels": channels,
+                    "file": folder.join(format!("{index}.wav")), "seed": index, "samples": SAMPLES + index % 2, "channels": channels,
                     "rate_hz": RATE_HZ as u32, "format": format, "subtype": subtype, "endian": endian, "title": title,
                 }));
             }
@@ -106,9 +106,9 @@ fn every_form_of_universal_file_is_read_as_pyuff_reads_it() {
     // Four-byte binary numbers are left out: pyuff writes eight and cannot read them back.
     for (binary, double) in [(0, true), (0, false), (1, true)] {
         for channels in [1, 2, 5] {
-            let at = jobs.len();
+            let index = jobs.len();
             jobs.push(json!({
-                "file": folder.join(format!("{at}.uff")), "seed": at, "samples": SAMPLES + at % 6, "channels": channels,
+                "file": folder.join(format!("{index}.uff")), "seed": index, "samples": SAMPLES + index % 6, "channels": channels,
                 "rate_hz": RATE_HZ, "binary": binary, "double": double,
             }));
         }

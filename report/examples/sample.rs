@@ -52,13 +52,13 @@ fn arm() -> report::Svg {
     let error = |i: u32| {
         let turn = f64::from(i) * 0.37;
         let out = 0.7 + 0.25 * (turn * 1.7).sin();
-        let at = [
+        let position = [
             out * (0.5 * turn.sin()).cos(),
             out * (0.5 * turn.sin()).sin(),
             0.6 + 0.3 * turn.cos(),
         ];
         let before = [2e-4 * turn.sin(), 3e-4, -9e-4 * out];
-        ToolError { at, before, after: before.map(|x| 0.15 * x) }
+        ToolError { at: position, before, after: before.map(|x| 0.15 * x) }
     };
     ArmPicture::new("Errors at the tool", [1.0, 0.0, 0.95])
         .joint("1", [0.0, 0.0, 0.2], false)
@@ -101,17 +101,17 @@ fn error() -> report::Svg {
         .render()
 }
 
-fn slot(at: f64) -> (f64, f64) {
-    match at {
-        _ if at < 1.0 => (0.0, 60.0 * at),
-        _ if at < 2.0 => (120.0 * (at - 1.0), 60.0),
-        _ => (120.0, 60.0 * (3.0 - at)),
+fn slot(path_m: f64) -> (f64, f64) {
+    match path_m {
+        _ if path_m < 1.0 => (0.0, 60.0 * path_m),
+        _ if path_m < 2.0 => (120.0 * (path_m - 1.0), 60.0),
+        _ => (120.0, 60.0 * (3.0 - path_m)),
     }
 }
 
 fn path() -> report::Svg {
     let along = || (0..=3000).map(|i| f64::from(i) * 1e-3);
-    let off = |scale: f64| {
+    let deviated = |scale: f64| {
         along().map(move |s| {
             let (x, y) = slot(s);
             (x + scale * (6.0 + 2.0 * (s * 4.0).sin()), y + scale * (4.0 * (s * 3.0).cos() - 3.0))
@@ -123,8 +123,8 @@ fn path() -> report::Svg {
         Axis::new("y in the base frame", "mm"),
     )
     .series(Series::line("commanded", along().map(slot)).role(Role::Truth))
-    .series(Series::line("without correction", off(1.0)).role(Role::Before))
-    .series(Series::line("with correction", off(0.14)).role(Role::After))
+    .series(Series::line("without correction", deviated(1.0)).role(Role::Before))
+    .series(Series::line("with correction", deviated(0.14)).role(Role::After))
     .equal_scale()
     .height(380.0)
     .render()

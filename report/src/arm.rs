@@ -70,7 +70,7 @@ impl View {
     /// The side view through the mean of these points.
     pub(crate) fn side(places: impl IntoIterator<Item = Point>) -> Self {
         let places = places.into_iter();
-        let (x, y) = places.fold((0.0, 0.0), |(x, y), at| (x + at[0], y + at[1]));
+        let (x, y) = places.fold((0.0, 0.0), |(x, y), place| (x + place[0], y + place[1]));
         Self::Side { azimuth: if y == 0.0 && x == 0.0 { 0.0 } else { f64::atan2(y, x) } }
     }
 
@@ -196,9 +196,9 @@ impl ArmPicture {
     fn draw(&self, canvas: &mut Canvas, outer: Area, panel: &Panel<'_>) {
         let heading = (outer.left, outer.top - 7.0);
         canvas.text("heading", heading, Anchor::Start, &panel.heading);
-        let seen: Vec<(f64, f64)> =
+        let projected: Vec<(f64, f64)> =
             self.points().chain([[0.0; 3]]).map(|point| panel.view.of(point)).collect();
-        let frame = square_frame(canvas, outer, panel.view, &seen);
+        let frame = square_frame(canvas, outer, panel.view, &projected);
         self.draw_arm(canvas, &frame, panel.view);
         canvas.clipped(frame.inner, |canvas| draw_errors(canvas, &frame, panel));
     }
@@ -218,20 +218,21 @@ impl ArmPicture {
         lit.iter().for_each(|joint| canvas.circle("joint lit", px(joint.at), 4.5));
         let mut named: Vec<((f64, f64), Vec<&Joint>)> = Vec::new();
         for joint in &self.joints {
-            let at = px(joint.at);
-            let near = |place: &(f64, f64)| (place.0 - at.0).hypot(place.1 - at.1) < APART_PX;
-            match named.iter_mut().find(|(place, _)| near(place)) {
+            let place = px(joint.at);
+            let is_near =
+                |other: &(f64, f64)| (other.0 - place.0).hypot(other.1 - place.1) < APART_PX;
+            match named.iter_mut().find(|(other, _)| is_near(other)) {
                 Some((_, joints)) => joints.push(joint),
-                None => named.push((at, vec![joint])),
+                None => named.push((place, vec![joint])),
             }
         }
         let mut taken: Vec<Area> = Vec::new();
-        for (at, joints) in named {
+        for (place, joints) in named {
             let names: Vec<&str> = joints.iter().map(|joint| joint.name.as_str()).collect();
             let names = names.join(", ");
             let class =
                 if joints.iter().any(|j| j.is_lit) { "joint-name lit" } else { "joint-name" };
-            let name = free_place(at, text_width(&names), frame.inner.right(), &taken);
+            let name = free_place(place, text_width(&names), frame.inner.right(), &taken);
             canvas.text(class, (name.left, name.bottom()), Anchor::Start, &names);
             taken.push(name);
         }
@@ -239,21 +240,22 @@ impl ArmPicture {
 
     /// The colour scale, and the exaggeration of the errors.
     fn draw_key(&self, canvas: &mut Canvas, scale: VectorScale<'_>) {
-        let words = format!("magnified {} times", significant(scale.factor, 1));
+        let caption = format!("magnified {} times", significant(scale.factor, 1));
         let (left, top) = (0.0, 18.0);
-        let width = (canvas.width_px() - text_width(&words) - 16.0).clamp(40.0, 300.0);
+        let width = (canvas.width_px() - text_width(&caption) - 16.0).clamp(40.0, 300.0);
         canvas.text("axis", (left, 11.0), Anchor::Start, "Error at the tool (mm)");
         let step = width / LEVELS as f64;
         for level in 0..LEVELS {
-            let at = left + step * level as f64;
-            let (from, to, low, high) = (Px(at), Px(at + step), Px(top), Px(top + 9.0));
+            let cell_left = left + step * level as f64;
+            let (from, to, low, high) =
+                (Px(cell_left), Px(cell_left + step), Px(top), Px(top + 9.0));
             canvas.cells(&colour(level), &format!("M{from} {low}H{to}V{high}H{from}z"));
         }
         let along = Scale { span: scale.span, from_px: left, to_px: left + width };
         for (value, label) in frame::spaced(scale.span, width).marks {
             canvas.text("tick", (along.held(value), top + 22.0), Anchor::Middle, &label);
         }
-        canvas.text("label", (left + width + 16.0, top + 9.0), Anchor::Start, &words);
+        canvas.text("label", (left + width + 16.0, top + 9.0), Anchor::Start, &caption);
     }
 
     fn describe(&self, scale: VectorScale<'_>, stride: usize) -> String {
@@ -276,11 +278,11 @@ impl ArmPicture {
 }
 
 /// Axes with equal scales around an area.
-fn square_frame(canvas: &mut Canvas, outer: Area, view: View, seen: &[(f64, f64)]) -> Frame {
+fn square_frame(canvas: &mut Canvas, outer: Area, view: View, points: &[(f64, f64)]) -> Frame {
     let span = |values: &mut dyn Iterator<Item = f64>| {
         Span::of(values, false).unwrap_or(Span::unit(false)).padded(0.06)
     };
-    let (x, y) = (span(&mut seen.iter().map(|p| p.0)), span(&mut seen.iter().map(|p| p.1)));
+    let (x, y) = (span(&mut points.iter().map(|p| p.0)), span(&mut points.iter().map(|p| p.1)));
     let left = frame::label_px(outer, y);
     let (x, y) = equalised(x, y, frame::inside(outer, left));
     let [x_axis, y_axis] = view.axes();
@@ -311,11 +313,11 @@ fn draw_errors(canvas: &mut Canvas, frame: &Frame, panel: &Panel<'_>) {
 
 /// Area for the name of a joint at `at` that overlaps no other: above or below it, on either side;
 /// above to the right if all four are taken.
-fn free_place(at: (f64, f64), width: f64, right_end: f64, taken: &[Area]) -> Area {
+fn free_place(point: (f64, f64), width: f64, right_end: f64, taken: &[Area]) -> Area {
     let place =
         |left: f64, bottom: f64| Area { left, top: bottom - NAME_PX, width, height: NAME_PX };
-    let (right, left) = (at.0 + 9.0, at.0 - 9.0 - width);
-    let (above, below) = (at.1 - 7.0, at.1 + 17.0);
+    let (right, left) = (point.0 + 9.0, point.0 - 9.0 - width);
+    let (above, below) = (point.1 - 7.0, point.1 + 17.0);
     let places = [place(right, above), place(left, above), place(right, below), place(left, below)];
     let is_free = |one: &&Area| {
         one.right() <= right_end
@@ -374,9 +376,9 @@ mod tests {
         let factor = picture.magnified();
         let digits = factor / 10f64.powf(factor.log10().floor());
         assert!([1.0, 2.0, 5.0].iter().any(|digit| (digits - digit).abs() < 1e-9), "{factor}");
-        let words = format!("magnified {} times", significant(factor, 1));
+        let caption = format!("magnified {} times", significant(factor, 1));
         let drawn = picture.render();
-        assert!(drawn.as_str().contains(&words) && drawn.narrow().contains(&words));
+        assert!(drawn.as_str().contains(&caption) && drawn.narrow().contains(&caption));
     }
 
     #[test]
@@ -390,8 +392,8 @@ mod tests {
     #[test]
     fn names_of_joints_that_lie_close_together_do_not_overlap() {
         let mut taken = Vec::new();
-        for at in [(100.0, 50.0), (115.0, 52.0), (108.0, 60.0)] {
-            let name = free_place(at, 40.0, 300.0, &taken);
+        for point in [(100.0, 50.0), (115.0, 52.0), (108.0, 60.0)] {
+            let name = free_place(point, 40.0, 300.0, &taken);
             assert!(!taken.iter().any(|other| name.overlaps(other)), "{name:?} {taken:?}");
             taken.push(name);
         }
@@ -401,8 +403,8 @@ mod tests {
     fn a_metre_is_as_long_to_the_right_as_upwards() {
         let mut canvas = Canvas::new(400.0);
         let outer = Area { left: 0.0, top: 0.0, width: 400.0, height: 300.0 };
-        let seen = [(0.0, 0.0), (2.0, 0.5)];
-        let frame = square_frame(&mut canvas, outer, View::Above, &seen);
+        let points = [(0.0, 0.0), (2.0, 0.5)];
+        let frame = square_frame(&mut canvas, outer, View::Above, &points);
         let right = frame.x.held(1.0) - frame.x.held(0.0);
         let up = frame.y.held(0.0) - frame.y.held(0.5);
         assert!((right - 2.0 * up).abs() < 1e-6, "{right} {up}");

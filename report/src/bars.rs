@@ -50,7 +50,7 @@ impl From<f64> for Bar {
 struct BarPosition<'a> {
     name: &'a str,
     place: usize,
-    look: Appearance,
+    appearance: Appearance,
 }
 
 /// A chart of horizontal bars: one row for each name, one bar in it for each group.
@@ -105,7 +105,8 @@ impl Bars {
     fn laid_out(&self, width: f64) -> String {
         let mut canvas = Canvas::new(width);
         let looks = self.looks();
-        let entries = self.groups.iter().zip(&looks).map(|(name, look)| entry(name, *look));
+        let entries =
+            self.groups.iter().zip(&looks).map(|(name, appearance)| entry(name, *appearance));
         let top = legend::draw(&mut canvas, &entries.collect::<Vec<Entry>>());
         let is_narrow = canvas.is_narrow();
         let longest = self.rows.iter().map(|row| text_width(&row.0)).fold(40.0, f64::max);
@@ -117,23 +118,29 @@ impl Bars {
         let inner = Area { left, top, width: width - left - value_px, height };
         let scale = Scale { span: self.span(), from_px: inner.left, to_px: inner.right() };
         let below = self.draw_axis(&mut canvas, inner, &scale);
-        let mut at = top + ROW_GAP_PX / 2.0;
+        let mut row_top = top + ROW_GAP_PX / 2.0;
         for (name, bars) in &self.rows {
-            let first = at + over;
+            let first = row_top + over;
             if is_narrow {
-                canvas.text("label", (0.0, at + 11.0), Anchor::Start, &shortened(name, width));
+                canvas.text("label", (0.0, row_top + 11.0), Anchor::Start, &shortened(name, width));
             } else {
                 let middle = first + BAR_PX * bars.len().max(1) as f64 / 2.0 + 4.0;
                 let label = shortened(name, LABEL_PX_MAX);
                 canvas.text("label", (left - 12.0, middle), Anchor::End, &label);
             }
             for (place, bar) in bars.iter().enumerate() {
-                let look =
+                let appearance =
                     looks.get(place).copied().unwrap_or(Appearance { role: Role::Other, place });
                 let top = first + BAR_PX * place as f64;
-                self.draw_bar(&mut canvas, &scale, top, BarPosition { name, place, look }, *bar);
+                self.draw_bar(
+                    &mut canvas,
+                    &scale,
+                    top,
+                    BarPosition { name, place, appearance },
+                    *bar,
+                );
             }
-            at += taken(bars);
+            row_top += taken(bars);
         }
         let zero = scale.held(0.0);
         canvas.line("rule", (zero, top), (zero, inner.bottom()));
@@ -142,9 +149,9 @@ impl Bars {
 
     /// Appearance of the bars in a row: by their roles, otherwise by their order.
     fn looks(&self) -> Vec<Appearance> {
-        let most = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
+        let bars_max = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
         let role = |place: usize| self.roles.get(place).copied().unwrap_or_default();
-        Appearance::each((0..most.max(self.groups.len())).map(role))
+        Appearance::each((0..bars_max.max(self.groups.len())).map(role))
     }
 
     fn span(&self) -> Span {
@@ -159,9 +166,9 @@ impl Bars {
     fn draw_axis(&self, canvas: &mut Canvas, inner: Area, scale: &Scale) -> f64 {
         let found = ticks(scale.span, if canvas.is_narrow() { 3 } else { 6 });
         for (value, label) in &found.marks {
-            let at = scale.held(*value);
-            canvas.line("grid", (at, inner.top), (at, inner.bottom()));
-            canvas.text("tick", (at, inner.bottom() + 16.0), Anchor::Middle, label);
+            let x_px = scale.held(*value);
+            canvas.line("grid", (x_px, inner.top), (x_px, inner.bottom()));
+            canvas.text("tick", (x_px, inner.bottom() + 16.0), Anchor::Middle, label);
         }
         let caption = wrapped(&self.axis.caption(&found.power), canvas.width_px());
         for (i, line) in caption.iter().enumerate() {
@@ -186,7 +193,7 @@ impl Bars {
         let (left, width) = (from.min(to), (to - from).abs());
         let area = Area { left, top: top + 1.0, width, height: BAR_PX - 2.0 };
         let hint = format!("{}: {}", whose.name, self.worded(whose.place, bar));
-        canvas.bar(&format!("fill {}", whose.look.colour()), area, &hint);
+        canvas.bar(&format!("fill {}", whose.appearance.colour()), area, &hint);
         let mut end = left + width;
         if let Some((low, high)) = bar.interval.filter(|ends| ends.0 <= ends.1) {
             let (low, high) = (scale.held(low), scale.held(high));
@@ -218,15 +225,15 @@ impl Bars {
     }
 
     fn describe(&self) -> String {
-        let mut words = format!("{}.", self.axis.caption(""));
+        let mut description = format!("{}.", self.axis.caption(""));
         for (name, bars) in &self.rows {
             let bars = bars.iter().enumerate().map(|(place, bar)| self.worded(place, *bar));
-            words += &format!(" {name}: {}.", bars.collect::<Vec<_>>().join(", "));
+            description += &format!(" {name}: {}.", bars.collect::<Vec<_>>().join(", "));
         }
-        words
+        description
     }
 }
 
-fn entry(name: &str, look: Appearance) -> Entry {
-    Entry { look, swatch: Swatch::Block, name: name.to_owned() }
+fn entry(name: &str, appearance: Appearance) -> Entry {
+    Entry { appearance, swatch: Swatch::Block, name: name.to_owned() }
 }

@@ -60,9 +60,9 @@ impl Svg {
         page.split("<figure><div class=\"on-wide\">").skip(1).find_map(|figure| {
             let (wide, rest) = figure.split_once("</div><div class=\"on-narrow\">")?;
             let (narrow, rest) = rest.split_once("</div><figcaption>")?;
-            let (_, says) = rest.split_once("</b> ")?;
+            let (_, text) = rest.split_once("</b> ")?;
             let (wide, narrow) = (wide.to_owned(), narrow.to_owned());
-            says.starts_with(&caption).then_some(Self { wide, narrow })
+            text.starts_with(&caption).then_some(Self { wide, narrow })
         })
     }
 
@@ -171,8 +171,8 @@ impl Canvas {
 
     /// A text with one of its ends, or its middle, at a point; moved sideways where it would
     /// otherwise leave the drawing.
-    pub(crate) fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str) {
-        let x = self.inside(at.0, anchor, text_width(text));
+    pub(crate) fn text(&mut self, class: &str, point: (f64, f64), anchor: Anchor, text: &str) {
+        let x = self.inside(point.0, anchor, text_width(text));
         let anchor = match anchor {
             Anchor::Start => "",
             Anchor::Middle => " text-anchor=\"middle\"",
@@ -181,7 +181,7 @@ impl Canvas {
         self.body.push_str(&format!(
             "<text class=\"{class}\" x=\"{}\" y=\"{}\"{anchor}>{}</text>",
             Px(x),
-            Px(at.1),
+            Px(point.1),
             escape(text)
         ));
     }
@@ -204,15 +204,15 @@ impl Canvas {
         }
     }
 
-    pub(crate) fn circle(&mut self, class: &str, at: (f64, f64), radius_px: f64) {
-        let (x, y, radius) = (Px(at.0), Px(at.1), Px(radius_px));
+    pub(crate) fn circle(&mut self, class: &str, point: (f64, f64), radius_px: f64) {
+        let (x, y, radius) = (Px(point.0), Px(point.1), Px(radius_px));
         self.body
             .push_str(&format!("<circle class=\"{class}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>"));
     }
 
     /// A dot with a given colour.
-    pub(crate) fn spot(&mut self, colour: &str, at: (f64, f64), radius_px: f64) {
-        let (x, y, radius) = (Px(at.0), Px(at.1), Px(radius_px));
+    pub(crate) fn spot(&mut self, colour: &str, point: (f64, f64), radius_px: f64) {
+        let (x, y, radius) = (Px(point.0), Px(point.1), Px(radius_px));
         self.body.push_str(&format!(
             "<circle class=\"spot\" fill=\"{colour}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>"
         ));

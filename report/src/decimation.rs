@@ -43,8 +43,8 @@ pub(crate) fn dots(spots: &[Spot]) -> Vec<Spot> {
 struct Column {
     at_px: f64,
     first: usize,
-    least: usize,
-    largest: usize,
+    lowest: usize,
+    highest: usize,
     last: usize,
     gap_after: bool,
 }
@@ -64,11 +64,11 @@ fn by_column(spots: &[Spot]) -> Vec<Spot> {
             Some(column) if column.at_px == x.floor() => {
                 column.gap_after = false;
                 column.last = i;
-                if y < height(column.least) {
-                    column.least = i;
+                if y < height(column.lowest) {
+                    column.lowest = i;
                 }
-                if y > height(column.largest) {
-                    column.largest = i;
+                if y > height(column.highest) {
+                    column.highest = i;
                 }
             }
             _ => {
@@ -77,8 +77,8 @@ fn by_column(spots: &[Spot]) -> Vec<Spot> {
                 open = Some(Column {
                     at_px,
                     first: i,
-                    least: i,
-                    largest: i,
+                    lowest: i,
+                    highest: i,
                     last: i,
                     gap_after: false,
                 });
@@ -91,7 +91,7 @@ fn by_column(spots: &[Spot]) -> Vec<Spot> {
 
 fn close(column: Option<Column>, spots: &[Spot], thinned: &mut Vec<Spot>) {
     let Some(column) = column else { return };
-    let mut kept = [column.first, column.least, column.largest, column.last];
+    let mut kept = [column.first, column.lowest, column.highest, column.last];
     kept.sort_unstable();
     let mut before = None;
     for i in kept {
@@ -119,14 +119,14 @@ fn by_distance(spots: &[Spot]) -> Vec<Spot> {
 fn apart(spots: &[Spot], apart_px: f64) -> Vec<Spot> {
     let mut kept: Vec<Spot> = Vec::new();
     for spot in spots {
-        let far = match (spot, kept.last()) {
-            (Some(here), Some(Some(there))) => {
-                (here.0 - there.0).hypot(here.1 - there.1) >= apart_px
+        let is_distant = match (spot, kept.last()) {
+            (Some(point), Some(Some(last))) => {
+                (point.0 - last.0).hypot(point.1 - last.1) >= apart_px
             }
             (None, Some(None)) => false,
             _ => true,
         };
-        if far {
+        if is_distant {
             kept.push(*spot);
         }
     }

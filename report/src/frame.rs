@@ -46,9 +46,9 @@ pub(crate) fn draw(canvas: &mut Canvas, place: Place, x: Ranged<'_>, y: Ranged<'
     };
     let y_ticks = y_ticks(y_span, inner.height);
     for (value, label) in &y_ticks.marks {
-        let at = frame.y.held(*value);
-        canvas.line("grid", (inner.left, at), (inner.right(), at));
-        canvas.text("tick", (inner.left - 8.0, at + 4.0), Anchor::End, label);
+        let y_px = frame.y.held(*value);
+        canvas.line("grid", (inner.left, y_px), (inner.right(), y_px));
+        canvas.text("tick", (inner.left - 8.0, y_px + 4.0), Anchor::End, label);
     }
     let caption = shortened(&y.0.caption(&y_ticks.power), outer.width);
     canvas.text("axis", (outer.left, outer.top + 11.0), Anchor::Start, &caption);
@@ -98,9 +98,9 @@ fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
     let x_ticks = spaced(frame.x.span, inner.width);
     canvas.line("rule", (inner.left, inner.bottom()), (inner.right(), inner.bottom()));
     for (value, label) in &x_ticks.marks {
-        let at = frame.x.held(*value);
-        canvas.line("rule", (at, inner.bottom()), (at, inner.bottom() + 4.0));
-        canvas.text("tick", (at, inner.bottom() + 18.0), Anchor::Middle, label);
+        let x_px = frame.x.held(*value);
+        canvas.line("rule", (x_px, inner.bottom()), (x_px, inner.bottom() + 4.0));
+        canvas.text("tick", (x_px, inner.bottom() + 18.0), Anchor::Middle, label);
     }
     let caption = shortened(&axis.caption(&x_ticks.power), inner.width);
     canvas.text("axis", (inner.right(), inner.bottom() + 36.0), Anchor::End, &caption);
@@ -134,19 +134,19 @@ pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: 
     let inner = frame.inner;
     let mut taken: Vec<Area> = Vec::new();
     for mark in marks.iter().filter(|mark| shown(mark, frame.x.span)) {
-        let at = frame.x.held(mark.value);
-        canvas.line(class, (at, inner.top), (at, inner.bottom()));
+        let x_px = frame.x.held(mark.value);
+        canvas.line(class, (x_px, inner.top), (x_px, inner.bottom()));
         let label = shortened(&mark.label, inner.width * 0.6);
         let width = text_width(&label);
-        let fits = at + 6.0 + width <= inner.right();
-        let left = if fits { at + 5.0 } else { at - 5.0 - width };
+        let fits = x_px + 6.0 + width <= inner.right();
+        let left = if fits { x_px + 5.0 } else { x_px - 5.0 - width };
         let place = |level: usize| {
             let top = inner.top + LEVEL_PX * level as f64;
             Area { left, top, width, height: LEVEL_PX - 1.0 }
         };
         let is_free = |place: &Area| !taken.iter().any(|other| place.overlaps(other));
         let place = (0..LEVELS).map(place).find(is_free).unwrap_or(place(0));
-        let (x, anchor) = if fits { (left, Anchor::Start) } else { (at - 5.0, Anchor::End) };
+        let (x, anchor) = if fits { (left, Anchor::Start) } else { (x_px - 5.0, Anchor::End) };
         canvas.text("note", (x, place.top + 11.0), anchor, &label);
         taken.push(place);
     }
@@ -156,10 +156,10 @@ pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: 
 pub(crate) fn mark_y(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
     for mark in marks.iter().filter(|mark| shown(mark, frame.y.span)) {
-        let at = frame.y.held(mark.value);
-        canvas.line(class, (inner.left, at), (inner.right(), at));
-        let below = at - inner.top < 14.0;
-        let level = if below { at + 14.0 } else { at - 5.0 };
+        let y_px = frame.y.held(mark.value);
+        canvas.line(class, (inner.left, y_px), (inner.right(), y_px));
+        let below = y_px - inner.top < 14.0;
+        let level = if below { y_px + 14.0 } else { y_px - 5.0 };
         let label = shortened(&mark.label, inner.width * 0.6);
         canvas.text("note", (inner.right(), level), Anchor::End, &label);
     }

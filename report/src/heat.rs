@@ -112,8 +112,8 @@ impl HeatMap {
             linear.fixed_span().unwrap_or(all)
         };
         let (x, y) = (edges(&self.x, self.columns), edges(&self.y, self.rows));
-        let seen = self.values.iter().copied();
-        let found = self.value.fixed_span().or_else(|| Span::of(seen, self.value.log));
+        let values = self.values.iter().copied();
+        let found = self.value.fixed_span().or_else(|| Span::of(values, self.value.log));
         let value = found.unwrap_or(Span::unit(self.value.log));
         let y_axis = self.y.clone().range(y.low, y.high);
         let place = frame::Place { outer, left: frame::label_px(outer, y) };
@@ -139,9 +139,10 @@ impl HeatMap {
             let mut column = 0;
             while column < columns {
                 let run = shades[column..].iter().take_while(|s| **s == shades[column]).count();
-                let at = |column: usize| inner.left + inner.width * column as f64 / columns as f64;
+                let x_px =
+                    |column: usize| inner.left + inner.width * column as f64 / columns as f64;
                 if let Some(level) = shades[column] {
-                    let (left, right) = (Px(at(column)), Px(at(column + run)));
+                    let (left, right) = (Px(x_px(column)), Px(x_px(column + run)));
                     let (top, bottom) = (Px(top), Px(bottom));
                     levels[level] += &format!("M{left} {top}H{right}V{bottom}H{left}z");
                 }
@@ -158,8 +159,9 @@ impl HeatMap {
         let inner = frame.inner;
         let mut taken: Vec<Area> = Vec::new();
         let apart = |x: &(f64, f64), span: Span| x.1 < span.low || x.0 > span.high;
-        let seen = |one: &&Outline| !apart(&one.x, frame.x.span) && !apart(&one.y, frame.y.span);
-        for one in self.outlines.iter().filter(seen) {
+        let is_visible =
+            |one: &&Outline| !apart(&one.x, frame.x.span) && !apart(&one.y, frame.y.span);
+        for one in self.outlines.iter().filter(is_visible) {
             let (left, right) = (frame.x.held(one.x.0), frame.x.held(one.x.1));
             let (bottom, top) = (frame.y.held(one.y.0), frame.y.held(one.y.1));
             let (left, right) = (left - 2.0, right.max(left + 3.0) + 2.0);
@@ -170,15 +172,15 @@ impl HeatMap {
             }
             let label = shortened(&one.label, inner.width * 0.6);
             let width = text_width(&label);
-            let at = left.min(inner.right() - width).max(inner.left);
+            let label_left = left.min(inner.right() - width).max(inner.left);
             let place = |level: usize| {
                 let top = top - 15.0 * (level + 1) as f64;
-                Area { left: at, top, width, height: 14.0 }
+                Area { left: label_left, top, width, height: 14.0 }
             };
             let is_free = |place: &Area| {
                 place.top >= inner.top && !taken.iter().any(|other| place.overlaps(other))
             };
-            let below = Area { left: at, top: bottom + 2.0, width, height: 14.0 };
+            let below = Area { left: label_left, top: bottom + 2.0, width, height: 14.0 };
             let fits_below = below.bottom() <= inner.bottom()
                 && !taken.iter().any(|other| below.overlaps(other));
             let found = (0..3).map(place).find(is_free).or(fits_below.then_some(below));
@@ -214,8 +216,8 @@ impl HeatMap {
         }
         let scale = Scale { span: value, from_px: beside.bottom(), to_px: beside.top };
         let found = ticks(value, 6);
-        for (at, label) in &found.marks {
-            canvas.text("tick", (right + 6.0, scale.held(*at) + 4.0), Anchor::Start, label);
+        for (value, label) in &found.marks {
+            canvas.text("tick", (right + 6.0, scale.held(*value) + 4.0), Anchor::Start, label);
         }
         let caption = self.value.caption(&found.power);
         let width = canvas.width_px();
@@ -287,8 +289,8 @@ mod tests {
         let map = |outlines: &[(f64, f64)]| {
             let map = HeatMap::new("t", axis("x"), axis("y"), axis("v"));
             let map = map.cells(4, (0..16).map(f64::from).collect());
-            let outline = |map: HeatMap, at: &(f64, f64)| {
-                map.outline((at.0, at.0 + 1.0), (at.1, at.1), "684 Hz")
+            let outline = |map: HeatMap, place: &(f64, f64)| {
+                map.outline((place.0, place.0 + 1.0), (place.1, place.1), "684 Hz")
             };
             outlines.iter().fold(map, outline).render().as_str().to_owned()
         };

@@ -100,7 +100,8 @@ impl Histogram {
         let mut canvas = Canvas::new(width);
         let looks = Appearance::each(self.samples.iter().map(|sample| sample.role));
         let entries = looks.iter().zip(&self.samples);
-        let entries: Vec<Entry> = entries.map(|(look, sample)| entry(*look, sample)).collect();
+        let entries: Vec<Entry> =
+            entries.map(|(appearance, sample)| entry(*appearance, sample)).collect();
         let top = legend::draw(&mut canvas, &entries);
         let values = self.samples.iter().flat_map(|sample| &sample.counted).map(|pair| pair.0);
         let x = self.x.fixed_span().or_else(|| Span::of(values, self.x.log));
@@ -112,18 +113,18 @@ impl Histogram {
         let outer = Area { left: 0.0, top, width, height: HEIGHT_PX };
         let place = frame::Place { outer, left: frame::label_px(outer, y) };
         let frame = frame::draw(&mut canvas, place, (&self.x, x), (&y_axis, y));
-        for (look, shares) in looks.iter().zip(&shares) {
+        for (appearance, shares) in looks.iter().zip(&shares) {
             let steps = outline(&frame, shares);
-            canvas.path(&format!("area {}", look.colour()), &steps);
-            canvas.path(&look.line(), &steps);
+            canvas.path(&format!("area {}", appearance.colour()), &steps);
+            canvas.path(&appearance.line(), &steps);
         }
         frame::mark_x(&mut canvas, &frame, &self.marks, frame::ON_PAPER);
         canvas.finish(top + HEIGHT_PX, &self.title, &self.describe())
     }
 
     fn span_y(&self, shares: &[Vec<f64>]) -> Span {
-        let seen = shares.iter().flatten().copied().filter(|share| *share > 0.0);
-        let span = Span::of(seen, self.log_share).unwrap_or(Span::unit(self.log_share));
+        let shares = shares.iter().flatten().copied().filter(|share| *share > 0.0);
+        let span = Span::of(shares, self.log_share).unwrap_or(Span::unit(self.log_share));
         if self.log_share {
             return Span { low: span.low / 2.0, high: span.high * 1.5, log: true };
         }
@@ -137,32 +138,32 @@ impl Histogram {
         let mut shares = vec![0.0; self.bins];
         for (value, count) in sample {
             let inside = (x.low..=x.high).contains(value);
-            if let Some(at) = scale.at(*value).filter(|_| inside) {
-                shares[(at as usize).min(self.bins - 1)] += *count as f64 / total * 100.0;
+            if let Some(bin) = scale.at(*value).filter(|_| inside) {
+                shares[(bin as usize).min(self.bins - 1)] += *count as f64 / total * 100.0;
             }
         }
         shares
     }
 
     fn describe(&self) -> String {
-        let mut words = format!("Distribution of {}.", self.x.label);
+        let mut description = format!("Distribution of {}.", self.x.label);
         for Sample { name, counted, .. } in &self.samples {
             let count = counted.iter().fold(0u64, |sum, pair| sum.saturating_add(pair.1));
             let (low, high) = counted.iter().fold((f64::NAN, f64::NAN), |(low, high), pair| {
                 (pair.0.min(low), pair.0.max(high))
             });
             let (low, high) = (quantity(low, &self.x.unit), quantity(high, &self.x.unit));
-            words += &format!(" {name}: {count} samples from {low} to {high}.");
+            description += &format!(" {name}: {count} samples from {low} to {high}.");
         }
         for mark in &self.marks {
-            words += &format!(" {}: {}.", mark.label, quantity(mark.value, &self.x.unit));
+            description += &format!(" {}: {}.", mark.label, quantity(mark.value, &self.x.unit));
         }
-        words
+        description
     }
 }
 
-fn entry(look: Appearance, sample: &Sample) -> Entry {
-    Entry { look, swatch: Swatch::Line, name: sample.name.clone() }
+fn entry(appearance: Appearance, sample: &Sample) -> Entry {
+    Entry { appearance, swatch: Swatch::Line, name: sample.name.clone() }
 }
 
 fn outline(frame: &Frame, shares: &[f64]) -> String {

@@ -23,8 +23,11 @@ pub fn labelled(label: &str, indent: usize, text: &str) -> Vec<String> {
         }
     }
     rows.push(row);
-    let head = |at: usize| if at == 0 { label } else { "" };
-    rows.iter().enumerate().map(|(at, row)| format!("{:<indent$}{row}", head(at))).collect()
+    let head = |row_index: usize| if row_index == 0 { label } else { "" };
+    rows.iter()
+        .enumerate()
+        .map(|(row_index, row)| format!("{:<indent$}{row}", head(row_index)))
+        .collect()
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ pub(crate) enum Swatch {
 /// One entry: its appearance, its symbol, its name.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
-    pub(crate) look: Appearance,
+    pub(crate) appearance: Appearance,
     pub(crate) swatch: Swatch,
     pub(crate) name: String,
 }
@@ -26,36 +26,37 @@ pub(crate) struct Entry {
 /// Draws the named entries from the top left, and returns the height used.
 pub(crate) fn draw(canvas: &mut Canvas, entries: &[Entry]) -> f64 {
     let whole = canvas.width_px();
-    let mut at = (0.0, 0.0);
+    let mut cursor = (0.0, 0.0);
     let mut any = false;
     for entry in entries.iter().filter(|entry| !entry.name.is_empty()) {
         let name = shortened(&entry.name, (whole - SWATCH_PX - 7.0).min(500.0));
         let width = SWATCH_PX + 7.0 + text_width(&name);
-        if at.0 > 0.0 && at.0 + width > whole {
-            at = (0.0, at.1 + ROW_PX);
+        if cursor.0 > 0.0 && cursor.0 + width > whole {
+            cursor = (0.0, cursor.1 + ROW_PX);
         }
-        swatch(canvas, entry, at);
-        canvas.text("label", (at.0 + SWATCH_PX + 7.0, at.1 + 12.0), Anchor::Start, &name);
-        at.0 += width + GAP_PX;
+        swatch(canvas, entry, cursor);
+        canvas.text("label", (cursor.0 + SWATCH_PX + 7.0, cursor.1 + 12.0), Anchor::Start, &name);
+        cursor.0 += width + GAP_PX;
         any = true;
     }
-    if any { at.1 + ROW_PX + 8.0 } else { 0.0 }
+    if any { cursor.1 + ROW_PX + 8.0 } else { 0.0 }
 }
 
-fn swatch(canvas: &mut Canvas, entry: &Entry, at: (f64, f64)) {
-    let (middle, look) = (at.1 + 8.0, entry.look);
+fn swatch(canvas: &mut Canvas, entry: &Entry, place: (f64, f64)) {
+    let (middle, appearance) = (place.1 + 8.0, entry.appearance);
     match entry.swatch {
         Swatch::Line => {
-            let line = format!("M{} {}H{}", Px(at.0 + 1.0), Px(middle), Px(at.0 + SWATCH_PX + 3.0));
-            canvas.path(&format!("{} key", look.line()), &line);
+            let line =
+                format!("M{} {}H{}", Px(place.0 + 1.0), Px(middle), Px(place.0 + SWATCH_PX + 3.0));
+            canvas.path(&format!("{} key", appearance.line()), &line);
         }
         Swatch::Dot => {
-            let dot = look.marker((at.0 + SWATCH_PX / 2.0, middle));
-            canvas.path(&format!("{} key", look.dots()), &dot);
+            let dot = appearance.marker((place.0 + SWATCH_PX / 2.0, middle));
+            canvas.path(&format!("{} key", appearance.dots()), &dot);
         }
         Swatch::Block => {
-            let area = Area { left: at.0 + 4.0, top: middle - 5.0, width: 12.0, height: 10.0 };
-            canvas.bar(&format!("fill {}", look.colour()), area, &entry.name);
+            let area = Area { left: place.0 + 4.0, top: middle - 5.0, width: 12.0, height: 10.0 };
+            canvas.bar(&format!("fill {}", appearance.colour()), area, &entry.name);
         }
     }
 }

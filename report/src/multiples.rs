@@ -104,8 +104,8 @@ impl Multiples {
     /// The ranges that cover all plots, if their axes have the same spacing.
     fn shared(&self) -> Option<(Span, Span)> {
         let first = self.plots.first()?;
-        let alike = |plot: &Plot| plot.x.log == first.x.log && plot.y.log == first.y.log;
-        if !self.plots.iter().all(alike) {
+        let has_same_scales = |plot: &Plot| plot.x.log == first.x.log && plot.y.log == first.y.log;
+        if !self.plots.iter().all(has_same_scales) {
             return None;
         }
         let x = self.plots.iter().map(Plot::span_x).reduce(Span::union)?;

@@ -177,11 +177,11 @@ impl Page {
 
     /// The verdict: a word, and a complete sentence.
     #[must_use]
-    pub fn verdict(self, tone: Tone, word: &str, sentence: &str) -> Self {
-        let (word, sentence) = (escape(word), escape(sentence));
+    pub fn verdict(self, tone: Tone, label: &str, sentence: &str) -> Self {
+        let (label, sentence) = (escape(label), escape(sentence));
         let (class, sign) = (tone.class(), tone.sign());
         self.with(&format!(
-            "<div class=\"verdict {class}\"><p class=\"word\">{sign}{word}</p><p>{sentence}</p></div>\n"
+            "<div class=\"verdict {class}\"><p class=\"word\">{sign}{label}</p><p>{sentence}</p></div>\n"
         ))
     }
 
@@ -354,8 +354,8 @@ impl Page {
     /// An unused id made of the heading's letters and digits.
     fn free_id(&self, heading: &str) -> String {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' };
-        let words: String = heading.chars().map(plain).collect();
-        let stem = format!("s-{}", words.split_whitespace().collect::<Vec<_>>().join("-"));
+        let plain_text: String = heading.chars().map(plain).collect();
+        let stem = format!("s-{}", plain_text.split_whitespace().collect::<Vec<_>>().join("-"));
         let is_free = |id: &String| self.sections.iter().all(|section| section.id != *id);
         let numbered = (2..).map(|n| format!("{stem}-{n}"));
         std::iter::once(stem.clone()).chain(numbered).find(is_free).unwrap_or_default()

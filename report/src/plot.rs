@@ -112,8 +112,8 @@ impl Plot {
         let inner = frame.inner;
         let air = Area { top: inner.top - 2.0, height: inner.height + 3.0, ..inner };
         canvas.clipped(air, |canvas| {
-            for (look, series) in looks(&self.series).into_iter().zip(&self.series) {
-                draw_series(canvas, &frame, series, look);
+            for (appearance, series) in looks(&self.series).into_iter().zip(&self.series) {
+                draw_series(canvas, &frame, series, appearance);
             }
         });
         frame::mark_x(canvas, &frame, &self.marks_x, frame::ON_PAPER);
@@ -121,8 +121,8 @@ impl Plot {
     }
 
     pub(crate) fn legend(&self) -> Vec<Entry> {
-        let entry = |(look, series): (Appearance, &Series)| Entry {
-            look,
+        let entry = |(appearance, series): (Appearance, &Series)| Entry {
+            appearance,
             swatch: if series.shape == Shape::Line { Swatch::Line } else { Swatch::Dot },
             name: series.name.clone(),
         };
@@ -149,21 +149,21 @@ impl Plot {
             let (low, high) = (quantity(span.low, &axis.unit), quantity(span.high, &axis.unit));
             format!("{} from {low} to {high}", axis.label)
         };
-        let mut words = format!("{}; {}.", range(&self.x, x), range(&self.y, y));
+        let mut description = format!("{}; {}.", range(&self.x, x), range(&self.y, y));
         for series in self.series.iter().filter(|series| !series.name.is_empty()) {
             let values =
                 series.points.iter().map(|point| point.1).filter(|value| value.is_finite());
             let (low, high) =
                 values.fold((f64::NAN, f64::NAN), |(low, high), v| (v.min(low), v.max(high)));
             let unit = &self.y.unit;
-            words +=
+            description +=
                 &format!(" {}: {} to {}", series.name, quantity(low, unit), quantity(high, unit));
             if series.points.len() > decimation::POINTS_MAX {
-                words += &format!(", {} points, thinned for drawing", series.points.len());
+                description += &format!(", {} points, thinned for drawing", series.points.len());
             }
-            words.push('.');
+            description.push('.');
         }
-        words
+        description
     }
 }
 
@@ -188,7 +188,7 @@ pub(crate) fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     (grown(x, inner.width), grown(y, inner.height))
 }
 
-fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Appearance) {
+fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, appearance: Appearance) {
     let spots: Vec<Spot> =
         series.points.iter().map(|(x, y)| frame.x.at(*x).zip(frame.y.at(*y))).collect();
     match series.shape {
@@ -198,12 +198,15 @@ fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Appear
                 (false, true) => " whole",
                 (false, false) => "",
             };
-            canvas.path(&format!("{}{dash}", look.line()), &line_data(&decimation::line(&spots)));
+            canvas.path(
+                &format!("{}{dash}", appearance.line()),
+                &line_data(&decimation::line(&spots)),
+            );
         }
         Shape::Dots => {
             let spots = decimation::dots(&spots);
             let few = if spots.iter().flatten().count() <= FEW { " few" } else { "" };
-            canvas.path(&format!("{}{few}", look.dots()), &dots_data(&spots, look));
+            canvas.path(&format!("{}{few}", appearance.dots()), &dots_data(&spots, appearance));
         }
     }
 }
@@ -226,8 +229,8 @@ fn line_data(spots: &[Spot]) -> String {
     data
 }
 
-fn dots_data(spots: &[Spot], look: Appearance) -> String {
-    spots.iter().flatten().map(|spot| look.marker(*spot)).collect()
+fn dots_data(spots: &[Spot], appearance: Appearance) -> String {
+    spots.iter().flatten().map(|spot| appearance.marker(*spot)).collect()
 }
 
 #[cfg(test)]

@@ -37,12 +37,12 @@ impl Appearance {
     /// The appearances for a list of roles, in its order.
     pub(crate) fn each(roles: impl IntoIterator<Item = Role>) -> Vec<Self> {
         let mut others = 0;
-        let look = |role| {
+        let appearance = |role| {
             let place = others;
             others += usize::from(role == Role::Other);
             Self { role, place }
         };
-        roles.into_iter().map(look).collect()
+        roles.into_iter().map(appearance).collect()
     }
 
     /// The class of its colour.
@@ -120,9 +120,10 @@ mod tests {
 
     #[test]
     fn a_series_without_a_role_never_has_the_colour_of_one() {
-        let named: Vec<String> = Appearance::each(NAMED).iter().map(|look| look.colour()).collect();
+        let named: Vec<String> =
+            Appearance::each(NAMED).iter().map(|appearance| appearance.colour()).collect();
         let others = Appearance::each([Role::Other; 20]);
-        assert!(others.iter().all(|look| !named.contains(&look.colour())));
+        assert!(others.iter().all(|appearance| !named.contains(&appearance.colour())));
         assert_ne!(others[0].line(), others[8].line(), "the same colour again has another dash");
     }
 }

@@ -56,8 +56,8 @@ impl Span {
 
     /// A range of positive values starts at zero if zero is near, so that heights can be compared.
     pub(crate) fn grounded_if_near(self) -> Self {
-        let near = !self.log && self.low > 0.0 && self.low < 0.35 * self.high;
-        if near { Self { low: 0.0, ..self } } else { self }
+        let is_near = !self.log && self.low > 0.0 && self.low < 0.35 * self.high;
+        if is_near { Self { low: 0.0, ..self } } else { self }
     }
 
     /// The range extended to the ticks around it, about `wanted` in number; a logarithmic range of

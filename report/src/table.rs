@@ -221,8 +221,8 @@ mod tests {
         let data = percent_encoding::percent_decode_str(link.expect("a link")).decode_utf8();
         assert_eq!(data.expect("UTF-8"), csv);
         assert!(html.contains("download=\"Errors--mm.csv\""), "{html}");
-        let words = Table::new("Files", ["File"]).row(["a.csv".into()]).html();
-        assert!(!words.contains("href"), "words alone stand in the page: {words}");
+        let without_links = Table::new("Files", ["File"]).row(["a.csv".into()]).html();
+        assert!(!without_links.contains("href"), "words alone stand in the page: {without_links}");
     }
 
     #[test]

@@ -10,79 +10,79 @@ use report::{
 };
 
 /// Every drawing, from the same texts and values.
-fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
-    let axis = || if log { Axis::new(words, words).log() } else { Axis::new(words, words) };
+fn drawings(text: &str, values: &[f64], log: bool) -> Vec<Svg> {
+    let axis = || if log { Axis::new(text, text).log() } else { Axis::new(text, text) };
     let (a, b) =
         (values.first().copied().unwrap_or(f64::NAN), values.last().copied().unwrap_or(0.0));
     let points = || values.iter().copied().zip(values.iter().rev().copied());
     let signal = || values.iter().enumerate().map(|(i, value)| (i as f64, *value));
     let plot = || {
-        Plot::new(words, axis(), axis().range(a, b))
-            .series(Series::line(words, points()))
-            .series(Series::dots(words, points()).role(Role::Before))
-            .mark_x(a, words)
-            .mark_y(b, words)
+        Plot::new(text, axis(), axis().range(a, b))
+            .series(Series::line(text, points()))
+            .series(Series::dots(text, points()).role(Role::Before))
+            .mark_x(a, text)
+            .mark_y(b, text)
     };
-    let bars = Bars::new(words, axis())
-        .groups([words, words])
-        .row(words, [Bar::new(a).between(b, a), Bar::new(b).between(a, b)])
-        .row(words, values.iter().take(12).copied());
+    let bars = Bars::new(text, axis())
+        .groups([text, text])
+        .row(text, [Bar::new(a).between(b, a), Bar::new(b).between(a, b)])
+        .row(text, values.iter().take(12).copied());
     let point =
         |i: usize| -> Point { std::array::from_fn(|k| values.get(i + k).copied().unwrap_or(a)) };
     let errors = || {
         (0..values.len()).map(|i| ToolError { at: point(i), before: point(i + 1), after: [b; 3] })
     };
     vec![
-        ArmPicture::new(words, point(0)).joint(words, point(1), true).errors(errors()).render(),
-        ArmPoses::new(words).pose(words, (0..values.len()).map(point)).pose(words, []).render(),
+        ArmPicture::new(text, point(0)).joint(text, point(1), true).errors(errors()).render(),
+        ArmPoses::new(text).pose(text, (0..values.len()).map(point)).pose(text, []).render(),
         plot().render(),
         plot().equal_scale().height(a).render(),
-        Plot::new(words, axis(), axis()).series(Series::line(words, signal()).dashed()).render(),
-        Multiples::new(words, 3)
+        Plot::new(text, axis(), axis()).series(Series::line(text, signal()).dashed()).render(),
+        Multiples::new(text, 3)
             .plot(plot())
             .plot(plot())
-            .plot(Plot::new(words, axis(), axis()))
+            .plot(Plot::new(text, axis(), axis()))
             .render(),
-        Histogram::new(words, axis()).values(words, values.iter().copied()).mark(a, words).render(),
-        Histogram::new(words, axis()).counted(words, [(a, u64::MAX), (b, 1)]).log_share().render(),
+        Histogram::new(text, axis()).values(text, values.iter().copied()).mark(a, text).render(),
+        Histogram::new(text, axis()).counted(text, [(a, u64::MAX), (b, 1)]).log_share().render(),
         bars.render(),
-        HeatMap::new(words, axis(), axis().range(a, b), axis())
+        HeatMap::new(text, axis(), axis().range(a, b), axis())
             .cells(3, values.to_vec())
-            .mark_x(a, words)
-            .mark_y(b, words)
+            .mark_x(a, text)
+            .mark_y(b, text)
             .render(),
     ]
 }
 
-fn page(words: &str, values: &[f64], log: bool) -> Page {
+fn page(text: &str, values: &[f64], log: bool) -> Page {
     let number = values.first().copied().unwrap_or(f64::NAN);
     let cells = values.iter().map(|value| Cell::from(*value));
-    let file = InputFile { name: words.to_owned(), sha256: words.to_owned() };
+    let file = InputFile { name: text.to_owned(), sha256: text.to_owned() };
     let made = Provenance {
         files: vec![file; 6],
-        date_utc: words.to_owned(),
-        version: words.to_owned(),
-        command: words.to_owned(),
+        date_utc: text.to_owned(),
+        version: text.to_owned(),
+        command: text.to_owned(),
     };
-    let page = Page::new(words)
-        .kicker(words)
-        .robot(words)
+    let page = Page::new(text)
+        .kicker(text)
+        .robot(text)
         .provenance(made)
-        .verdict(Tone::Good, words, words)
-        .lead(words)
-        .numbers([Number::new(words, number, words).note(words).tone(Tone::Bad)])
-        .next(words, Some(words))
-        .section(words)
-        .section(words)
-        .folded(words, |page| page.section(words).text(words))
-        .text(words)
-        .list([words])
-        .note(Tone::Caution, words, words)
-        .table(&Table::new(words, [words, words]).row([words.into(), number.into()]).row(cells))
-        .facts([(words, words)])
-        .code(words)
-        .footer(words);
-    drawings(words, values, log).iter().fold(page, |page, svg| page.figure(words, svg))
+        .verdict(Tone::Good, text, text)
+        .lead(text)
+        .numbers([Number::new(text, number, text).note(text).tone(Tone::Bad)])
+        .next(text, Some(text))
+        .section(text)
+        .section(text)
+        .folded(text, |page| page.section(text).text(text))
+        .text(text)
+        .list([text])
+        .note(Tone::Caution, text, text)
+        .table(&Table::new(text, [text, text]).row([text.into(), number.into()]).row(cells))
+        .facts([(text, text)])
+        .code(text)
+        .footer(text);
+    drawings(text, values, log).iter().fold(page, |page, svg| page.figure(text, svg))
 }
 
 fn parse(html: &str) -> roxmltree::Document<'_> {
@@ -127,12 +127,12 @@ proptest! {
     }
 
     #[test]
-    fn any_words_come_out_as_they_went_in(words in any::<String>(), log in any::<bool>()) {
-        let html = page(&words, &[1.0, 2.0, 5.0], log).render();
+    fn any_words_come_out_as_they_went_in(text in any::<String>(), log in any::<bool>()) {
+        let html = page(&text, &[1.0, 2.0, 5.0], log).render();
         let document = parse(&html);
         let title = document.descendants().find(|node| node.has_tag_name(("http://www.w3.org/1999/xhtml", "h1")));
         let shown = title.and_then(|node| node.text()).unwrap_or_default();
-        prop_assert_eq!(shown.chars().count(), words.chars().count());
+        prop_assert_eq!(shown.chars().count(), text.chars().count());
     }
 }
 
@@ -163,7 +163,7 @@ fn a_page_asks_nothing_of_the_network() {
     let style = style.expect("one stylesheet");
     assert!(!style.contains("url(") && !style.contains("@import"));
     let names = ["http://www.w3.org/1999/xhtml", "http://www.w3.org/2000/svg"];
-    let addresses = html.match_indices("http").map(|(at, _)| &html[at..]);
+    let addresses = html.match_indices("http").map(|(index, _)| &html[index..]);
     assert!(
         addresses.into_iter().all(|address| names.iter().any(|name| address.starts_with(name)))
     );
@@ -258,12 +258,12 @@ fn every_colour_that_says_something_stands_out_from_the_paper_in_light_and_in_da
         for name in roles.into_iter().chain(others) {
             let drawn = of(&name);
             let dot = std::array::from_fn(|k| opaque * drawn[k] + (1.0 - opaque) * paper[k]);
-            let least = contrast(drawn, paper).min(contrast(dot, paper));
-            assert!(least >= 3.0, "{mode} {name}: {least:.2}");
+            let contrast_min = contrast(drawn, paper).min(contrast(dot, paper));
+            assert!(contrast_min >= 3.0, "{mode} {name}: {contrast_min:.2}");
         }
         for name in ["ink", "soft", "good", "caution", "bad", "accent"] {
-            let least = contrast(of(name), paper).min(contrast(of(name), of("panel")));
-            assert!(least >= 4.5, "{mode} text {name}: {least:.2}");
+            let contrast_min = contrast(of(name), paper).min(contrast(of(name), of("panel")));
+            assert!(contrast_min >= 4.5, "{mode} text {name}: {contrast_min:.2}");
         }
     }
 }
@@ -275,14 +275,17 @@ fn text_of_a_drawing_for_a_phone_is_no_smaller_than_12_px() {
         style.lines().filter(|line| line.starts_with(".plot") && line.contains("font-size"));
     let size =
         |line: &str| line.split_once("font-size: ")?.1.split("px").next()?.parse::<f64>().ok();
-    let least = sizes.filter_map(size).fold(f64::INFINITY, f64::min);
+    let font_size_min = sizes.filter_map(size).fold(f64::INFINITY, f64::min);
     for svg in drawings("tool error", &[1.0, 3.0, 2.0], false) {
         let document = parse(svg.narrow());
         let view_box = document.root_element().attribute("viewBox").expect("a viewBox");
         let width_px: f64 =
             view_box.split(' ').nth(2).and_then(|w| w.parse().ok()).expect("a width");
         // A screen of 376 px with margins of 20 px on each side.
-        assert!(least * (376.0 - 40.0) / width_px >= 12.0, "{least} px in {width_px}");
+        assert!(
+            font_size_min * (376.0 - 40.0) / width_px >= 12.0,
+            "{font_size_min} px in {width_px}"
+        );
     }
 }
 
@@ -300,9 +303,9 @@ fn every_drawing_says_in_words_what_it_shows() {
         let document = parse(svg.as_str());
         let root = document.root_element();
         assert_eq!(root.attribute("role"), Some("img"));
-        let told = |name: &str| root.children().find(|node| node.tag_name().name() == name);
-        assert_eq!(told("title").and_then(|node| node.text()), Some("tool error"));
-        assert!(told("desc").and_then(|node| node.text()).is_some_and(|text| text.len() > 20));
+        let child = |name: &str| root.children().find(|node| node.tag_name().name() == name);
+        assert_eq!(child("title").and_then(|node| node.text()), Some("tool error"));
+        assert!(child("desc").and_then(|node| node.text()).is_some_and(|text| text.len() > 20));
     }
 }
 

@@ -29,8 +29,8 @@ impl fmt::Display for Verdict {
         self.write_cause(f)?;
         self.write_alternatives(f)?;
         if self.growth_per_s.abs() >= GROWTH_MIN {
-            let word = if self.growth_per_s > 0.0 { "growing" } else { "fading" };
-            write!(f, ", {word} {:.0} /s", self.growth_per_s.abs())?;
+            let trend = if self.growth_per_s > 0.0 { "growing" } else { "fading" };
+            write!(f, ", {trend} {:.0} /s", self.growth_per_s.abs())?;
         }
         if self.sensor_faults != 0 {
             f.write_str(", on a faulty sensor")?;
@@ -64,7 +64,7 @@ impl Verdict {
 
     fn write_remedy(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rpm = self.advice_rpm;
-        let words = match Advice::try_from(self.advice) {
+        let text = match Advice::try_from(self.advice) {
             Ok(Advice::None) => return Ok(()),
             Ok(Advice::MoveOffMode) => {
                 return write!(
@@ -93,7 +93,7 @@ impl Verdict {
             Ok(Advice::CheckWiring) => "check cables, shields and grounding",
             Err(_) => return write!(f, ": advice {}", self.advice),
         };
-        write!(f, ": {words}")
+        write!(f, ": {text}")
     }
 }
 

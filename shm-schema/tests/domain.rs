@@ -41,10 +41,10 @@ fn left_behind(cell: &Cell) -> Vec<String> {
     left
 }
 
-fn wait_for<T>(limit: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
+fn wait_for<T>(limit: Duration, mut poll: impl FnMut() -> Option<T>) -> Option<T> {
     let start = Instant::now();
     loop {
-        if let Some(found) = look() {
+        if let Some(found) = poll() {
             return Some(found);
         }
         if start.elapsed() > limit {
@@ -123,13 +123,13 @@ fn a_late_monitor_sees_the_last_status() {
     let joined = RoleClaim::new(&runtime.cell(), Role::Monitor).join().unwrap();
     let mut monitor = joined.subscriber::<Status>().unwrap();
     // History is handed over when the sender sees the new reader, with its next message at the latest.
-    let seen = wait_for(Duration::from_secs(1), || {
+    let received = wait_for(Duration::from_secs(1), || {
         monitor.take_newest().or_else(|| {
             status.send(&Status { seq: 8, joints: 6, ..Status::default() });
             None
         })
     });
-    assert!(seen.unwrap().seq >= 7);
+    assert!(received.unwrap().seq >= 7);
 }
 
 #[test]
@@ -185,10 +185,10 @@ fn another_contract_is_refused_with_both_versions_named() {
     )
     .unwrap();
     let refused = RoleClaim::new(&runtime.cell(), Role::Cell).join().unwrap_err();
-    let said = refused.to_string();
+    let message = refused.to_string();
     assert!(!refused.is_transient());
     let ours = format!("contract {CONTRACT_VERSION},");
-    assert!(said.contains("contract 77,") && said.contains(&ours), "{said}");
+    assert!(message.contains("contract 77,") && message.contains(&ours), "{message}");
 }
 
 #[test]

@@ -99,9 +99,9 @@ fn move_off_mode(case: &AdviceInput<'_>) -> Advice {
 fn is_clear_of_mode(case: &AdviceInput<'_>, rpm: f64, mode_hz: f64) -> bool {
     let turn_hz = rpm / 60.0;
     let tooth_hz = turn_hz * f64::from(case.teeth.max(1));
-    let seen = (case.frequency_hz * 60.0 / case.spindle_rpm).round().max(1.0);
+    let order = (case.frequency_hz * 60.0 / case.spindle_rpm).round().max(1.0);
     let nearest = (mode_hz / tooth_hz).round().max(1.0);
-    [turn_hz, seen * turn_hz, nearest * tooth_hz]
+    [turn_hz, order * turn_hz, nearest * tooth_hz]
         .iter()
         .all(|line_hz| (line_hz - mode_hz).abs() > MODE_CLEARANCE * mode_hz)
 }
@@ -165,12 +165,12 @@ mod tests {
         #[test]
         fn the_advised_speed_leaves_no_tooth_harmonic_on_any_mode(
             modes in prop::collection::vec(15.0..800.0_f64, 1..6),
-            at in 0_usize..6,
+            index in 0_usize..6,
             order in 1_u32..4,
             teeth in 1_u32..5,
         ) {
             let modes: Vec<Mode> = modes.into_iter().map(Mode::at_hz).collect();
-            let mode_hz = modes[at % modes.len()].frequency_hz;
+            let mode_hz = modes[index % modes.len()].frequency_hz;
             let rpm = 60.0 * mode_hz / f64::from(order * teeth);
             let near_mode_hz = Some(mode_hz);
             let forced = AdviceInput { teeth, near_mode_hz, ..case(Class::Forced, mode_hz, rpm, &modes) };
@@ -208,8 +208,8 @@ mod tests {
                 Advice::ChangeCut => prop_assert!(waves(rpm) < 1.0 / FAR_ABOVE),
                 advice => {
                     prop_assert_eq!(advice, Advice::ReduceDepth);
-                    let there = (waves(rpm) / waves(rpm).round().max(1.0) - 1.0).abs() < 0.021;
-                    prop_assert!(there || waves(rpm) > f64::from(LOBE_MAX) + 0.49);
+                    let is_near_pocket = (waves(rpm) / waves(rpm).round().max(1.0) - 1.0).abs() < 0.021;
+                    prop_assert!(is_near_pocket || waves(rpm) > f64::from(LOBE_MAX) + 0.49);
                 }
             }
         }

@@ -120,11 +120,12 @@ impl AsynchronousSignal {
         let t = self.revolution - whole;
         // Oldest first: 2, 1, 0 and −1 samples before the one at `whole`.
         let run = self.raw[channel].newest(whole as usize + 3)?;
-        let (far, next, at, near) = (run[0], run[1], run[2], run[3]);
+        let (second_before, before, middle, after) = (run[0], run[1], run[2], run[3]);
         Some(
-            -t * (t - 1.0) * (t - 2.0) / 6.0 * near + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * at
-                - (t + 1.0) * t * (t - 2.0) / 2.0 * next
-                + (t + 1.0) * t * (t - 1.0) / 6.0 * far,
+            -t * (t - 1.0) * (t - 2.0) / 6.0 * after
+                + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * middle
+                - (t + 1.0) * t * (t - 2.0) / 2.0 * before
+                + (t + 1.0) * t * (t - 1.0) / 6.0 * second_before,
         )
     }
 

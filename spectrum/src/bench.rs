@@ -8,7 +8,7 @@ use realfft::RealFftPlanner;
 pub struct HopBench {
     window: SlidingWindow,
     histories: Vec<History>,
-    seen: usize,
+    pushed: usize,
 }
 
 impl HopBench {
@@ -35,7 +35,7 @@ impl HopBench {
                 history.push((state >> 40) as f64 / 1e6);
             }
         }
-        let mut bench = Self { window, histories, seen: 0 };
+        let mut bench = Self { window, histories, pushed: 0 };
         for _ in 0..1000 {
             bench.hop();
         }
@@ -44,7 +44,7 @@ impl HopBench {
 
     /// One hop over all channels; returns the total number of detections.
     pub fn hop(&mut self) -> usize {
-        self.window.hop(&self.histories, &[], |_| self.seen += 1);
-        self.seen
+        self.window.hop(&self.histories, &[], |_| self.pushed += 1);
+        self.pushed
     }
 }

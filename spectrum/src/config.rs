@@ -284,8 +284,8 @@ mod tests {
             },
         ];
         for config in bad {
-            let said = config.check().expect_err("must be refused").to_string();
-            assert!(said.starts_with("vibration monitor: "), "{said}");
+            let message = config.check().expect_err("must be refused").to_string();
+            assert!(message.starts_with("vibration monitor: "), "{message}");
         }
     }
 

@@ -28,7 +28,7 @@ pub(crate) struct ForceLevel {
     period: u32,
     count: u32,
     sums: [(f64, f64); FORCES],
-    least: f64,
+    variance_min: f64,
     quiet: Option<(f64, [f64; FORCES])>,
     present: CutState,
     cut_energy: f64,
@@ -42,7 +42,7 @@ impl ForceLevel {
             period: (PERIOD_S * config.rate_hz) as u32,
             count: 0,
             sums: [(0.0, 0.0); FORCES],
-            least: config.least_amplitude_n.powi(2).max(1e-12),
+            variance_min: config.least_amplitude_n.powi(2).max(1e-12),
             quiet: None,
             present: CutState::Air,
             cut_energy: 0.0,
@@ -74,23 +74,23 @@ impl ForceLevel {
     fn end_period(&mut self) {
         let n = f64::from(self.count);
         let around = self.quiet.map_or([0.0; FORCES], |(_, means)| means);
-        let off = self.sums.map(|(sum, _)| sum / n);
+        let deviations = self.sums.map(|(sum, _)| sum / n);
         let variance: f64 =
             self.sums.iter().map(|(sum, squares)| (squares - sum * sum / n).max(0.0) / n).sum();
-        let distance: f64 = off.iter().map(|d| d * d).sum();
-        let means: [f64; FORCES] = std::array::from_fn(|c| around[c] + off[c]);
+        let distance: f64 = deviations.iter().map(|d| d * d).sum();
+        let means: [f64; FORCES] = std::array::from_fn(|c| around[c] + deviations[c]);
         self.sums = [(0.0, 0.0); FORCES];
         self.count = 0;
         let Some((quiet, quiet_means)) = &mut self.quiet else {
             self.quiet = Some((variance, means));
             return;
         };
-        let spread = *quiet + self.least;
-        let (loud, far) = match self.present {
+        let spread = *quiet + self.variance_min;
+        let (variance_ratio, distance_ratio) = match self.present {
             CutState::Air => (6.0, 36.0),
             CutState::Cut => (3.0, 16.0),
         };
-        let above = variance > loud * spread || distance > far * spread;
+        let above = variance > variance_ratio * spread || distance > distance_ratio * spread;
         let energy = variance + distance;
         self.energy = energy;
         let cuts = above && energy > RUBBING_PART * self.cut_energy;

@@ -104,7 +104,7 @@ impl FrontEnd {
         let f = revolution - revolution.floor();
         self.used = (self.low_pass.len() + whole + 1).min(self.taps.len());
         let filter = &self.low_pass;
-        let at = |n: usize, lag: usize| {
+        let tap = |n: usize, lag: usize| {
             n.checked_sub(lag).and_then(|i| filter.get(i)).copied().unwrap_or(0.0)
         };
         let sum_to = |n: usize, lag: usize| {
@@ -112,9 +112,9 @@ impl FrontEnd {
         };
         for n in 0..self.used {
             let ones = sum_to(n, 0) - sum_to(n, whole + 1);
-            let ends = -0.5 * at(n, 0)
-                + (f - 0.5 - 0.5 * f * f) * at(n, whole)
-                + 0.5 * f * f * at(n, whole + 1);
+            let ends = -0.5 * tap(n, 0)
+                + (f - 0.5 - 0.5 * f * f) * tap(n, whole)
+                + 0.5 * f * f * tap(n, whole + 1);
             self.taps[n] = (ones + ends) / revolution;
         }
     }
@@ -190,13 +190,13 @@ mod tests {
     use std::f64::consts::TAU;
 
     fn response(front: &FrontEnd, frequency_hz: f64, rate_hz: f64) -> f64 {
-        let at = |phase: f64| {
+        let amplitude = |phase: f64| {
             let samples: Vec<f64> = (0..front.taps())
                 .map(|i| (TAU * frequency_hz * i as f64 / rate_hz + phase).cos())
                 .collect();
             front.output(&samples)
         };
-        at(0.0).hypot(at(-PI / 2.0))
+        amplitude(0.0).hypot(amplitude(-PI / 2.0))
     }
 
     #[test]

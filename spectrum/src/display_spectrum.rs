@@ -145,16 +145,16 @@ impl DisplaySpectrum {
                 *power = bin.norm_sqr();
             }
             let last = (self.first + self.count * self.group).min(spectrum.len());
-            for at in self.first..last {
-                let is_peak = at > 0
-                    && self.power[at - 1] < self.power[at]
-                    && self.power.get(at + 1).is_some_and(|next| *next <= self.power[at]);
+            for index in self.first..last {
+                let is_peak = index > 0
+                    && self.power[index - 1] < self.power[index]
+                    && self.power.get(index + 1).is_some_and(|next| *next <= self.power[index]);
                 let power = if is_peak {
-                    grid.measure(&self.power, spectrum, at).power
+                    grid.measure(&self.power, spectrum, index).power
                 } else {
-                    self.power[at]
+                    self.power[index]
                 };
-                if let Some(bin) = to.get_mut((at - self.first) / self.group) {
+                if let Some(bin) = to.get_mut((index - self.first) / self.group) {
                     *bin = bin.max(power);
                 }
             }
@@ -214,16 +214,20 @@ mod tests {
             for tenth in 0..30 {
                 let hz = 173.0 + 0.37 * f64::from(tenth);
                 let (bins, found) = spectrum(rate_hz, top_hz, |t_s| 3.5 * (TAU * hz * t_s).sin());
-                let at = bin_of(bins, hz);
+                let tone_bin = bin_of(bins, hz);
                 assert!(
-                    (found[at] / 3.5 - 1.0).abs() < 0.02,
+                    (found[tone_bin] / 3.5 - 1.0).abs() < 0.02,
                     "{hz} Hz of {rate_hz}: {}",
-                    found[at]
+                    found[tone_bin]
                 );
-                let far = |(bin, _): &(usize, &f64)| bin.abs_diff(at) > 4;
-                let most =
-                    found.iter().enumerate().filter(far).map(|(_, n)| *n).fold(0.0, f64::max);
-                assert!(most < 0.02, "{most} N beside a tone of {hz} Hz of {rate_hz}");
+                let is_distant = |(bin, _): &(usize, &f64)| bin.abs_diff(tone_bin) > 4;
+                let leakage = found
+                    .iter()
+                    .enumerate()
+                    .filter(is_distant)
+                    .map(|(_, n)| *n)
+                    .fold(0.0, f64::max);
+                assert!(leakage < 0.02, "{leakage} N beside a tone of {hz} Hz of {rate_hz}");
             }
         }
     }

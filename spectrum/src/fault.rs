@@ -101,9 +101,9 @@ impl Faults {
         self.contains(Fault::Stuck) || self.contains(Fault::Dead)
     }
 
-    pub(crate) fn set(&mut self, fault: Fault, there: bool) {
+    pub(crate) fn set(&mut self, fault: Fault, is_present: bool) {
         let bit = 1 << fault as u8;
-        self.0 = if there { self.0 | bit } else { self.0 & !bit };
+        self.0 = if is_present { self.0 | bit } else { self.0 & !bit };
     }
 }
 

@@ -176,12 +176,12 @@ impl Floor {
             if variance > STEADY * mean * mean {
                 continue;
             }
-            let middle = self.median_around(bin, n);
-            if mean > CONTRAST * middle {
+            let median = self.median_around(bin, n);
+            if mean > CONTRAST * median {
                 let lobe = bin.saturating_sub(self.lobe_half_width)
                     ..(bin + self.lobe_half_width + 1).min(bins);
                 for level in &mut self.level[self.active_set][lobe] {
-                    *level = level.min(middle);
+                    *level = level.min(median);
                 }
             }
         }
@@ -267,10 +267,10 @@ mod tests {
         let mut normal = || (0..4).map(|_| draw()).sum::<f64>() - 4.0;
         let (mut re, mut im) = (0.0, 0.0);
         let mut signal = Vec::new();
-        for at in 0..200 + 16 * frames + 128 {
+        for index in 0..200 + 16 * frames + 128 {
             re = kept * re + normal();
             im = kept * im + normal();
-            if at >= 200 {
+            if index >= 200 {
                 signal.push((re, im));
             }
         }

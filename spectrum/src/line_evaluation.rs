@@ -35,14 +35,14 @@ const HISTORY_LINES: usize = 16;
 /// Frequencies of lines at previous feeds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct FeedHistory {
-    seen: [(f64, f64); HISTORY_LINES],
+    history: [(f64, f64); HISTORY_LINES],
     next: usize,
 }
 
 impl FeedHistory {
     /// Stores the frequency of a line at a feed.
     pub(crate) fn remember(&mut self, feed_mm_s: f64, frequency_hz: f64) {
-        self.seen[self.next] = (feed_mm_s, frequency_hz);
+        self.history[self.next] = (feed_mm_s, frequency_hz);
         self.next = (self.next + 1) % HISTORY_LINES;
     }
 
@@ -65,7 +65,7 @@ impl FeedHistory {
     /// (`Some(false)`); `None` if unknown.
     fn follows_feed(&self, feed_mm_s: f64, frequency_hz: f64, uncertainty_hz: f64) -> Option<bool> {
         let tolerance = 0.02 + uncertainty_hz / frequency_hz;
-        let other = self.seen.iter().filter(|(feed, _)| {
+        let other = self.history.iter().filter(|(feed, _)| {
             *feed > 0.0 && feed_mm_s > 0.0 && (feed_mm_s / feed).ln().abs() > FEED_CHANGE
         });
         let like = |ratio: f64| ratio.ln().abs() < tolerance;

@@ -142,11 +142,12 @@ pub fn identify_modes(
     let mut found: Vec<StartValue> = Vec::new();
     for peak in &peaks {
         for start in measured.start_values(peak, &peaks) {
-            let far = |other: &StartValue| {
+            let is_separate = |other: &StartValue| {
                 let apart = (start.at_hz.re - other.at_hz.re).abs();
                 apart > other.at_hz.im.max(start.at_hz.im)
             };
-            if found.iter().all(far) && (band_hz[0]..=band_hz[1]).contains(&start.at_hz.re) {
+            if found.iter().all(is_separate) && (band_hz[0]..=band_hz[1]).contains(&start.at_hz.re)
+            {
                 found.push(start);
             }
         }
@@ -213,8 +214,8 @@ impl MeasuredReceptance<'_> {
             return Vec::new();
         }
         let signs = |pole: &Pole| {
-            let near = |one: &&&peaks::Peak| one.is_at(pole.at_hz.re);
-            together.iter().find(near).is_some_and(|one| one.changes_sign)
+            let is_nearby = |one: &&&peaks::Peak| one.is_at(pole.at_hz.re);
+            together.iter().find(is_nearby).is_some_and(|one| one.changes_sign)
         };
         let start = |pole: &Pole| StartValue { at_hz: pole.at_hz, meets_all_criteria: signs(pole) };
         fit.poles.iter().map(start).collect()
@@ -323,8 +324,9 @@ impl MeasuredReceptance<'_> {
         for (reach, degree) in BAND_VARIATIONS {
             let Some(fit) = self.fit_poles(poles, reach, degree) else { continue };
             fits += 1.0;
-            for (sum, (pole, at)) in squares.iter_mut().zip(fit.poles.iter().zip(poles)) {
-                *sum += (pole.at_hz - at).norm_sqr().min(at.im * at.im);
+            for (sum, (pole, reference_hz)) in squares.iter_mut().zip(fit.poles.iter().zip(poles)) {
+                *sum +=
+                    (pole.at_hz - reference_hz).norm_sqr().min(reference_hz.im * reference_hz.im);
             }
         }
         // Half of the variance is in each part of the complex number.

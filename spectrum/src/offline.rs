@@ -83,7 +83,7 @@ pub fn run_monitor(
         let length = piece.channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
         run.begin(piece.start_s, piece.channels.len());
         let samples: Vec<f64> =
-            (0..length).flat_map(|at| piece.channels.iter().map(move |c| c[at])).collect();
+            (0..length).flat_map(|frame| piece.channels.iter().map(move |c| c[frame])).collect();
         run.push(&samples, |sample| process(number, sample));
         run.end(|sample| process(number, sample));
     }
@@ -178,11 +178,11 @@ impl<'w> MonitorRun<'w> {
             channels: piece.channels,
             samples: &piece.pending,
         };
-        let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
-        let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
+        let time_s = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
+        let event = |v: &Verdict| Event { piece: number, t_s: time_s(v.t_ns), verdict: *v };
         result.events.extend(watch.push(&block).iter().map(event));
         *done += frames as u64;
-        result.record_faults(watch, at(to_ns(*done, *rate_hz)));
+        result.record_faults(watch, time_s(to_ns(*done, *rate_hz)));
         piece.frames += frames;
         piece.blocks += 1;
         piece.pending.clear();
@@ -199,7 +199,8 @@ impl MonitorResult {
         let health = watch.health();
         let stream = health.stream.iter().filter(|fault| *fault != Fault::Gap).map(|f| (None, f));
         let channels = health.channel.iter().enumerate();
-        let channels = channels.flat_map(|(at, faults)| faults.iter().map(move |f| (Some(at), f)));
+        let channels =
+            channels.flat_map(|(channel, faults)| faults.iter().map(move |f| (Some(channel), f)));
         for (channel, fault) in stream.chain(channels) {
             let known = self.findings.iter_mut().find(|f| (f.channel, f.fault) == (channel, fault));
             match known {

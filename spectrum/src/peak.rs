@@ -56,23 +56,23 @@ impl Grid {
 
     /// Frequency, power and phase at the local maximum `at`, interpolated by a parabola through the
     /// logarithms.
-    pub(crate) fn measure(&self, power: &[f64], spectrum: &[Complex<f64>], at: usize) -> Peak {
+    pub(crate) fn measure(&self, power: &[f64], spectrum: &[Complex<f64>], index: usize) -> Peak {
         let log = |i: usize| power[i].max(1e-300).ln();
-        let offset = if at == 0 || at + 1 >= power.len() {
+        let offset = if index == 0 || index + 1 >= power.len() {
             0.0
         } else {
-            let (left, mid, right) = (log(at - 1), log(at), log(at + 1));
+            let (left, mid, right) = (log(index - 1), log(index), log(index + 1));
             let bend = left - 2.0 * mid + right;
             if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 }
         };
-        let bin = (self.first + at) as f64;
+        let bin = (self.first + index) as f64;
         let kept = hann_response(offset / self.bins_per_cell);
         // Phase at the centre of the window; that of the transform refers to its start.
         let turns = 0.5 * bin / self.bins_per_cell;
         Peak {
             frequency_hz: (bin + offset) * self.bin_hz,
-            power: power[at] / (kept * kept),
-            phase_rad: wrapped(spectrum[at].arg() + TAU * (turns - turns.floor())),
+            power: power[index] / (kept * kept),
+            phase_rad: wrapped(spectrum[index].arg() + TAU * (turns - turns.floor())),
             ..Peak::default()
         }
     }
@@ -95,13 +95,13 @@ pub(crate) fn strongest(
 ) -> Peaks {
     let mut found: Peaks = Default::default();
     let last = within.end.min(power.len().saturating_sub(1));
-    for at in within.start.max(1)..last {
-        let p = power[at];
-        if p < power[at - 1] || p <= power[at + 1] || p < 0.7 * least_ratio * floor(at) {
+    for index in within.start.max(1)..last {
+        let p = power[index];
+        if p < power[index - 1] || p <= power[index + 1] || p < 0.7 * least_ratio * floor(index) {
             continue;
         }
-        let mut peak = grid.measure(power, spectrum, at);
-        peak.ratio = peak.power / floor(at).max(1e-300);
+        let mut peak = grid.measure(power, spectrum, index);
+        peak.ratio = peak.power / floor(index).max(1e-300);
         if peak.ratio >= least_ratio {
             insert(&mut found, peak);
         }

@@ -41,11 +41,12 @@ pub(crate) fn limit_sidebands_to_warnings(
         *place = (is_self_excited(track) && track.is_fresh(now_s)).then(|| (*track, rank(track)));
     }
     for track in tracks.iter_mut().filter(|track| is_self_excited(track)) {
-        let own = rank(track);
+        let rank_of_track = rank(track);
         let follows = |(head, other): &(Track, (u8, bool, f64))| {
-            head.id != track.id && *other > own && is_sideband(track, head, spindle_hz)
+            head.id != track.id && *other > rank_of_track && is_sideband(track, head, spindle_hz)
         };
-        let waits = knows_modes && own.0 < 2 && now_s - track.first_seen_s < MODE_PREFERENCE_S;
+        let waits =
+            knows_modes && rank_of_track.0 < 2 && now_s - track.first_seen_s < MODE_PREFERENCE_S;
         if waits || lines.iter().flatten().any(follows) {
             track.max_state = State::Warn;
         }
@@ -101,8 +102,8 @@ mod tests {
         // Spindle 50 Hz, chatter at 683 Hz near a mode at 670: 583, 783 and |−683 + 900| = 217 Hz belong to it, 640 does not.
         let mut tracks =
             lines(&[(683.0, 2.0), (583.0, 6.0), (783.0, 4.0), (217.0, 3.0), (640.0, 1.0)]);
-        let near = |track: &Track| 2 * u8::from((track.frequency_hz - 670.0).abs() < 20.0);
-        limit_sidebands_to_warnings(&mut tracks, 50.0, 0.0, false, near);
+        let rank = |track: &Track| 2 * u8::from((track.frequency_hz - 670.0).abs() < 20.0);
+        limit_sidebands_to_warnings(&mut tracks, 50.0, 0.0, false, rank);
         assert_eq!(alarming(&tracks), [683.0, 640.0]);
     }
 

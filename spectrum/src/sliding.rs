@@ -216,14 +216,19 @@ impl SlidingWindow {
     /// noisy channel a decaying line may appear steady.
     fn windows_agree(&self, channel: usize, peak: &Peak, hops: impl Fn(&Peak) -> u16) -> bool {
         let long = |p: &Peak| hops(p) >= self.plan.hops_to_agree;
-        let near = |p: &&Peak| {
+        let is_same_frequency = |p: &&Peak| {
             (p.frequency_hz - peak.frequency_hz).abs() * self.window_s < 0.75
                 && p.power > 1.5 * peak.power
                 && p.ratio > 1.5 * peak.ratio
         };
         let others = self.channel_spectra.iter().enumerate();
-        let alike = others.filter(|(other, _)| *other != channel && (*other < 3) == (channel < 3));
-        long(peak) && alike.flat_map(|(_, view)| view.newest()).filter(near).all(long)
+        let others_of_kind =
+            others.filter(|(other, _)| *other != channel && (*other < 3) == (channel < 3));
+        long(peak)
+            && others_of_kind
+                .flat_map(|(_, view)| view.newest())
+                .filter(is_same_frequency)
+                .all(long)
     }
 
     /// The share of a peak's power that was present while the noise floor was learned.
@@ -259,13 +264,14 @@ impl SlidingWindow {
         let reach = (0.75 * self.grid.bins_per_cell).ceil() as usize;
         let least_floor = FLOOR_MIN * self.least_power(channel);
         let mut strongest = place;
-        for at in place.saturating_sub(reach)..(place + reach + 1).min(bins) {
-            if view.power[at] > view.power[strongest] {
-                strongest = at;
+        for bin in place.saturating_sub(reach)..(place + reach + 1).min(bins) {
+            if view.power[bin] > view.power[strongest] {
+                strongest = bin;
             }
         }
         let beside = [strongest.wrapping_sub(1), strongest + 1];
-        let is_slope = |at: &usize| view.power.get(*at).is_some_and(|p| *p > view.power[strongest]);
+        let is_slope =
+            |bin: &usize| view.power.get(*bin).is_some_and(|p| *p > view.power[strongest]);
         if beside.iter().any(is_slope) {
             // The flank of a stronger line nearby hides this line.
             return (0.0, 0.0);

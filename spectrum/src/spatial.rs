@@ -83,7 +83,7 @@ fn integrate_over_steps(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step
     if to <= from {
         return;
     }
-    let at = |x: f64| value[0] + (value[1] - value[0]) * (x - from) / (to - from);
+    let interpolated = |x: f64| value[0] + (value[1] - value[0]) * (x - from) / (to - from);
     let mut left = from;
     while left < to {
         let step = (left / step_mm).floor();
@@ -92,7 +92,7 @@ fn integrate_over_steps(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step
             right = to;
         }
         if let Some(sum) = sums.get_mut((0.5 * (left + right) / step_mm) as usize) {
-            *sum += 0.5 * (at(left) + at(right)) * (right - left);
+            *sum += 0.5 * (interpolated(left) + interpolated(right)) * (right - left);
         }
         left = right;
     }
@@ -108,13 +108,13 @@ pub fn match_gears(
 ) -> Vec<(GearFrequency, u32)> {
     let multiples =
         wheels.iter().flat_map(|wheel| (1..=MULTIPLES).map(move |order| (*wheel, order)));
-    let off = |(wheel, order): &(GearFrequency, u32)| {
+    let deviation = |(wheel, order): &(GearFrequency, u32)| {
         (f64::from(*order) * wheel.cycles_per_mm / cycles_per_mm - 1.0).abs()
     };
     let mut found: Vec<(GearFrequency, u32)> =
-        multiples.filter(|candidate| off(candidate) <= tolerance).collect();
+        multiples.filter(|candidate| deviation(candidate) <= tolerance).collect();
     found.sort_by(|a, b| {
-        (off(a) + 0.01 * f64::from(a.1)).total_cmp(&(off(b) + 0.01 * f64::from(b.1)))
+        (deviation(a) + 0.01 * f64::from(a.1)).total_cmp(&(deviation(b) + 0.01 * f64::from(b.1)))
     });
     found
 }

@@ -214,8 +214,8 @@ impl Stability {
         if modes.is_empty() {
             return Err(StabilityError::NoMode);
         }
-        let swing = |(at, mode): (usize, &FlexibleMode)| {
-            check_mode(at + 1, mode)?;
+        let swing = |(index, mode): (usize, &FlexibleMode)| {
+            check_mode(index + 1, mode)?;
             Ok(TipMode {
                 omega_rad_s: TAU * mode.frequency_hz,
                 damping_ratio: mode.damping_ratio,
@@ -299,8 +299,8 @@ impl Stability {
             let is_below = stable.0 < COARSE_DEPTH_PART * self.min_depth_m;
             let step = if is_below { COARSE_DEPTH_STEP } else { DEPTH_STEP };
             let depth_m = (step * stable.0).min(depth_max_m);
-            let at = multiplier(depth_m);
-            let excess = at.norm() - 1.0;
+            let multiplier_at_depth = multiplier(depth_m);
+            let excess = multiplier_at_depth.norm() - 1.0;
             if excess > 0.0 {
                 let depth_m =
                     find_crossing(stable, (depth_m, excess), |m| multiplier(m).norm() - 1.0);

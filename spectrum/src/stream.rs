@@ -57,7 +57,7 @@ pub struct SensorStream {
     samples: u64,
     second_ends: u64,
     rate_since: (u64, u64),
-    seen: Faults,
+    found: Faults,
     health: Health,
 }
 
@@ -76,7 +76,7 @@ impl SensorStream {
             samples: 0,
             second_ends: config.rate_hz as u64,
             rate_since: (0, 0),
-            seen: Faults::default(),
+            found: Faults::default(),
             health: Health::default(),
         }
     }
@@ -190,7 +190,7 @@ impl SensorStream {
     }
 
     fn flag(&mut self, fault: Fault) {
-        self.seen.set(fault, true);
+        self.found.set(fault, true);
         self.health.stream.set(fault, true);
     }
 
@@ -267,7 +267,7 @@ impl SensorStream {
                 self.recovered |= 1 << channel;
             }
         }
-        self.health.stream = std::mem::take(&mut self.seen);
+        self.health.stream = std::mem::take(&mut self.found);
     }
 
     pub(crate) fn count_dropped(&mut self, verdicts: u32) {

@@ -147,9 +147,9 @@ pub fn separate(
     let waviness = gaussian(&primary, spacing_mm, cut_off_mm)?;
     let roughness = primary.iter().zip(&waviness).map(|(z, w)| z - w).collect();
     let margin = (0.5 * cut_off_mm / spacing_mm).ceil() as usize;
-    let least = 2 * margin + (cut_off_mm / spacing_mm).floor() as usize;
+    let length_min = 2 * margin + (cut_off_mm / spacing_mm).floor() as usize;
     let evaluated =
-        if heights.len() >= least { margin..heights.len() - margin } else { 0..heights.len() };
+        if heights.len() >= length_min { margin..heights.len() - margin } else { 0..heights.len() };
     Ok(SeparatedProfile { spacing_mm, primary, waviness, roughness, evaluated })
 }
 

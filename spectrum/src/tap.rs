@@ -220,9 +220,9 @@ impl TapTest {
     #[must_use]
     pub fn excited_to_hz(&self, within_db: f64) -> f64 {
         let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
-        let least = strongest * 10.0_f64.powf(-within_db / 20.0);
+        let minimum = strongest * 10.0_f64.powf(-within_db / 20.0);
         let peak = self.force_spectrum.iter().position(|f| *f == strongest).unwrap_or(0);
-        let beyond = self.force_spectrum[peak..].iter().position(|f| *f < least);
+        let beyond = self.force_spectrum[peak..].iter().position(|f| *f < minimum);
         let last = beyond.map_or(self.force_spectrum.len(), |n| peak + n).saturating_sub(1);
         self.frf.frequency_hz.get(last).copied().unwrap_or(0.0)
     }
@@ -241,9 +241,9 @@ impl TapTest {
     #[must_use]
     pub fn force_db(&self, frequency_hz: f64) -> f64 {
         let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
-        let at = self.frf.frequency_hz.partition_point(|f| *f < frequency_hz);
-        let there = self.force_spectrum.get(at).or(self.force_spectrum.last()).copied();
-        20.0 * (there.unwrap_or(0.0) / strongest).log10()
+        let index = self.frf.frequency_hz.partition_point(|f| *f < frequency_hz);
+        let force = self.force_spectrum.get(index).or(self.force_spectrum.last()).copied();
+        20.0 * (force.unwrap_or(0.0) / strongest).log10()
     }
 }
 

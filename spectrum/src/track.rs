@@ -219,7 +219,7 @@ impl Track {
         let is_change = match self.reported {
             None => true,
             Some((state, ..)) if state != self.state => true,
-            Some(told) => told != now && now_s - self.reported_s >= REPORT_INTERVAL_S,
+            Some(reported) => reported != now && now_s - self.reported_s >= REPORT_INTERVAL_S,
         };
         if is_change {
             self.reported = Some(now);
@@ -268,14 +268,14 @@ impl Tracks {
     /// Assigns a detection to its line, or starts a new one; discarded if all slots are in use.
     pub(crate) fn assign(&mut self, sighting: &Detection, now_s: f64) {
         let distance = |track: &Track| (track.frequency_hz - sighting.frequency_hz).abs();
-        let near = self
+        let nearest = self
             .slots
             .iter_mut()
             .flatten()
             .filter(|track| track.can_include(sighting))
             .filter(|track| distance(track) <= 0.75 * sighting.cell_hz)
             .min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if let Some(track) = near {
+        if let Some(track) = nearest {
             track.update(sighting, now_s);
         } else if let Some(place) = self.slots.iter_mut().find(|place| place.is_none()) {
             *place = Some(Track::new(self.next_id, sighting, now_s));

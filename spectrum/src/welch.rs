@@ -243,7 +243,7 @@ pub fn coherence(x: &[f64], y: &[f64], segments: &Segments) -> Result<Spectrum, 
 /// A record too short, segments that cannot be.
 pub fn waterfall(x: &[f64], segments: &Segments) -> Result<Vec<(f64, Vec<f64>)>, SpectrumError> {
     let mut all = Vec::new();
-    SegmentPower::new(x.len(), segments)?.push(x, |at, power| all.push((at, power.to_vec())));
+    SegmentPower::new(x.len(), segments)?.push(x, |index, power| all.push((index, power.to_vec())));
     Ok(all)
 }
 

@@ -49,7 +49,7 @@ fn watched(
     let mut watch = VibrationMonitor::new(config).expect("a good configuration");
     watch.set_process_state(process);
     let frames = (0.005 * rate_hz) as usize;
-    let mut said = Vec::new();
+    let mut events = Vec::new();
     for (seq, part) in rows.chunks(frames).enumerate() {
         let samples: Vec<f64> = part.iter().flat_map(|row| frame(row)).collect();
         let start_s = (seq * frames) as f64 / rate_hz;
@@ -62,15 +62,15 @@ fn watched(
             samples: &samples,
             ..Block::default()
         };
-        said.extend(
+        events.extend(
             watch.push(&block).iter().map(|verdict| (verdict.t_ns as f64 * 1e-9, *verdict)),
         );
     }
-    (said, watch)
+    (events, watch)
 }
 
-fn show(name: &str, said: &[(f64, Verdict)]) {
-    for (t, v) in said {
+fn show(name: &str, events: &[(f64, Verdict)]) {
+    for (t, v) in events {
         eprintln!(
             "{name}: {t:.3} s line {} {} {:.2} Hz amplitude {:.4} axis {} {} rivals {:?}{}",
             v.line,
@@ -91,22 +91,24 @@ fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
     let config =
         MonitorConfig { rate_hz: 10_000.0, least_amplitude_n: 0.02, ..MonitorConfig::default() };
     let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
-    let (said, _) = watched(config, process, &numbers(&text), |row| [0.0, row[1], 0.0]);
-    show("milling-chatter", &said);
-    let at = |state: State, within_hz: f64| {
+    let (events, _) = watched(config, process, &numbers(&text), |row| [0.0, row[1], 0.0]);
+    show("milling-chatter", &events);
+    let event = |state: State, within_hz: f64| {
         let is = |v: &Verdict| (v.frequency_hz - 684.0).abs() < within_hz && v.state == state;
-        *said.iter().find(|(_, v)| is(v)).expect("the chatter is found")
+        *events.iter().find(|(_, v)| is(v)).expect("the chatter is found")
     };
-    let (alarm_s, alarm) = at(State::Alarm, 12.0);
+    let (alarm_s, alarm) = event(State::Alarm, 12.0);
     // The data set labels the whole record; the burst from 4.0 to 5.0 s is our interpretation.
     assert!((3.9..4.45).contains(&alarm_s), "{alarm_s}");
     assert_eq!((alarm.class, alarm.axis), (Class::Chatter, Axis::Y));
-    assert_eq!(at(State::Confirmed, 4.0).1.class, Class::Chatter);
-    for (t, v) in &said {
+    assert_eq!(event(State::Confirmed, 4.0).1.class, Class::Chatter);
+    for (t, v) in &events {
         let hum = (v.frequency_hz / 50.0 - (v.frequency_hz / 50.0).round()).abs() * 50.0 < 1.0;
         assert!(!(hum && v.state != State::Warn && v.state != State::Over), "{t}: {v:?}");
     }
-    assert!(said.iter().all(|(t, v)| *t > 3.2 || v.state == State::Warn || v.state == State::Over));
+    assert!(
+        events.iter().all(|(t, v)| *t > 3.2 || v.state == State::Warn || v.state == State::Over)
+    );
 }
 
 #[test]
@@ -116,10 +118,11 @@ fn steady_turning_alarms_nothing() {
     let process = ProcessState { spindle_rpm: 1060.0, teeth: 1, ..ProcessState::default() };
     for process in [process, ProcessState::default()] {
         let rows = numbers(&text);
-        let (said, watch) = watched(config.clone(), process, &rows, |row| [row[1], row[2], row[3]]);
-        show("turning-force", &said);
+        let (events, watch) =
+            watched(config.clone(), process, &rows, |row| [row[1], row[2], row[3]]);
+        show("turning-force", &events);
         eprintln!("{:?}", watch.health());
-        assert!(said.iter().all(|(_, v)| v.state == State::Warn || v.state == State::Over));
+        assert!(events.iter().all(|(_, v)| v.state == State::Warn || v.state == State::Over));
     }
 }
 
@@ -131,9 +134,9 @@ fn the_beams_tones_are_found_where_they_are() {
         let rows: Vec<Vec<f64>> = numbers(&text).into_iter().filter(|row| row.len() == 4).collect();
         let config =
             MonitorConfig { rate_hz: 3200.0, least_amplitude_n: 1e-3, ..MonitorConfig::default() };
-        let (said, watch) =
+        let (events, watch) =
             watched(config, ProcessState::default(), &rows, |row| [0.0, 0.0, row[3]]);
-        show(file, &said);
+        show(file, &events);
         let lines: Vec<f64> = watch.lines().iter().map(|v| v.frequency_hz).collect();
         for tone_hz in after {
             assert!(lines.iter().any(|f| (f - tone_hz).abs() < 1.0), "{tone_hz}: {lines:?}");
@@ -166,8 +169,8 @@ fn the_tap_test_gives_the_tools_modes() {
     }
     // The documentation of the data set states modes near these; methods differ by 1 to 2 %.
     for known_hz in [1056.0, 1941.0, 2598.0] {
-        let near = found.iter().find(|m| (m.frequency_hz / known_hz - 1.0).abs() < 0.02);
-        let mode = near.unwrap_or_else(|| panic!("no mode near {known_hz} Hz: {found:?}"));
+        let found_mode = found.iter().find(|m| (m.frequency_hz / known_hz - 1.0).abs() < 0.02);
+        let mode = found_mode.unwrap_or_else(|| panic!("no mode near {known_hz} Hz: {found:?}"));
         assert!((0.015..0.07).contains(&mode.damping), "{mode:?}");
     }
 }
@@ -175,7 +178,7 @@ fn the_tap_test_gives_the_tools_modes() {
 /// Heights of a profile of the reference: the lines of numbers between two tags.
 fn between(text: &str, tag: &str) -> Vec<f64> {
     let inside = text.split(&format!("<{tag}>")).nth(1).and_then(|t| t.split("</").next());
-    inside.unwrap_or("").split_whitespace().filter_map(|word| word.parse().ok()).collect()
+    inside.unwrap_or("").split_whitespace().filter_map(|number| number.parse().ok()).collect()
 }
 
 #[test]
@@ -184,7 +187,7 @@ fn the_surface_reference_is_met() {
         let Some(text) = data(&format!("surface-profile/{name}.xml")) else { return };
         let raw = between(&text, "DATA_POINT_VALUES");
         let filtered = between(&text, "SHORT_CUTOFF_PROFILE_DATA_POINT_VALUES");
-        let said = |tag: &str| between(&text, tag).first().copied().expect("a parameter");
+        let parameter = |tag: &str| between(&text, tag).first().copied().expect("a parameter");
         // The mill's parameters are behind a short cut-off of 0.8 um, the eroded surface's are of the raw profile.
         let smooth = gaussian(&raw, 0.000_25, 0.000_8).expect("a filter");
         let inner = if filtered.is_empty() { &raw[..] } else { &smooth[3..smooth.len() - 3] };
@@ -206,7 +209,7 @@ fn the_surface_reference_is_met() {
             // The set counts narrow elements of the mill's profile otherwise.
             ("PSm", 1e3 * width.expect("elements"), if name == "edm" { 1e-4 } else { 0.1 }),
         ] {
-            let known = said(tag);
+            let known = parameter(tag);
             eprintln!("  {tag} {value:.5} (the set: {known:.5})");
             assert!((value / known - 1.0).abs() < within, "{name} {tag}");
         }

@@ -12,9 +12,9 @@ type Table = HashMap<String, Vec<f64>>;
 
 fn table(text: &str) -> Table {
     let line = |line: &str| {
-        let mut words = line.split_whitespace();
-        let name = words.next()?.to_string();
-        Some((name, words.map(|word| word.parse().expect("a number")).collect()))
+        let mut fields = line.split_whitespace();
+        let name = fields.next()?.to_string();
+        Some((name, fields.map(|field| field.parse().expect("a number")).collect()))
     };
     text.lines().filter_map(line).collect()
 }

@@ -52,8 +52,8 @@ fn verdict(target: &Target, bytes: &[u8]) -> Result<u64, String> {
         outcome = catch_unwind(AssertUnwindSafe(|| (target.run)(bytes)));
     });
     if let Err(panic) = outcome {
-        let words = panic.downcast_ref::<String>().map(String::as_str);
-        return Err(words.or(panic.downcast_ref().copied()).unwrap_or("a panic").to_owned());
+        let message = panic.downcast_ref::<String>().map(String::as_str);
+        return Err(message.or(panic.downcast_ref().copied()).unwrap_or("a panic").to_owned());
     }
     let most = MEMORY_FREE + MEMORY_PER_BYTE * bytes.len() as u64;
     if heap.bytes_max > most {
@@ -69,7 +69,7 @@ fn hold(name: &'static str) {
     assert!(!examples.is_empty(), "{name} has no example");
     let times: u64 = std::env::var("TRUED_FUZZ").map_or(1, |times| times.parse().unwrap());
     let inputs = INPUTS * times * target.share / 100;
-    let (tell, told) = channel();
+    let (tell, messages) = channel();
     std::thread::spawn(move || {
         // Shared data are created once, which must not count for the first input.
         let _ = verdict(&target, &examples[0]);
@@ -82,7 +82,7 @@ fn hold(name: &'static str) {
     });
     let (mut tried, mut most) = (Vec::new(), 0);
     loop {
-        match told.recv_timeout(LIMIT) {
+        match messages.recv_timeout(LIMIT) {
             Ok(MessageWriter::Tries(bytes)) => tried = bytes,
             Ok(MessageWriter::Found(Ok(bytes))) => most = most.max(bytes),
             Ok(MessageWriter::Found(Err(fault))) => broken(name, &tried, &fault),

@@ -87,17 +87,17 @@ fn a_drift_is_reported_with_its_time_and_a_new_model_resets_the_test() {
         assert!(after < 25, "two sigma are said soon");
         std::thread::sleep(Duration::from_millis(20));
     }
-    let said = status(&mut monitor);
-    let early_s = (from_ns as f64 - said.model_broken_since_ns as f64) * 1e-9;
+    let last = status(&mut monitor);
+    let early_s = (from_ns as f64 - last.model_broken_since_ns as f64) * 1e-9;
     assert!(
         early_s.abs() < 0.2,
         "dated {early_s} s before the drift, it came {after} measurements ago"
     );
-    assert_eq!(said.health(), Ok(Health::Idle), "no command comes, which is said first");
+    assert_eq!(last.health(), Ok(Health::Idle), "no command comes, which is said first");
     assert!(
-        said.message.as_str().contains("the model has been outdated since"),
+        last.message.as_str().contains("the model has been outdated since"),
         "{}",
-        said.message
+        last.message
     );
     assert!(daemon.wait_for_output("the model is outdated", LIMIT), "{:?}", daemon.lines());
 
@@ -126,10 +126,10 @@ fn a_measurement_that_makes_no_sense_is_refused_and_changes_nothing() {
         (Measured { point_m: [f64::NAN; 3], ..sound }, "must be finite"),
         (Measured { sigma_m: 0.0, ..sound }, "above 0"),
     ];
-    for (measured, words) in cases {
+    for (measured, part) in cases {
         let answer = monitor.measured(&measured, LIMIT).unwrap();
         assert_eq!(answer.answer(), Ok(Answer::Refused), "{}", answer.message);
-        assert!(answer.message.as_str().contains(words), "{words}: {}", answer.message);
+        assert!(answer.message.as_str().contains(part), "{part}: {}", answer.message);
     }
     assert_eq!(status(&mut monitor).model_measurements, 0);
 }

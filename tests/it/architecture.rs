@@ -128,14 +128,14 @@ fn named_besides(folder: &str, module: &str, may: &[&str]) -> Vec<String> {
     for path in sources().filter(|path| shown(path).starts_with(folder)) {
         let text = fs::read_to_string(&path).unwrap();
         // Not the end of a longer name, as in `measured_daemon::`.
-        let is_whole = |at: usize| {
-            !text[..at].ends_with(|before: char| before.is_alphanumeric() || before == '_')
+        let is_whole = |start: usize| {
+            !text[..start].ends_with(|before: char| before.is_alphanumeric() || before == '_')
         };
-        let named = text.match_indices(module).filter(|(at, _)| is_whole(*at));
-        let named = named.map(|(at, _)| &text[at + module.len()..]);
+        let named = text.match_indices(module).filter(|(start, _)| is_whole(*start));
+        let named = named.map(|(start, _)| &text[start + module.len()..]);
         let named = named.filter(|rest| !may.iter().any(|may| rest.starts_with(may)));
-        let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
-        faults.extend(named.map(|rest| format!("{}: {module}{}", shown(&path), words(rest))));
+        let first_line = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
+        faults.extend(named.map(|rest| format!("{}: {module}{}", shown(&path), first_line(rest))));
     }
     faults
 }

@@ -42,8 +42,8 @@ fn fleet() -> Place {
         place.succeed(&[&simulate[..], &["--noise", "0.03", "path.csv"]].concat());
         let sigma = "sigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }\n";
         place.file(&format!("{name}.toml"), &format!("schema = \"trued.recording/1\"\n{sigma}"));
-        let at = format!("recorded_at = \"2026-0{}-01T00:00:00Z\"\n", month + 1);
-        let files = format!("robot = \"{}\"\nfiles = [\"{name}.csv\"]\n{at}", robot.0);
+        let recorded_at = format!("recorded_at = \"2026-0{}-01T00:00:00Z\"\n", month + 1);
+        let files = format!("robot = \"{}\"\nfiles = [\"{name}.csv\"]\n{recorded_at}", robot.0);
         write!(manifest, "[[recording]]\n{files}").unwrap();
     }
     place.file("manifest.toml", &manifest);
@@ -107,8 +107,8 @@ fn shards_in_any_order_on_any_number_of_threads_give_the_same_files() {
     // Standard tools give the same digest.
     let shell = "cd parts && sha256sum *.parquet | sha256sum";
     let output = Command::new("sh").args(["-c", shell]).current_dir(place.path("")).output();
-    let said = String::from_utf8(output.unwrap().stdout).unwrap();
-    assert_eq!(said.split_whitespace().next(), Some(digest(&whole).as_str()));
+    let stdout = String::from_utf8(output.unwrap().stdout).unwrap();
+    assert_eq!(stdout.split_whitespace().next(), Some(digest(&whole).as_str()));
 }
 
 #[test]
@@ -125,11 +125,11 @@ fn the_results_name_what_wears_on_which_robot() {
         });
         let mut found: Vec<(i64, f64)> = of_robot
             .filter_map(|row| match (&row["recorded_at"], &row["value"]) {
-                (Field::TimestampMicros(at), Field::Double(value)) => Some((*at, *value)),
+                (Field::TimestampMicros(time_us), Field::Double(value)) => Some((*time_us, *value)),
                 _ => None,
             })
             .collect();
-        found.sort_by_key(|(at, _)| *at);
+        found.sort_by_key(|(time_us, _)| *time_us);
         found.into_iter().map(|(_, width)| width).collect()
     };
     assert_eq!(widths("A"), Vec::<f64>::new(), "nothing is missing on A");
@@ -148,8 +148,8 @@ fn a_batch_that_is_killed_at_random_continues_to_the_same_digest() {
     let expected = digest(&batch(&place, "whole", &[]));
     let mut chance = TestRng::new(37);
     for _ in 0..8 {
-        let words = ["diagnose", "--batch", "manifest.toml", "--out", "killed", "--resume"];
-        let mut child = place.start(&words);
+        let arguments = ["diagnose", "--batch", "manifest.toml", "--out", "killed", "--resume"];
+        let mut child = place.start(&arguments);
         std::thread::sleep(Duration::from_millis(chance.below(900)));
         child.kill().unwrap();
         child.wait().unwrap();
@@ -168,10 +168,10 @@ fn a_recording_that_cannot_be_diagnosed_gets_a_reason_and_stops_no_other() {
     let done = batch(&place, "said", &["--json", "said.json"]);
     assert_eq!(done.code, Some(3), "{done:#?}");
     assert!(done.err.contains("no result for 1 recording"), "{done:#?}");
-    let said = place.json("said.json");
-    assert_eq!((&said["written"], &said["results"]), (&5.into(), &5.into()), "{said:#}");
-    assert_eq!(said["refused"][0]["files"], "A0.csv");
-    assert_eq!(said["unread"][0]["files"], "B1.csv");
+    let result = place.json("said.json");
+    assert_eq!((&result["written"], &result["results"]), (&5.into(), &5.into()), "{result:#}");
+    assert_eq!(result["refused"][0]["files"], "A0.csv");
+    assert_eq!(result["unread"][0]["files"], "B1.csv");
     let all: Vec<_> = results(&place.path("said")).iter().flat_map(|path| rows(path)).collect();
     let refused: Vec<_> = all.iter().filter(|row| text(&row["subject"]) == "refused").collect();
     assert!(text(&refused[0]["says"]).contains("`abc`"), "{refused:?}");
@@ -218,9 +218,11 @@ fn options_that_change_a_result_stand_in_the_manifest_alone() {
         let done = batch(&place, "said", option);
         assert!(done.code == Some(2) && done.err.contains("--batch"), "{done:#?}");
     }
-    for words in [&["--shard", "1/2"][..], &["--shard", "1/2", "A0.csv"], &["--resume", "A0.csv"]] {
-        let done = place.run(&[&["diagnose", "--model", BASE], words].concat());
-        assert!(done.code == Some(2) && done.err.contains(words[0]), "{done:#?}");
+    for arguments in
+        [&["--shard", "1/2"][..], &["--shard", "1/2", "A0.csv"], &["--resume", "A0.csv"]]
+    {
+        let done = place.run(&[&["diagnose", "--model", BASE], arguments].concat());
+        assert!(done.code == Some(2) && done.err.contains(arguments[0]), "{done:#?}");
     }
     place.file(
         "manifest.toml",
@@ -243,10 +245,11 @@ fn the_worked_example_of_the_page_runs_as_it_stands() {
         .current_dir(place.path(""))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
-    let digests: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("digest ")).collect();
-    assert!(digests.len() >= 2 && digests[0] == digests[digests.len() - 1], "{said}");
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{stdout}\n{}", String::from_utf8_lossy(&output.stderr));
+    let digests: Vec<&str> =
+        stdout.lines().filter_map(|line| line.strip_prefix("digest ")).collect();
+    assert!(digests.len() >= 2 && digests[0] == digests[digests.len() - 1], "{stdout}");
 }
 
 /// A Slurm cluster on this machine; `SKIPPED` if the distribution's Slurm is not installed or
@@ -263,22 +266,22 @@ fn a_job_array_of_slurm_gives_the_digest_of_one_process() {
         .current_dir(place.path(""))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
     if output.status.code() == Some(77) {
         let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
-        return skipped(scratch, "a job array of Slurm", said.trim());
+        return skipped(scratch, "a job array of Slurm", stdout.trim());
     }
-    assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{stdout}\n{}", String::from_utf8_lossy(&output.stderr));
     let done = batch(&place, "array", &["--resume"]);
-    assert!(done.out.contains("0 results written, 6 kept"), "{done:#?}\n{said}");
+    assert!(done.out.contains("0 results written, 6 kept"), "{done:#?}\n{stdout}");
     assert_eq!(digest(&done), expected);
 }
 
 /// The interpreter `TRUED_BATCH_PYTHON`, otherwise the system's, if it has this package.
 fn python_with(package: &str) -> Option<String> {
     let python = std::env::var("TRUED_BATCH_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let words = ["-c".to_owned(), format!("import {package}")];
-    let output = Command::new(&python).args(words).output().ok()?;
+    let arguments = ["-c".to_owned(), format!("import {package}")];
+    let output = Command::new(&python).args(arguments).output().ok()?;
     output.status.success().then_some(python)
 }
 
@@ -296,10 +299,10 @@ fn tasks_of_ray_and_dask_give_the_digest_of_one_process() {
         let mut command = Command::new(python);
         command.arg(script).args(["manifest.toml", name, "3"]).env("TRUED", TRUED);
         let output = command.current_dir(place.path("")).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(0), "{said}");
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{stderr}");
         let done = batch(&place, name, &["--resume"]);
-        assert!(done.out.contains("0 results written, 6 kept"), "{done:#?}\n{said}");
+        assert!(done.out.contains("0 results written, 6 kept"), "{done:#?}\n{stderr}");
         assert_eq!(digest(&done), expected);
     }
 }

@@ -48,38 +48,38 @@ fn a_short_bench_counts_every_cycle_of_its_schedule_and_leaves_nothing() {
         return;
     }
     let place = Place::new();
-    let asked =
+    let arguments =
         ["--only", "paced,flat", "--rate", "500,1000", "--wait", "sleep", "--seconds", "0.4"];
-    let done = bench(&place, &[&asked[..], &["--out", "out"]].concat());
+    let done = bench(&place, &[&arguments[..], &["--out", "out"]].concat());
     assert_eq!(done.code, Some(0), "{done:#?}");
-    let told = place.json("bench.json");
-    assert_eq!(told["schema"], "trued.bench/1");
-    assert_eq!(told["machine"]["scheduling"], "other");
-    let paced = told["settings"][0]["paced"].as_array().unwrap();
+    let result = place.json("bench.json");
+    assert_eq!(result["schema"], "trued.bench/1");
+    assert_eq!(result["machine"]["scheduling"], "other");
+    let paced = result["settings"][0]["paced"].as_array().unwrap();
     assert_eq!(paced.len(), 2);
-    for at in paced {
-        let cycles = at["rate_hz"].as_u64().unwrap() * 4 / 10;
-        assert_eq!(at["cycles"].as_u64(), Some(cycles));
+    for run in paced {
+        let cycles = run["rate_hz"].as_u64().unwrap() * 4 / 10;
+        assert_eq!(run["cycles"].as_u64(), Some(cycles));
         for from in ["scheduled_ns", "actual_ns"] {
-            check_quantiles(&at[from], Some(cycles));
+            check_quantiles(&run[from], Some(cycles));
         }
-        check_quantiles(&at["empty_ns"], Some(2 * cycles));
+        check_quantiles(&run["empty_ns"], Some(2 * cycles));
         for quantile in ["p50", "p99", "max"] {
-            let (due, sent) = (&at["scheduled_ns"][quantile], &at["actual_ns"][quantile]);
-            assert!(due.as_u64() >= sent.as_u64(), "{quantile}: {at}");
+            let (due, sent) = (&run["scheduled_ns"][quantile], &run["actual_ns"][quantile]);
+            assert!(due.as_u64() >= sent.as_u64(), "{quantile}: {run}");
         }
-        assert!(at["missed_beyond_empty"].as_u64() <= at["missed"].as_u64(), "{at}");
+        assert!(run["missed_beyond_empty"].as_u64() <= run["missed"].as_u64(), "{run}");
     }
-    let missed = paced.iter().find(|at| at["rate_hz"] == 500).map(|at| &at["missed"]);
-    assert_eq!(Some(&told["missed_cycles"]), missed, "of the lowest rate");
+    let missed = paced.iter().find(|run| run["rate_hz"] == 500).map(|run| &run["missed"]);
+    assert_eq!(Some(&result["missed_cycles"]), missed, "of the lowest rate");
     for kind in ["trued", "iceoryx2", "atomics", "bare", "unix", "udp", "pipe"] {
-        let trips = &told["round_trip_ns"][kind];
+        let trips = &result["round_trip_ns"][kind];
         check_quantiles(trips, None);
         assert!(trips["n"].as_u64() > Some(0) && trips["lost"] == 0, "{kind}: {trips}");
-        let placed = ["near", "far"].map(|at| trips[at]["n"].as_u64().unwrap());
+        let placed = ["near", "far"].map(|placement| trips[placement]["n"].as_u64().unwrap());
         assert!(placed.iter().sum::<u64>() <= trips["n"].as_u64().unwrap(), "{kind}: {trips}");
     }
-    check_quantiles(&told["correction_ns"], None);
+    check_quantiles(&result["correction_ns"], None);
     let page = place.read("out/bench.html");
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
     roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
@@ -112,9 +112,10 @@ fn costs_are_reported_for_every_number_with_the_line_through_them() {
             let of = |name: &str| cost[kind]["line"][name].as_f64().unwrap();
             of("none_us") + of("slope_us") * n as f64
         };
-        let off: Vec<f64> = costs.zip(&found).map(|(cost, n)| cost - line(*n)).collect();
-        let (sum, size) = (off.iter().sum::<f64>(), off.iter().map(|x| x.abs()).sum::<f64>());
-        assert!(sum.abs() < 1e-6 * (1.0 + size), "{kind}: {off:?}");
+        let residuals: Vec<f64> = costs.zip(&found).map(|(cost, n)| cost - line(*n)).collect();
+        let (sum, size) =
+            (residuals.iter().sum::<f64>(), residuals.iter().map(|x| x.abs()).sum::<f64>());
+        assert!(sum.abs() < 1e-6 * (1.0 + size), "{kind}: {residuals:?}");
         roxmltree::Document::parse(&place.read(&format!("out/cost-{kind}.svg"))).expect("a plot");
     }
     // A solve without errors to correct would cost nothing.
@@ -182,9 +183,10 @@ fn blocks_played_are_all_accounted_for_and_a_tone_brings_verdicts() {
         check_quantiles(&force[from], None);
         assert!(force[from]["n"].as_u64() > Some(0), "{from}: {force}");
     }
-    let at = |from: &str| force[from]["p50"].as_u64();
+    let median = |from: &str| force[from]["p50"].as_u64();
     assert!(
-        at("scheduled_ns") >= at("actual_ns") && at("actual_ns") >= at("one_way_ns"),
+        median("scheduled_ns") >= median("actual_ns")
+            && median("actual_ns") >= median("one_way_ns"),
         "{force}"
     );
 }
@@ -197,15 +199,15 @@ fn models_are_swapped_under_a_path_and_starts_are_timed() {
     let place = Place::new();
     let done = bench(&place, &["--only", "start,swap", "--starts", "2", "--seconds", "1"]);
     assert_eq!(done.code, Some(0), "{done:#?}");
-    let told = place.json("bench.json");
-    check_quantiles(&told["first_corrected_ns"], Some(2));
-    let swap = &told["model_swap"];
+    let result = place.json("bench.json");
+    check_quantiles(&result["first_corrected_ns"], Some(2));
+    let swap = &result["model_swap"];
     assert_eq!(swap["cycles"], 1000);
     assert!(swap["swaps"].as_u64() > Some(0), "{swap}");
     assert!(swap["epochs_seen"].as_u64() <= swap["swaps"].as_u64(), "{swap}");
     let step = swap["step_over_bound"].as_f64().unwrap();
     assert!(step > 0.0 && step <= 1.0, "the correction moves, and by its bound: {swap}");
-    let judged = told["judged"].as_array().unwrap();
+    let judged = result["judged"].as_array().unwrap();
     assert!(judged.iter().any(|j| j["what"].as_str().unwrap().contains("first corrected")));
 }
 
@@ -222,11 +224,11 @@ fn a_part_that_cannot_be_measured_is_reported_and_counted() {
         "{}",
         done.out
     );
-    let told = place.json("bench.json");
-    assert_eq!(told["skipped_count"], 1);
-    assert!(told["skipped"][0]["why"].as_str().unwrap().contains("apt install rt-tests"));
-    assert!(told["round_trip_woken_ns"]["pipe"]["n"].as_u64() > Some(0));
-    assert_eq!(told["round_trip_ns"], Value::Null);
+    let result = place.json("bench.json");
+    assert_eq!(result["skipped_count"], 1);
+    assert!(result["skipped"][0]["why"].as_str().unwrap().contains("apt install rt-tests"));
+    assert!(result["round_trip_woken_ns"]["pipe"]["n"].as_u64() > Some(0));
+    assert_eq!(result["round_trip_ns"], Value::Null);
 }
 
 #[test]
@@ -236,28 +238,28 @@ fn cyclictest_takes_turns_with_what_it_stands_beside() {
     }
     let place = Place::new();
     let stub = place.path("cyclictest");
-    let says = "# Max Latencies: 00007\n# Histogram Overflows: 00000";
-    let script = format!("#!/bin/sh\necho '000007 000030\n{says}'\n");
+    let overflow_lines = "# Max Latencies: 00007\n# Histogram Overflows: 00000";
+    let script = format!("#!/bin/sh\necho '000007 000030\n{overflow_lines}'\n");
     std::fs::write(&stub, script).unwrap();
     std::fs::set_permissions(&stub, std::fs::Permissions::from_mode(0o755)).unwrap();
     let folder = stub.parent().unwrap();
     let done = place.run_beside(folder, &[SHORT, &["--only", "woken", "--seconds", "1"]].concat());
     assert_eq!(done.code, Some(0), "{done:#?}");
-    let told = &place.json("bench.json")["settings"][0]["woken"]["round_trip_ns"];
+    let trips = &place.json("bench.json")["settings"][0]["woken"]["round_trip_ns"];
     let turns = |kind: &str| -> u64 {
-        told[kind]["chunks"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum()
+        trips[kind]["chunks"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum()
     };
-    assert!(turns("cyclictest") > 1 && turns("cyclictest") == turns("pipe"), "{told}");
-    assert_eq!(told["cyclictest"]["n"], 30 * turns("cyclictest"));
+    assert!(turns("cyclictest") > 1 && turns("cyclictest") == turns("pipe"), "{trips}");
+    assert_eq!(trips["cyclictest"]["n"], 30 * turns("cyclictest"));
 }
 
 #[test]
 fn the_doctor_lists_each_check_once_with_a_remedy_if_it_fails() {
     let place = Place::new();
     let done = place.run(&["doctor", "--json", "doctor.json"]);
-    let told = place.json("doctor.json");
-    let checks = told["checks"].as_array().unwrap();
-    assert_eq!((told["schema"].as_str(), checks.len()), (Some("trued.doctor/1"), 11));
+    let result = place.json("doctor.json");
+    let checks = result["checks"].as_array().unwrap();
+    assert_eq!((result["schema"].as_str(), checks.len()), (Some("trued.doctor/1"), 11));
     assert_eq!(done.out.lines().count(), 13, "one line each, and the summary: {}", done.out);
     for (line, check) in done.out.lines().zip(checks) {
         let passes = check["state"] == "pass";
@@ -267,7 +269,7 @@ fn the_doctor_lists_each_check_once_with_a_remedy_if_it_fails() {
     }
     let wants_a_fix = checks.iter().any(|check| check["state"] == "fix");
     assert_eq!(done.code, Some(i32::from(wants_a_fix)));
-    assert_eq!(told["ok"], !wants_a_fix);
+    assert_eq!(result["ok"], !wants_a_fix);
     let summary = done.out.lines().last().unwrap();
     for check in checks.iter().filter(|check| check["state"] != "pass") {
         assert!(summary.contains(check["name"].as_str().unwrap()), "{summary}");

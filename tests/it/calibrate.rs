@@ -53,10 +53,10 @@ fn csv(rows: &[Row]) -> String {
     for target in 1..=3 {
         ["x", "y", "z"].iter().for_each(|axis| write!(text, ",target{target}_{axis}_mm").unwrap());
     }
-    for (t_s, (q, d, seen)) in rows.iter().enumerate() {
+    for (t_s, (q, d, points)) in rows.iter().enumerate() {
         write!(text, "\n{t_s}").unwrap();
         q.iter().chain(d).for_each(|number| write!(text, ",{number}").unwrap());
-        seen.iter().flat_map(DVec3::to_array).for_each(|mm| write!(text, ",{mm:.5}").unwrap());
+        points.iter().flat_map(DVec3::to_array).for_each(|mm| write!(text, ",{mm:.5}").unwrap());
     }
     text + "\n"
 }
@@ -102,8 +102,8 @@ fn seen_at(text: &str, poses: usize, change: impl Fn(&mut [f64; 6])) -> Vec<Row>
     let made =
         campaign_simulation::simulate_readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
     for (row, pose) in rows.iter_mut().zip(&made.poses) {
-        for (slot, seen) in row.2.iter_mut().zip(&pose.seen) {
-            if let Reading::Point { at, .. } = seen.reading {
+        for (slot, observation) in row.2.iter_mut().zip(&pose.seen) {
+            if let Reading::Point { at, .. } = observation.reading {
                 *slot = at * 1e3;
             }
         }
@@ -180,22 +180,22 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
 #[test]
 fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
     let place = place_with(measured());
-    let asked = [&CALIBRATE[..], &["--json", "c.json"]].concat();
-    let said = place.succeed(&asked).out;
+    let arguments = [&CALIBRATE[..], &["--json", "c.json"]].concat();
+    let text = place.succeed(&arguments).out;
     let model = preset(BASE).expect("preset").model().expect("sound");
-    let mut seen =
+    let mut recording =
         read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
     // The command is run in the folder: its result names the file without it.
-    seen.file = "seen.csv".into();
+    recording.file = "seen.csv".into();
     let settings = Settings { seed: 7, ..Settings::default() };
-    let calibrated = calibration::calibrate(model, &[seen], &settings, &ignore);
+    let calibrated = calibration::calibrate(model, &[recording], &settings, &ignore);
     let calibrated = calibrated.expect("a calibration");
     assert!(calibrated.is_validated(), "{:?}", calibrated.rejection_reasons);
     assert_eq!(calibrated.model_toml().expect("a model"), place.read("robot2.toml"));
     let out = Path::new("robot2.toml");
     let json: Value = serde_json::from_str(&calibrated.json(Some(out)).expect("json")).unwrap();
     assert_eq!(json, place.json("c.json"));
-    assert!(said.starts_with(&calibrated.text(Some(out), None)), "{said}");
+    assert!(text.starts_with(&calibrated.text(Some(out), None)), "{text}");
     let unwritten = calibrated.page(None).render();
     assert!(unwritten.contains("Validation") && !unwritten.contains("robot2.toml"));
 }
@@ -203,11 +203,12 @@ fn the_library_gives_the_model_and_the_result_that_the_command_writes() {
 #[test]
 fn recordings_that_do_not_belong_to_the_model_are_refused_by_the_library_with_the_fault() {
     let mut rows = measured().to_vec();
-    rows.iter_mut().for_each(|row| row.2.iter_mut().for_each(|at| at.x = -at.x));
+    rows.iter_mut().for_each(|row| row.2.iter_mut().for_each(|point| point.x = -point.x));
     let place = place_with(&rows);
     let model = preset(BASE).expect("preset").model().expect("sound");
-    let seen = read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
-    let refused = calibration::calibrate(model, &[seen], &Settings::default(), &ignore);
+    let recording =
+        read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a recording");
+    let refused = calibration::calibrate(model, &[recording], &Settings::default(), &ignore);
     let Err(Error::GrossFaults(faults)) = refused else { panic!("a mirrored frame is a fault") };
     assert!(faults[0].message.contains("mirrored"), "{faults:?}");
 }
@@ -215,15 +216,15 @@ fn recordings_that_do_not_belong_to_the_model_are_refused_by_the_library_with_th
 #[test]
 fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
     let place = place_with(measured());
-    let asked = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
-    let text = place.succeed(&asked).out;
+    let arguments = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
+    let text = place.succeed(&arguments).out;
     let (found, page) = (place.json("c.json"), place.read("c.html"));
     for model in ["nominal", "calibrated", "advanced"] {
         let of = |key: &str| number(&found, &["heldout", model, key]);
         let line = text.lines().find(|line| line.starts_with(model)).expect("a line of the model");
-        let told: Vec<&str> = line.split_whitespace().skip(1).collect();
+        let numbers: Vec<&str> = line.split_whitespace().skip(1).collect();
         let wanted = ["mean", "median", "p95", "max"].map(|key| report::fixed(of(key), 3));
-        assert_eq!(told, wanted, "{line}");
+        assert_eq!(numbers, wanted, "{line}");
         let mean = report::significant(of("mean"), 3);
         let tile = format!("<dt>Mean error, {model}</dt><dd class=\"value\">{mean}<");
         assert!(page.contains(&tile), "{tile}");
@@ -235,14 +236,14 @@ fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
 
 #[test]
 fn a_tolerance_that_held_out_errors_exceed_is_reported_and_ends_with_1() {
-    for (tolerance_mm, code, told) in
+    for (tolerance_mm, code, part) in
         [("0.2", 0, "tolerance 0.200 mm met"), ("0.01", 1, "tolerance 0.0100 mm not met")]
     {
         let place = place_with(measured());
-        let asked = ["--json", "c.json", "--tolerance-mm", tolerance_mm];
-        let ran = place.run(&[&CALIBRATE[..], &asked].concat());
+        let options = ["--json", "c.json", "--tolerance-mm", tolerance_mm];
+        let ran = place.run(&[&CALIBRATE[..], &options].concat());
         assert_eq!(ran.code, Some(code), "{ran:?}");
-        assert!(ran.out.contains(told), "{}", ran.out);
+        assert!(ran.out.contains(part), "{}", ran.out);
         let found = place.json("c.json");
         assert_eq!(found["tolerance"]["met"], code == 0);
         let within_mm = number(&found, &["tolerance", "p95_mm"]);
@@ -313,8 +314,8 @@ fn residuals_beyond_the_stated_noise_are_reported_with_their_factor() {
     // The noise is 0.02 mm.
     let factor = number(&found["residuals"][0], &["factor"]);
     assert!((3.0..5.0).contains(&factor), "{:#}", found["residuals"]);
-    let says = found["warnings"].to_string();
-    assert!(says.contains("times as large as the stated noise"), "{says}");
+    let warnings = found["warnings"].to_string();
+    assert!(warnings.contains("times as large as the stated noise"), "{warnings}");
 }
 
 #[test]
@@ -324,12 +325,12 @@ fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
     // The reflectors turn with joint 6: its zero and their places are one.
     let zero = parameter(&found, "joint_offset", 6);
     assert!(zero["identifiable"] == false && zero["sigma"].is_null(), "{zero:#}");
-    let says = |key: &str, word: &str| {
+    let has_statement = |key: &str, part: &str| {
         let list = found[key].as_array().expect(key);
-        list.iter().any(|says| says.as_str().expect(key).contains(word))
+        list.iter().any(|statement| statement.as_str().expect(key).contains(part))
     };
-    assert!(says("undetermined", "joint 6's offset"), "{:#}", found["undetermined"]);
-    assert!(says("warnings", "cannot be determined"), "{:#}", found["warnings"]);
+    assert!(has_statement("undetermined", "joint 6's offset"), "{:#}", found["undetermined"]);
+    assert!(has_statement("warnings", "cannot be determined"), "{:#}", found["warnings"]);
 }
 
 #[test]
@@ -357,22 +358,22 @@ fn poses_that_a_recording_keeps_for_validation_are_the_held_out_ones() {
 
 #[test]
 fn gross_faults_are_reported_with_a_remedy_and_nothing_is_written() {
-    let refused = |change: &dyn Fn(&mut Row), word: &str| {
+    let refused = |change: &dyn Fn(&mut Row), part: &str| {
         let mut rows = measured().to_vec();
         rows.iter_mut().for_each(change);
         let place = place_with(&rows);
         let before = place.names();
         let done = place.run(&[&CALIBRATE[..], &["--report", "c.html"]].concat());
         assert_eq!(done.code, Some(1), "{done:#?}");
-        assert!(done.out.contains(word), "{word:?} in\n{}", done.out);
+        assert!(done.out.contains(part), "{part:?} in\n{}", done.out);
         assert_eq!(place.names(), before);
     };
-    refused(&|row| row.2.iter_mut().for_each(|at| at.x = -at.x), "mirrored");
+    refused(&|row| row.2.iter_mut().for_each(|point| point.x = -point.x), "mirrored");
     refused(&|row| row.0.swap(1, 2), "columns of joints 2 and 3 are swapped");
     refused(&|row| row.0[3] = -row.0[3], "joint 4 has the opposite sign");
-    refused(&|row| row.2.iter_mut().for_each(|at| *at *= 1e-3), "factor of 1000 too small");
+    refused(&|row| row.2.iter_mut().for_each(|point| *point *= 1e-3), "factor of 1000 too small");
     refused(&|row| row.0 = row.0.map(f64::to_radians), "in radians, but degrees are stated");
-    let swapped = |at: &mut DVec3| *at = DVec3::new(at.y, at.x, at.z);
+    let swapped = |point: &mut DVec3| *point = DVec3::new(point.y, point.x, point.z);
     refused(
         &|row| swapped(&mut row.2[1]),
         "only target 2 has a gross error: its columns x and y are swapped",
@@ -389,8 +390,8 @@ fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for(
     // The robot equals the model: a geometry fitted to few poses can only be worse.
     let rows = seen_at(preset(BASE).expect("preset").text, 12, |_| ());
     let place = place_with(&rows);
-    let asked = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
-    let done = place.run(&asked);
+    let arguments = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
+    let done = place.run(&arguments);
     assert_eq!(done.code, Some(1), "{done:#?}");
     assert!(
         done.out.contains("no model was written") && done.out.contains("not validated"),
@@ -401,7 +402,7 @@ fn a_model_that_its_own_proof_calls_worse_is_not_written_unless_it_is_asked_for(
     let mean = |model: &str| number(&found, &["heldout", model, "mean"]);
     assert!(mean("advanced") > mean("nominal") && found["out"].is_null(), "{found:#}");
     assert!(found["refused"].to_string().contains("held-out poses"), "{found:#}");
-    let done = place.succeed(&[&asked[..], &["--accept-worse"]].concat());
+    let done = place.succeed(&[&arguments[..], &["--accept-worse"]].concat());
     assert!(done.out.contains("not validated"), "{done:#?}");
     place.succeed(&["check", "robot2.toml"]);
 }
@@ -411,8 +412,8 @@ fn degrees_under_the_name_of_radians_and_a_wrong_tool_are_reported() {
     let place = place_with(measured());
     place.file("seen.csv", &csv(measured()).replace("_deg", "_rad"));
     let done = place.run(&CALIBRATE);
-    let said = format!("{}{}", done.out, done.err);
-    assert!(matches!(done.code, Some(1 | 2)) && said.contains("degrees"), "{done:#?}");
+    let output = format!("{}{}", done.out, done.err);
+    assert!(matches!(done.code, Some(1 | 2)) && output.contains("degrees"), "{done:#?}");
     // A reflector with known position, and a model with another tool position.
     let place = place_with(measured());
     let tcp =
@@ -458,11 +459,11 @@ fn two_hundred_poses_with_a_joint_that_never_moves_give_a_model_and_say_what_sta
 #[test]
 fn what_cannot_be_read_or_would_be_written_over_is_refused() {
     let place = place_with(measured());
-    let refused = |arguments: &[&str], word: &str| {
+    let refused = |arguments: &[&str], part: &str| {
         let before = place.names();
         let done = place.run(&[&["calibrate"], arguments].concat());
         assert_eq!(done.code, Some(2), "{done:#?}");
-        assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
+        assert!(done.err.contains(part), "{part:?} in\n{}", done.err);
         assert_eq!(place.names(), before);
     };
     place.file("robot.toml", preset(BASE).expect("preset").text);

@@ -110,9 +110,9 @@ fn simulated(case: &PositionCase) -> Vec<f64> {
         place.file(name, &text);
     }
     place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "recording.csv", "-q"]);
-    let seen = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
-    let columns = [0, 1, 2].map(|k| seen.column(Channel::Position(k)).expect("there"));
-    (0..seen.len()).flat_map(|row| columns.map(|column| column[row])).collect()
+    let recording = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
+    let columns = [0, 1, 2].map(|k| recording.column(Channel::Position(k)).expect("there"));
+    (0..recording.len()).flat_map(|row| columns.map(|column| column[row])).collect()
 }
 
 /// How far the two may be apart, as a share of the effect: where the laws are formulated otherwise on purpose, more.
@@ -149,10 +149,11 @@ fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
             let case = case(settled, ambient, beside.iter().cloned().chain([effect]).collect());
             let exact = case.exact_values(&case.scene, &case.true_effects());
             let without = case.exact_values(&case.scene, &beside);
-            let (size, off) = (rms(&exact, &without), rms(&exact, &simulated(&case)));
+            let (size, difference) = (rms(&exact, &without), rms(&exact, &simulated(&case)));
             // Inertia is a second difference of rounded positions on one side and of places on the other.
-            if size < 1e-5 || off > apart(kind) * size + 4e-7 {
-                faults.push(format!("{kind:?}, settled {settled}: {off:.2e} of {size:.2e} m"));
+            if size < 1e-5 || difference > apart(kind) * size + 4e-7 {
+                faults
+                    .push(format!("{kind:?}, settled {settled}: {difference:.2e} of {size:.2e} m"));
             }
         }
     }
@@ -321,7 +322,7 @@ fn a_solver_that_knows_the_truth_scores_all_and_its_model_is_worth_the_oracles()
         "--json",
         "said.json",
     ]);
-    let said = place.json("said.json");
+    let result = place.json("said.json");
     for (figure, wanted) in [
         ("first_right", 1.0),
         ("first_three_right", 1.0),
@@ -334,11 +335,11 @@ fn a_solver_that_knows_the_truth_scores_all_and_its_model_is_worth_the_oracles()
         ("named_wrong", 0.0),
         ("false_findings_on_nulls", 0.0),
     ] {
-        assert_eq!(said[figure], wanted, "{figure} of {said:#}");
+        assert_eq!(result[figure], wanted, "{figure} of {result:#}");
     }
-    let gain = |figure: &str| said[figure].as_f64().unwrap();
-    assert!((gain("gain_vs_oracle_median") - 1.0).abs() < 0.02, "{said:#}");
-    assert!(gain("gain_vs_oracle_p10") > 0.9, "{said:#}");
+    let gain = |figure: &str| result[figure].as_f64().unwrap();
+    assert!((gain("gain_vs_oracle_median") - 1.0).abs() < 0.02, "{result:#}");
+    assert!(gain("gain_vs_oracle_p10") > 0.9, "{result:#}");
 }
 
 #[test]

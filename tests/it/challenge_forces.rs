@@ -64,16 +64,17 @@ fn simulated(case: &ForceCase, ride: &SimulatedPasses<'_>, effects: &[Effect]) -
     place.file("passes.csv", &case_files::command(ride));
     place.file("passes.toml", &case_files::metadata(case));
     place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "passes.csv", "-q"]);
-    let seen = read(&place.path("seen.csv"), None, RequiredData::Samples).expect("a recording");
-    let columns = [0, 1, 2].map(|axis| seen.column(Channel::Wrench(axis)).expect("there"));
-    (0..seen.len()).map(|row| columns.map(|column| column[row])).collect()
+    let recording =
+        read(&place.path("seen.csv"), None, RequiredData::Samples).expect("a recording");
+    let columns = [0, 1, 2].map(|axis| recording.column(Channel::Wrench(axis)).expect("there"));
+    (0..recording.len()).map(|row| columns.map(|column| column[row])).collect()
 }
 
 /// Root mean square of the difference of two lists, over the selected rows.
 fn apart(a: &[[f64; 3]], b: &[[f64; 3]], requested: &[bool]) -> f64 {
-    let kept = a.iter().zip(b).zip(requested).filter(|(_, asked)| **asked);
+    let kept = a.iter().zip(b).zip(requested).filter(|(_, is_evaluated)| **is_evaluated);
     let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
-    let count = 3 * requested.iter().filter(|asked| **asked).count();
+    let count = 3 * requested.iter().filter(|is_evaluated| **is_evaluated).count();
     (squares.sum::<f64>() / count.max(1) as f64).sqrt()
 }
 
@@ -83,11 +84,11 @@ fn every_effect_of_forces_is_the_same_in_two_formulations_that_share_nothing() {
     for (name, cut) in cuts() {
         let case = case(cut);
         let ride = SimulatedPasses::of(&case.cut, &case.passes);
-        let asked: Vec<bool> =
+        let is_evaluated: Vec<bool> =
             ride.rows.iter().map(|row| row.engagement == Engagement::Full).collect();
-        let (own, theirs) = (ride.measured_forces(&[]), simulated(&case, &ride, &[]));
-        let whole = apart(&own, &vec![[0.0; 3]; own.len()], &asked);
-        let stated = apart(&own, &theirs, &asked);
+        let (exact, theirs) = (ride.measured_forces(&[]), simulated(&case, &ride, &[]));
+        let whole = apart(&exact, &vec![[0.0; 3]; exact.len()], &is_evaluated);
+        let stated = apart(&exact, &theirs, &is_evaluated);
         // A chip along the tool's path is the sine's but for feed over radius.
         let may = if case.cut.turning { 1e-9 } else { case.passes.feed_m / case.cut.radius_m };
         if stated > may * whole {
@@ -103,11 +104,12 @@ fn every_effect_of_forces_is_the_same_in_two_formulations_that_share_nothing() {
             let effect = Effect::of(kind, 0, &sizes(&case, kind));
             assert_eq!(effect.parameters.len(), kind.count());
             let with = ride.measured_forces(std::slice::from_ref(&effect));
-            let off = apart(&with, &simulated(&case, &ride, &[effect]), &asked);
-            let size = apart(&with, &own, &asked);
-            if size < 0.05 || off > 0.03 * size + 1.5 * stated {
-                faults
-                    .push(format!("{name}, {kind:?}: {off:.2e} of {size:.2e}, told {stated:.1e}"));
+            let difference = apart(&with, &simulated(&case, &ride, &[effect]), &is_evaluated);
+            let size = apart(&with, &exact, &is_evaluated);
+            if size < 0.05 || difference > 0.03 * size + 1.5 * stated {
+                faults.push(format!(
+                    "{name}, {kind:?}: {difference:.2e} of {size:.2e}, told {stated:.1e}"
+                ));
             }
         }
     }
@@ -127,8 +129,9 @@ fn in_air_both_are_silent_and_a_bias_is_read_by_both() {
         assert!(air.iter().any(|air| *air), "{name}");
         let bias = Effect::of(Kind::WrenchBias, 0, &sizes(&case, Kind::WrenchBias));
         for effects in [Vec::new(), vec![bias]] {
-            let (own, theirs) = (ride.measured_forces(&effects), simulated(&case, &ride, &effects));
-            assert!(apart(&own, &theirs, &air) < 1e-6, "{name}");
+            let (exact, theirs) =
+                (ride.measured_forces(&effects), simulated(&case, &ride, &effects));
+            assert!(apart(&exact, &theirs, &air) < 1e-6, "{name}");
         }
     }
 }

@@ -82,16 +82,17 @@ fn simulated(case: &TorqueCase, effects: &[Effect]) -> Vec<Joints> {
     place.file("model.toml", &model);
     place.file("motion.csv", &case_files::command(case, &case.motion, FINER));
     place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "motion.csv", "-q"]);
-    let seen = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
-    let columns: Vec<&[f64]> =
-        (0..case.rig.count()).map(|i| seen.column(Channel::Torque(i)).expect("there")).collect();
+    let recording = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
+    let columns: Vec<&[f64]> = (0..case.rig.count())
+        .map(|i| recording.column(Channel::Torque(i)).expect("there"))
+        .collect();
     let row = |row: usize| std::array::from_fn(|i| columns.get(i).map_or(0.0, |c| c[row]));
     case_files::commanded(&case.motion, FINER).into_iter().map(row).collect()
 }
 
 /// Root mean square of the difference of two lists, all joints, over the selected rows.
 fn apart(a: &[Joints], b: &[Joints], requested: &[bool]) -> f64 {
-    let kept = a.iter().zip(b).zip(requested).filter(|(_, asked)| **asked);
+    let kept = a.iter().zip(b).zip(requested).filter(|(_, is_evaluated)| **is_evaluated);
     let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
@@ -104,8 +105,9 @@ fn steady(case: &TorqueCase, ride: &SampledMotion) -> Vec<bool> {
     };
     let rows = ride.states.len();
     let is_steady = |row: usize| {
-        let near = row.saturating_sub(6)..(row + 7).min(rows);
-        (0..case.rig.count()).all(|i| near.clone().all(|other| sign(other, i) == sign(row, i)))
+        let neighbours = row.saturating_sub(6)..(row + 7).min(rows);
+        (0..case.rig.count())
+            .all(|i| neighbours.clone().all(|other| sign(other, i) == sign(row, i)))
     };
     (0..rows).map(is_steady).collect()
 }
@@ -133,10 +135,10 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
         let name = &case.rig.arm.name;
         let ride = SampledMotion::from_motion(&case.rig, &case.motion, 0.0);
         let exact = |effects: &[Effect]| recorded_torques(&case.rig, &case.motion, &ride, effects);
-        let (own, theirs) = (exact(&case.nominal()), simulated(&case, &[]));
-        let asked = steady(&case, &ride);
-        let whole = apart(&own, &vec![[0.0; JOINTS]; own.len()], &asked);
-        let rigid = apart(&own, &theirs, &asked);
+        let (exact_nominal, theirs) = (exact(&case.nominal()), simulated(&case, &[]));
+        let is_evaluated = steady(&case, &ride);
+        let whole = apart(&exact_nominal, &vec![[0.0; JOINTS]; exact_nominal.len()], &is_evaluated);
+        let rigid = apart(&exact_nominal, &theirs, &is_evaluated);
         // Rates of the commands are differences of rows there.
         if rigid > 2e-3 * whole {
             faults.push(format!("{name}: masses {rigid:.2e} of {whole:.2e}"));
@@ -149,11 +151,12 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
             let effect = Effect::of(kind, joint, &sizes(&case, kind, joint));
             let all: Vec<Effect> = case.nominal().into_iter().chain([effect.clone()]).collect();
             let with = exact(&all);
-            let size = apart(&with, &own, &asked);
-            let off = apart(&with, &simulated(&case, &[effect]), &asked);
-            if size < 0.02 || off > may_be_apart(kind) * size + 1.5 * rigid {
-                faults
-                    .push(format!("{name}, {kind:?}: {off:.2e} of {size:.2e}, masses {rigid:.1e}"));
+            let size = apart(&with, &exact_nominal, &is_evaluated);
+            let difference = apart(&with, &simulated(&case, &[effect]), &is_evaluated);
+            if size < 0.02 || difference > may_be_apart(kind) * size + 1.5 * rigid {
+                faults.push(format!(
+                    "{name}, {kind:?}: {difference:.2e} of {size:.2e}, masses {rigid:.1e}"
+                ));
             }
         }
     }

@@ -116,8 +116,8 @@ fn a_preset_starts_a_model_that_is_the_same_model() {
 fn a_model_says_which_robot_it_is_of() {
     let place = Place::new();
     let geometry = |model: &str| {
-        let said = place.succeed(&["model", "show", model, "--json", "-", "-q"]).out;
-        let result: serde_json::Value = serde_json::from_str(&said).unwrap();
+        let json = place.succeed(&["model", "show", model, "--json", "-", "-q"]).out;
+        let result: serde_json::Value = serde_json::from_str(&json).unwrap();
         assert_eq!(result["robot"]["maker"], "ABB");
         assert_eq!(result["robot"]["type"], "IRB 1600-6/1.45");
         result["robot"]["geometry"].as_str().unwrap().to_owned()
@@ -129,8 +129,8 @@ fn a_model_says_which_robot_it_is_of() {
         [geometry("irb1600-6-145-thesis"), geometry("robot.toml")],
         [nominal.clone(), nominal.clone()]
     );
-    let said = place.succeed(&["model", "show", "irb1600-6-145"]).out;
-    assert!(said.contains(&format!("robot: ABB IRB 1600-6/1.45, geometry {nominal}")), "{said}");
+    let text = place.succeed(&["model", "show", "irb1600-6-145"]).out;
+    assert!(text.contains(&format!("robot: ABB IRB 1600-6/1.45, geometry {nominal}")), "{text}");
 }
 
 #[test]
@@ -204,10 +204,10 @@ fn a_running_daemon_takes_a_good_model_and_refuses_a_bad_one() {
     assert!(first.out.contains("loaded"), "{}", first.out);
     let preset = place.run(&["reload", "--config", "cell.toml", "irb1600-6-145"]);
     assert_eq!(preset.code, Some(0), "{preset:#?}");
-    for (bad, word) in [("fr3", "7 joints"), ("cell.toml", "schema")] {
+    for (bad, part) in [("fr3", "7 joints"), ("cell.toml", "schema")] {
         let refused = place.run(&["reload", "--config", "cell.toml", bad]);
         assert_eq!(refused.code, Some(1), "{refused:#?}");
-        assert!(refused.out.contains(word), "{}", refused.out);
+        assert!(refused.out.contains(part), "{}", refused.out);
     }
     signal(&daemon, "TERM");
     assert_eq!(daemon.wait().unwrap().code(), Some(0));

@@ -64,21 +64,21 @@ fn diagnosed(place: &Place, recording: &str) -> Value {
 #[test]
 fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven() {
     let place = recorded(BACKLASH);
-    let said = diagnosed(&place, "seen.csv");
-    assert_eq!(said["schema"], "trued.diagnosis/1");
-    assert_eq!(said["verdict"], "missing_physics", "{said:#}");
-    let finding = &said["findings"][0];
+    let result = diagnosed(&place, "seen.csv");
+    assert_eq!(result["schema"], "trued.diagnosis/1");
+    assert_eq!(result["verdict"], "missing_physics", "{result:#}");
+    let finding = &result["findings"][0];
     assert_eq!((&finding["effect"], &finding["joint"]), (&"backlash".into(), &3.into()));
     assert_eq!(finding["change"], "new");
     let width = &finding["parameters"]["width_mrad"];
     let number = |value: &Value| value.as_f64().expect("a number");
     let (low, high) = (number(&width["ci95"][0]), number(&width["ci95"][1]));
     assert!(low < 0.42 && 0.42 < high && high - low < 0.05, "{width}");
-    let (before, after) = (&said["heldout_rms_before"], &said["heldout_rms_after"]);
+    let (before, after) = (&result["heldout_rms_before"], &result["heldout_rms_after"]);
     assert!(number(before) > 2.0 * number(after), "{before} {after}");
     assert!((number(after) / 0.03 - 1.0).abs() < 0.1, "down to the noise: {after}");
-    assert_eq!(said["findings"].as_array().map(Vec::len), Some(1), "{said:#}");
-    assert_eq!(said["candidates"], Value::Array(Vec::new()), "{said:#}");
+    assert_eq!(result["findings"].as_array().map(Vec::len), Some(1), "{result:#}");
+    assert_eq!(result["candidates"], Value::Array(Vec::new()), "{result:#}");
     // It alone is missing: its size is the increase of the error, which remains completely without
     // the finding.
     let size = &finding["size"];
@@ -101,20 +101,20 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
 fn a_tolerance_is_judged_as_given_and_with_what_was_found_in_text_json_and_page() {
     let place = recorded(BACKLASH);
     let diagnose = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1"];
-    let asked = [&diagnose[..], &["--tolerance-mm", "0.1", "seen.csv"]].concat();
-    let text = place.succeed(&asked).out;
-    let words = "olerance of 0.100 mm not met with the given model and met with the findings";
-    assert!(text.contains(words), "{text}");
-    assert!(place.read("said/report.html").contains(words));
-    let said = place.json("said/diagnosis.json");
-    let [before, after] = ["before", "after"].map(|side| &said["tolerance"][side]);
-    assert_eq!((&before["met"], &after["met"]), (&false.into(), &true.into()), "{said:#}");
+    let arguments = [&diagnose[..], &["--tolerance-mm", "0.1", "seen.csv"]].concat();
+    let text = place.succeed(&arguments).out;
+    let statement = "olerance of 0.100 mm not met with the given model and met with the findings";
+    assert!(text.contains(statement), "{text}");
+    assert!(place.read("said/report.html").contains(statement));
+    let result = place.json("said/diagnosis.json");
+    let [before, after] = ["before", "after"].map(|side| &result["tolerance"][side]);
+    assert_eq!((&before["met"], &after["met"]), (&false.into(), &true.into()), "{result:#}");
     // Noise of 0.03 mm in each of three axes: 95 of 100 distances are within 2.80 times that.
     let p95_mm = after["p95_mm"].as_f64().expect("a number");
     assert!((p95_mm / (2.80 * 0.03) - 1.0).abs() < 0.1, "{p95_mm}");
     let plain = diagnosed(&place, "seen.csv");
     assert!(plain.get("tolerance").is_none(), "{plain:#}");
-    assert_eq!(plain["findings"], said["findings"]);
+    assert_eq!(plain["findings"], result["findings"]);
 }
 
 #[test]
@@ -124,10 +124,10 @@ fn the_library_gives_what_the_command_writes_and_lists_the_largest_findings_firs
     let written = diagnosed(&place, "seen.csv");
     let found = |findings_most| {
         let model = preset(BASE).expect("preset").model().expect("sound");
-        let seen =
+        let recording =
             series::read(&place.path("seen.csv"), None, RequiredData::Measurement).expect("a file");
         let settings = Settings { seed: 1, findings_most, ..Settings::default() };
-        diagnose(model, vec![seen], &settings, &ignore).expect("a diagnosis")
+        diagnose(model, vec![recording], &settings, &ignore).expect("a diagnosis")
     };
     let whole: Value = serde_json::from_str(&found(20).json().expect("json")).expect("json");
     assert_eq!(whole["findings"], written["findings"]);
@@ -151,18 +151,18 @@ fn the_probabilities_of_a_finding_and_of_what_else_it_may_be_add_up_to_one() {
     let weak = "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 0.4\n\
                 [[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 0.08\n";
     let place = recorded(weak);
-    let said = diagnosed(&place, "seen.csv");
-    let all = ["findings", "candidates"].map(|key| said[key].as_array().expect("a list"));
-    let claimed = said["verdict"] != "undetermined";
-    assert!(!all[0].is_empty(), "{said:#}");
+    let result = diagnosed(&place, "seen.csv");
+    let all = ["findings", "candidates"].map(|key| result[key].as_array().expect("a list"));
+    let claimed = result["verdict"] != "undetermined";
+    assert!(!all[0].is_empty(), "{result:#}");
     for (is_candidate, finding) in
         all.iter().enumerate().flat_map(|(k, list)| list.iter().map(move |one| (k == 1, one)))
     {
-        let own = finding["confidence"].as_f64().expect("a probability");
+        let confidence = finding["confidence"].as_f64().expect("a probability");
         let others = finding["alternatives"].as_array().expect("a list").iter();
-        let sum = own + others.map(|one| one["confidence"].as_f64().unwrap()).sum::<f64>();
+        let sum = confidence + others.map(|one| one["confidence"].as_f64().unwrap()).sum::<f64>();
         assert!((sum - 1.0).abs() < 1e-5, "{sum}: {finding:#}");
-        assert!(!claimed || (own < 0.5) == is_candidate, "{finding:#}");
+        assert!(!claimed || (confidence < 0.5) == is_candidate, "{finding:#}");
     }
 }
 
@@ -187,9 +187,9 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
         "Data processing",
     ];
     let mut from = 0;
-    for words in order {
-        let at = page[from..].find(words);
-        from += at.unwrap_or_else(|| panic!("`{words}` stands after what came before"));
+    for heading in order {
+        let position = page[from..].find(heading);
+        from += position.unwrap_or_else(|| panic!("`{heading}` stands after what came before"));
     }
     assert!(page.contains(concat!(">trued ", env!("CARGO_PKG_VERSION"), "<")));
     assert!(page.contains("2023-11-14 22:13 UTC"), "the time that the caller fixed");
@@ -206,20 +206,21 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
 #[test]
 fn text_json_and_page_of_a_diagnosis_tell_the_same_numbers() {
     let place = recorded(BACKLASH);
-    let asked = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1", "seen.csv"];
-    let text = place.succeed(&asked).out;
-    let (said, page) = (place.json("said/diagnosis.json"), place.read("said/report.html"));
-    let short = |of: &Value| significant(of.as_f64().expect("a number"), 3);
-    let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(|key| short(&said[key]));
-    let words = format!("{before} mm with the given model, {after} with the findings");
-    assert!(text.contains(&words), "`{words}`: {text}");
+    let arguments = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1", "seen.csv"];
+    let text = place.succeed(&arguments).out;
+    let (result, page) = (place.json("said/diagnosis.json"), place.read("said/report.html"));
+    let short = |value: &Value| significant(value.as_f64().expect("a number"), 3);
+    let [before, after] =
+        ["heldout_rms_before", "heldout_rms_after"].map(|key| short(&result[key]));
+    let statement = format!("{before} mm with the given model, {after} with the findings");
+    assert!(text.contains(&statement), "`{statement}`: {text}");
     for (label, number) in [("Given model", &before), ("With the findings", &after)] {
         let tile = format!("<dt>{label}</dt><dd class=\"value\">{number}<");
         assert!(page.contains(&tile), "{tile}");
     }
-    let residual = format!("<dt>Residual</dt><dd class=\"value\">{}<", short(&said["noise_rms"]));
+    let residual = format!("<dt>Residual</dt><dd class=\"value\">{}<", short(&result["noise_rms"]));
     assert!(page.contains(&residual), "{residual}");
-    for finding in said["findings"].as_array().expect("a list") {
+    for finding in result["findings"].as_array().expect("a list") {
         let [rms, max] = ["rms", "max"].map(|key| short(&finding["size"][key]));
         assert!(text.contains(&format!("{rms} mm (largest {max})")), "{text}");
         let cells = [&rms, &max].map(|number| format!(">{number}</td>"));
@@ -232,10 +233,10 @@ fn text_json_and_page_of_a_diagnosis_tell_the_same_numbers() {
 #[test]
 fn where_nothing_is_missing_nothing_is_found_and_the_same_seed_gives_the_same_bytes() {
     let place = recorded("");
-    let said = diagnosed(&place, "seen.csv");
-    assert_eq!(said["verdict"], "consistent", "{said:#}");
-    assert_eq!(said["findings"].as_array().map(Vec::len), Some(0));
-    assert!(said["not_tested"].as_array().is_some_and(|list| !list.is_empty()));
+    let result = diagnosed(&place, "seen.csv");
+    assert_eq!(result["verdict"], "consistent", "{result:#}");
+    assert_eq!(result["findings"].as_array().map(Vec::len), Some(0));
+    assert!(result["not_tested"].as_array().is_some_and(|list| !list.is_empty()));
     let (first, page) = (place.read("said/diagnosis.json"), place.read("said/report.html"));
     diagnosed(&place, "seen.csv");
     assert_eq!(place.read("said/diagnosis.json"), first);
@@ -250,8 +251,8 @@ fn a_model_is_consistent_with_the_recording_that_it_was_calibrated_from_whatever
     for seed in ["1", "2", "3", "4", "5", "6", "7"] {
         let out = ["--out", "said", "--seed", seed, "measured.csv"];
         place.run(&[&["diagnose", "--model", "calibrated.toml"], &out[..]].concat());
-        let said = place.json("said/diagnosis.json");
-        assert_eq!(said["verdict"], "consistent", "seed {seed}: {}", said["unexplained"]);
+        let result = place.json("said/diagnosis.json");
+        assert_eq!(result["verdict"], "consistent", "seed {seed}: {}", result["unexplained"]);
     }
 }
 
@@ -264,9 +265,9 @@ fn swapped_columns_and_an_arm_that_is_at_rest_are_not_judged() {
     let still: String = (0..50).map(|k| format!("{k},1,2,3,4,5,6,{k},0,0\n")).collect();
     place.file("still.csv", &format!("{header}{still}"));
     for name in ["swapped.csv", "still.csv"] {
-        let said = diagnosed(&place, name);
-        assert_eq!(said["verdict"], "undetermined", "{name}: {said:#}");
-        assert_eq!(said["findings"].as_array().map(Vec::len), Some(0), "{name}");
+        let result = diagnosed(&place, name);
+        assert_eq!(result["verdict"], "undetermined", "{name}: {result:#}");
+        assert_eq!(result["findings"].as_array().map(Vec::len), Some(0), "{name}");
     }
 }
 
@@ -300,11 +301,11 @@ fn cell(place: &Place) -> (Cell, impl Drop + use<>) {
                   [cycle]\nstale_ms = 500.0\n[envelope]\nrate_mrad_s = 10.0\n";
     place.file("cell.toml", config);
     let daemon = Running(place.start(&["run", "--config", "cell.toml"]));
-    let at = Cell::at(&place.path("run"), "cell").expect("a short path");
+    let cell = Cell::at(&place.path("run"), "cell").expect("a short path");
     let joined =
-        (0..100).any(|_| Client::connect_to(&at, std::time::Duration::from_millis(200)).is_ok());
+        (0..100).any(|_| Client::connect_to(&cell, std::time::Duration::from_millis(200)).is_ok());
     assert!(joined, "the daemon is there");
-    (at, daemon)
+    (cell, daemon)
 }
 
 fn apply(place: &Place, cell: &str, recording: &str) -> Done {
@@ -316,8 +317,8 @@ fn apply(place: &Place, cell: &str, recording: &str) -> Done {
 #[test]
 fn the_findings_are_activated_in_the_running_daemon_without_a_missed_answer() {
     let place = recorded(BACKLASH);
-    let (at, _daemon) = cell(&place);
-    let (seen, (before, after)) = beside(&at, |monitor| {
+    let (cell, _daemon) = cell(&place);
+    let (observed, (before, after)) = beside(&cell, |monitor| {
         let before = status(monitor);
         let done = apply(&place, "cell.toml", "seen.csv");
         assert_eq!(done.code, Some(0), "{done:#?}");
@@ -326,8 +327,8 @@ fn the_findings_are_activated_in_the_running_daemon_without_a_missed_answer() {
     });
     assert_eq!(after.model_epoch, before.model_epoch + 1);
     assert_ne!(after.model_hash, before.model_hash);
-    assert_eq!(seen.unanswered, 0, "of {}", seen.ticks);
-    assert_eq!(seen.broken, Vec::<String>::new());
+    assert_eq!(observed.unanswered, 0, "of {}", observed.ticks);
+    assert_eq!(observed.broken, Vec::<String>::new());
 }
 
 #[test]
@@ -339,8 +340,8 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     assert_eq!(place.json("said/diagnosis.json")["verdict"], "missing_physics");
     assert_eq!(apply(&place, "no-such.toml", "seen.csv").code, Some(2));
     let sound = recorded("");
-    let (at, _daemon) = cell(&sound);
-    let (_, epoch) = beside(&at, |monitor| {
+    let (cell, _daemon) = cell(&sound);
+    let (_, epoch) = beside(&cell, |monitor| {
         let done = apply(&sound, "cell", "seen.csv");
         assert_eq!(done.code, Some(1), "{done:#?}");
         assert!(done.out.contains("nothing to apply"), "{}", done.out);
@@ -376,12 +377,12 @@ fn play_whose_gap_follows_the_position_is_no_play() {
     let place = Place::new();
     place.file("worn.csv", &worn());
     place.file("worn.toml", "schema = \"trued.recording/1\"\nsigma = { ql3_deg = 0.002 }\n");
-    let said = diagnosed(&place, "worn.csv");
-    assert_eq!(said["verdict"], "unknown_structure", "{said:#}");
-    let words: Vec<&str> = said["unexplained"]["depends_on"]
+    let result = diagnosed(&place, "worn.csv");
+    assert_eq!(result["verdict"], "unknown_structure", "{result:#}");
+    let causes: Vec<&str> = result["unexplained"]["depends_on"]
         .as_array()
-        .map_or_else(Vec::new, |words| words.iter().filter_map(Value::as_str).collect());
-    assert!(words.contains(&"q3") && words.contains(&"direction_3"), "{said:#}");
+        .map_or_else(Vec::new, |causes| causes.iter().filter_map(Value::as_str).collect());
+    assert!(causes.contains(&"q3") && causes.contains(&"direction_3"), "{result:#}");
 }
 
 /// Joint 2 alone, oscillating over ten degrees: gravity compliance and gear ratio error are nearly
@@ -411,11 +412,11 @@ fn see(place: &Place, path: &str, name: &str) {
 #[test]
 fn the_proposed_experiment_identifies_what_a_poor_motion_cannot() {
     let place = poor();
-    let said = diagnosed(&place, "seen.csv");
-    assert_eq!(said["verdict"], "undetermined", "{said:#}");
-    assert!(said["next_experiment"].as_str().is_some_and(|next| next.contains("log-likelihood")));
-    let expected = said["experiment"]["expected_separation"].as_f64().expect("a number");
-    assert!(expected > 5.0, "{:#}", said["experiment"]);
+    let result = diagnosed(&place, "seen.csv");
+    assert_eq!(result["verdict"], "undetermined", "{result:#}");
+    assert!(result["next_experiment"].as_str().is_some_and(|next| next.contains("log-likelihood")));
+    let expected = result["experiment"]["expected_separation"].as_f64().expect("a number");
+    assert!(expected > 5.0, "{:#}", result["experiment"]);
     let plan = place.succeed(&["plan", "--for", "said", "--json", "plan.json"]);
     assert!(plan.out.contains("not checked"), "{}", plan.out);
     assert_eq!(place.json("plan.json")["does"], "experiment");
@@ -428,7 +429,7 @@ fn the_proposed_experiment_identifies_what_a_poor_motion_cannot() {
     assert_eq!(then["verdict"], "missing_physics", "{then:#}");
     let finding = &then["findings"][0];
     assert_eq!((&finding["effect"], &finding["joint"]), (&"joint_compliance".into(), &2.into()));
-    let known = &said["findings"][0]["alternatives"];
+    let known = &result["findings"][0]["alternatives"];
     for rival in finding["alternatives"].as_array().expect("a list") {
         let was = known
             .as_array()
@@ -459,8 +460,8 @@ fn a_number_off_by_many_times_its_doubt_is_named_and_one_within_it_is_not() {
     };
     let place = recorded(&offset(1.3));
     for (stated, verdict) in [(0.5, "missing_physics"), (1.27, "consistent")] {
-        let doubt = "sigma = { offset_mrad = 0.05 }\n";
-        let model = format!("{}\n{}{doubt}", preset(BASE).expect("preset").text, offset(stated));
+        let prior = "sigma = { offset_mrad = 0.05 }\n";
+        let model = format!("{}\n{}{prior}", preset(BASE).expect("preset").text, offset(stated));
         place.file("known.toml", &model);
         place.succeed(&[
             "diagnose",
@@ -472,10 +473,10 @@ fn a_number_off_by_many_times_its_doubt_is_named_and_one_within_it_is_not() {
             "1",
             "seen.csv",
         ]);
-        let said = place.json("k/diagnosis.json");
-        assert_eq!(said["verdict"], verdict, "{stated}: {said:#}");
+        let result = place.json("k/diagnosis.json");
+        assert_eq!(result["verdict"], verdict, "{stated}: {result:#}");
         if verdict == "missing_physics" {
-            let finding = &said["findings"][0];
+            let finding = &result["findings"][0];
             assert_eq!(
                 (&finding["effect"], &finding["joint"]),
                 (&"joint_offset".into(), &2.into())

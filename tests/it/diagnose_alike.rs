@@ -35,7 +35,7 @@ fn pushed(path: &str, wrench: [f64; 6]) -> String {
 
 impl Case<'_> {
     /// Every finding, with its joint.
-    fn told(&self) -> Vec<(String, u64)> {
+    fn findings(&self) -> Vec<(String, u64)> {
         let place = Place::new();
         let base = preset(BASE).expect("preset").text;
         let Self { known, truth, step_s, recorded, wrench, noise_mm } = self;
@@ -48,16 +48,16 @@ impl Case<'_> {
         let noise = noise_mm.to_string();
         let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
         place.succeed(&[&simulate[..], &["--noise", &noise, "path.csv"]].concat());
-        let seen = place.read("seen.csv");
-        let (header, rows) = seen.split_once('\n').unwrap_or_default();
+        let table = place.read("seen.csv");
+        let (header, rows) = table.split_once('\n').unwrap_or_default();
         let rows: Vec<&str> = rows.lines().step_by(*recorded).collect();
         place.file("seen.csv", &format!("{header}\n{}\n", rows.join("\n")));
         let sigma = format!("sigma = {{ x_mm = {noise}, y_mm = {noise}, z_mm = {noise} }}\n");
         place.file("seen.toml", &format!("schema = \"trued.recording/1\"\n{sigma}"));
         let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
         place.succeed(&[&diagnose[..], &["seen.csv"]].concat());
-        let said = place.json("said/diagnosis.json");
-        let findings = said["findings"].as_array().cloned().unwrap_or_default();
+        let result = place.json("said/diagnosis.json");
+        let findings = result["findings"].as_array().cloned().unwrap_or_default();
         let one = |finding: &serde_json::Value| {
             let effect = finding["effect"].as_str().unwrap_or_default().to_owned();
             (effect, finding["joint"].as_u64().unwrap_or_default())
@@ -99,7 +99,7 @@ fn a_counterbalance_is_no_set_of_waves_and_zeros() {
             wrench: [0.0; 6],
             noise_mm,
         };
-        assert_eq!(case.told(), [("counterbalance".to_owned(), 2)], "{spring}");
+        assert_eq!(case.findings(), [("counterbalance".to_owned(), 2)], "{spring}");
     }
 }
 
@@ -109,7 +109,7 @@ fn a_gap_that_takes_several_rows_to_cross_is_backlash() {
     let truth = "[[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 2.0\n";
     for step_s in [0.01, 0.005] {
         let case = Case { known: "", truth, step_s, recorded: 1, wrench: [0.0; 6], noise_mm: 0.01 };
-        assert_eq!(case.told(), [("backlash".to_owned(), 5)], "{step_s} s");
+        assert_eq!(case.findings(), [("backlash".to_owned(), 5)], "{step_s} s");
     }
 }
 
@@ -130,7 +130,7 @@ fn a_loop_is_no_gap_with_a_spike() {
             wrench: [0.0; 6],
             noise_mm,
         };
-        assert_eq!(case.told(), [("hysteresis".to_owned(), 3)], "{reversal} mrad");
+        assert_eq!(case.findings(), [("hysteresis".to_owned(), 3)], "{reversal} mrad");
     }
 }
 
@@ -140,7 +140,7 @@ fn a_spike_at_few_reversals_is_no_reading_gone_wrong() {
     let truth = "[[effect]]\nkind = \"reversal_spike\"\njoint = 2\namplitude_mrad = 0.9\ntime_constant_ms = 80.0\n";
     let case =
         Case { known: "", truth, step_s: 0.004, recorded: 1, wrench: [0.0; 6], noise_mm: 0.005 };
-    assert_eq!(case.told(), [("reversal_spike".to_owned(), 2)]);
+    assert_eq!(case.findings(), [("reversal_spike".to_owned(), 2)]);
 }
 
 /// The missing effect is hundreds of times above the noise, with an autocorrelation unlike that of
@@ -166,7 +166,7 @@ fn an_effect_far_above_the_noise_is_not_taken_for_noise() {
             wrench: [0.0; 6],
             noise_mm: 0.002,
         };
-        assert_eq!(case.told(), [(kind.to_owned(), joint)], "{kind}");
+        assert_eq!(case.findings(), [(kind.to_owned(), joint)], "{kind}");
     }
 }
 
@@ -184,7 +184,7 @@ fn a_light_joint_that_hardens_is_named() {
         wrench: [0.0; 6],
         noise_mm: 0.003,
     };
-    assert_eq!(case.told(), [("stiffness_hardening".to_owned(), 5)]);
+    assert_eq!(case.findings(), [("stiffness_hardening".to_owned(), 5)]);
 }
 
 /// The arm approaches its reversals five times as fast as the rows are recorded, and the gap is
@@ -194,7 +194,7 @@ fn play_that_turns_between_rows_is_no_hysteresis() {
     let truth = "[[effect]]\nkind = \"backlash\"\njoint = 2\nwidth_mrad = 0.2\n";
     let case =
         Case { known: "", truth, step_s: 0.008, recorded: 5, wrench: [0.0; 6], noise_mm: 0.002 };
-    assert_eq!(case.told(), [("backlash".to_owned(), 2)]);
+    assert_eq!(case.findings(), [("backlash".to_owned(), 2)]);
 }
 
 #[test]
@@ -205,7 +205,7 @@ fn a_gear_that_is_stated_to_have_play_may_lack_hysteresis() {
     let truth = format!("{known}\n{lag}");
     let case =
         Case { known, truth: &truth, step_s: 0.01, recorded: 1, wrench: [0.0; 6], noise_mm: 0.005 };
-    assert_eq!(case.told(), [("hysteresis".to_owned(), 3)]);
+    assert_eq!(case.findings(), [("hysteresis".to_owned(), 3)]);
 }
 
 /// Moments of a newton metre hardly determine their scales, which are then arbitrary: this must not
@@ -218,7 +218,7 @@ fn a_scale_that_nothing_shows_bars_no_scales_that_show() {
     let wrench = [60.0, 80.0, 100.0, 0.5, 0.5, 0.5];
     let case =
         Case { known: &known, truth: &truth, step_s: 0.02, recorded: 1, wrench, noise_mm: 0.01 };
-    assert_eq!(case.told(), [("wrench_scale".to_owned(), 0)]);
+    assert_eq!(case.findings(), [("wrench_scale".to_owned(), 0)]);
 }
 
 /// A vertical axis is not loaded by gravity, and the arm's own inertia hardly deflects it: one
@@ -229,7 +229,7 @@ fn a_vertical_joint_loaded_by_the_tool_has_a_compliance_under_either_name() {
         "[[effect]]\nkind = \"load_compliance\"\njoint = 1\ncompliance_mrad_per_kNm = 0.1\n";
     let wrench = [1200.0, 1600.0, 2000.0, 40.0, 40.0, 40.0];
     let case = Case { known: "", truth, step_s: 0.02, recorded: 1, wrench, noise_mm: 0.03 };
-    assert_eq!(case.told(), [("joint_compliance".to_owned(), 1)]);
+    assert_eq!(case.findings(), [("joint_compliance".to_owned(), 1)]);
 }
 
 /// A gap that is wider on one half of the joint's range is mostly backlash; the remainder is one
@@ -260,11 +260,11 @@ fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
     place.file("seen.toml", &format!("schema = \"trued.recording/1\"\n{sigma}"));
     let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
     place.succeed(&[&diagnose[..], &["seen.csv"]].concat());
-    let said = place.json("said/diagnosis.json");
-    assert_eq!(said["verdict"], "unknown_structure", "{}", said["findings"]);
-    let findings = said["findings"].as_array().cloned().unwrap_or_default();
+    let result = place.json("said/diagnosis.json");
+    assert_eq!(result["verdict"], "unknown_structure", "{}", result["findings"]);
+    let findings = result["findings"].as_array().cloned().unwrap_or_default();
     assert!(findings.len() <= 2, "{findings:?}");
-    let follows = said["unexplained"]["depends_on"].as_array().cloned().unwrap_or_default();
+    let follows = result["unexplained"]["depends_on"].as_array().cloned().unwrap_or_default();
     assert!(
         follows.contains(&"q4".into()) && follows.contains(&"direction_4".into()),
         "{follows:?}"
@@ -305,8 +305,8 @@ fn a_link_that_grows_behind_the_air_is_no_noise_that_remembers_itself() {
     place.file("seen.toml", &format!("{about}{sigma}"));
     let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
     place.succeed(&[&diagnose[..], &["seen.csv"]].concat());
-    let said = place.json("said/diagnosis.json");
-    assert_eq!(said["verdict"], "missing_physics", "{said}");
-    assert_eq!(said["findings"][0]["effect"], "thermal_growth");
-    assert_eq!(said["findings"][0]["joint"], 1);
+    let result = place.json("said/diagnosis.json");
+    assert_eq!(result["verdict"], "missing_physics", "{result}");
+    assert_eq!(result["findings"][0]["effect"], "thermal_growth");
+    assert_eq!(result["findings"][0]["joint"], 1);
 }

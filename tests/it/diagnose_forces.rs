@@ -156,8 +156,8 @@ fn what_a_stated_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces(
     let header = place.read("exact.csv").lines().next().unwrap().to_owned();
     for (column, _) in header.split(',').enumerate().filter(|(_, name)| name.ends_with("_N")) {
         let [a, b] = ["again.csv", "exact.csv"].map(|name| force(&place, name, column));
-        let off: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
-        let rms = (off / a.len() as f64).sqrt();
+        let squares: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+        let rms = (squares / a.len() as f64).sqrt();
         assert!(rms < 0.3, "column {column}: {rms} N of 2 N noise");
     }
 }

@@ -25,14 +25,14 @@ impl Sheet {
         lines.map(|line| line.join(",") + "\n").collect()
     }
 
-    fn at(&self, name: &str) -> usize {
-        self.header.iter().position(|own| own == name).expect(name)
+    fn index(&self, name: &str) -> usize {
+        self.header.iter().position(|column| column == name).expect(name)
     }
 
     /// The same with changed numbers in these columns, by row.
     fn with(&self, names: &[&str], change: impl Fn(usize, f64) -> f64) -> Self {
         let mut sheet = self.clone();
-        for column in names.iter().map(|name| self.at(name)) {
+        for column in names.iter().map(|name| self.index(name)) {
             for (k, row) in sheet.rows.iter_mut().enumerate() {
                 row[column] = change(k, row[column].parse().expect("a number")).to_string();
             }
@@ -41,11 +41,11 @@ impl Sheet {
     }
 
     fn value(&self, name: &str, row: usize) -> f64 {
-        self.rows[row][self.at(name)].parse().expect("a number")
+        self.rows[row][self.index(name)].parse().expect("a number")
     }
 
     fn swapped(&self, one: &str, other: &str) -> Self {
-        let (a, b) = (self.at(one), self.at(other));
+        let (a, b) = (self.index(one), self.index(other));
         let mut sheet = self.clone();
         sheet.header.swap(a, b);
         sheet
@@ -55,7 +55,7 @@ impl Sheet {
 const JOINTS: [&str; 6] = ["q1_deg", "q2_deg", "q3_deg", "q4_deg", "q5_deg", "q6_deg"];
 const TOOL: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 
-fn seen() -> (Place, Sheet) {
+fn recorded_sheet() -> (Place, Sheet) {
     let place = recorded("");
     let sheet = Sheet::parse(&place.read("seen.csv"));
     (place, sheet)
@@ -67,25 +67,25 @@ fn diagnose(place: &Place, name: &str, text: &str, model: &str) -> Done {
     place.run(&["diagnose", "--model", model, "--out", name, "--seed", "1", &csv])
 }
 
-fn said(place: &Place, name: &str, done: &Done) -> Value {
+fn result(place: &Place, name: &str, done: &Done) -> Value {
     assert_eq!(done.code, Some(0), "{name}: {done:#?}");
     place.json(&format!("{name}/diagnosis.json"))
 }
 
 /// A sentence with one of these words states why there is no result.
 fn assert_undetermined(place: &Place, name: &str, text: &str, model: &str, arguments: &[&str]) {
-    let said = said(place, name, &diagnose(place, name, text, model));
-    assert_eq!(said["verdict"], "undetermined", "{name}: {said:#}");
-    assert_eq!(said["findings"], Value::Array(Vec::new()), "{name}: {said:#}");
-    let why = said["unexplained"]["says"].as_str().expect("a sentence");
-    assert!(arguments.iter().any(|word| why.contains(word)), "{name}: {why}");
+    let result = result(place, name, &diagnose(place, name, text, model));
+    assert_eq!(result["verdict"], "undetermined", "{name}: {result:#}");
+    assert_eq!(result["findings"], Value::Array(Vec::new()), "{name}: {result:#}");
+    let why = result["unexplained"]["says"].as_str().expect("a sentence");
+    assert!(arguments.iter().any(|part| why.contains(part)), "{name}: {why}");
 }
 
-fn assert_nothing_found(place: &Place, name: &str, text: &str, word: &str) {
-    let said = said(place, name, &diagnose(place, name, text, BASE));
-    assert_eq!(said["findings"], Value::Array(Vec::new()), "{name}: {said:#}");
-    let notes = said["notes"].to_string() + &said["verdict"].to_string();
-    assert!(notes.contains(word), "{name}: {said:#}");
+fn assert_nothing_found(place: &Place, name: &str, text: &str, part: &str) {
+    let result = result(place, name, &diagnose(place, name, text, BASE));
+    assert_eq!(result["findings"], Value::Array(Vec::new()), "{name}: {result:#}");
+    let notes = result["notes"].to_string() + &result["verdict"].to_string();
+    assert!(notes.contains(part), "{name}: {result:#}");
 }
 
 /// Numbers between −0.5 and 0.5 without any pattern.
@@ -97,13 +97,13 @@ fn chance(k: usize) -> f64 {
 
 #[test]
 fn invalid_recordings_are_refused_without_output() {
-    let (place, sheet) = seen();
+    let (place, sheet) = recorded_sheet();
     let whole = sheet.text();
     let still = sheet.with(&["t_s"], |_, _| 1.0).text();
     let back = sheet.with(&["t_s"], |_, t| -t).text();
     let nan = sheet.with(&TOOL, |_, _| f64::NAN).text();
     let infinite = sheet.with(&["q2_deg"], |k, q| if k == 7 { f64::INFINITY } else { q }).text();
-    let words = whole.replacen("0.02,", "soon,", 1);
+    let text_in_time = whole.replacen("0.02,", "soon,", 1);
     let joints_only: String = whole.replacen(",x_mm,y_mm,z_mm", ",a,b,c", 1);
     let files = [
         ("empty", ""),
@@ -114,7 +114,7 @@ fn invalid_recordings_are_refused_without_output() {
         ("back", &back),
         ("nan", &nan),
         ("infinite", &infinite),
-        ("words", &words),
+        ("words", &text_in_time),
         ("joints-only", &joints_only),
         ("a-joint-less", &whole.replacen("q6_deg", "other", 1)),
     ];
@@ -130,9 +130,9 @@ fn invalid_recordings_are_refused_without_output() {
 
 #[test]
 fn constant_and_meagre_recordings_are_not_judged() {
-    let (place, sheet) = seen();
-    let check = |name, sheet: &Sheet, words: &[&str]| {
-        assert_undetermined(&place, name, &sheet.text(), BASE, words);
+    let (place, sheet) = recorded_sheet();
+    let check = |name, sheet: &Sheet, parts: &[&str]| {
+        assert_undetermined(&place, name, &sheet.text(), BASE, parts);
     };
     let one = Sheet { rows: sheet.rows[..1].to_vec(), ..sheet.clone() };
     check("one-row", &one, &["record more"]);
@@ -144,9 +144,9 @@ fn constant_and_meagre_recordings_are_not_judged() {
 
 #[test]
 fn columns_under_the_wrong_name_or_unit_are_not_judged() {
-    let (place, sheet) = seen();
-    let check = |name: &str, sheet: &Sheet, words: &[&str]| {
-        assert_undetermined(&place, name, &sheet.text(), BASE, words);
+    let (place, sheet) = recorded_sheet();
+    let check = |name: &str, sheet: &Sheet, parts: &[&str]| {
+        assert_undetermined(&place, name, &sheet.text(), BASE, parts);
     };
     for (a, b) in [(1, 2), (1, 4), (2, 3), (2, 5), (3, 5), (4, 5)] {
         let swapped = sheet.swapped(JOINTS[a - 1], JOINTS[b - 1]);
@@ -166,7 +166,7 @@ fn columns_under_the_wrong_name_or_unit_are_not_judged() {
 
 #[test]
 fn another_robot_or_numbers_by_chance_are_not_judged() {
-    let (place, sheet) = seen();
+    let (place, sheet) = recorded_sheet();
     let text = sheet.text();
     for model in ["irb120", "kuka-kr240", "fanuc-r2000ib", "ur10e"] {
         assert_undetermined(&place, model, &text, model, &["of this robot", "the tool differs"]);
@@ -179,7 +179,7 @@ fn another_robot_or_numbers_by_chance_are_not_judged() {
     let count = sheet.rows.len();
     for (k, row) in shuffled.rows.iter_mut().enumerate() {
         for name in TOOL {
-            row[sheet.at(name)].clone_from(&sheet.rows[k * 397 % count][sheet.at(name)]);
+            row[sheet.index(name)].clone_from(&sheet.rows[k * 397 % count][sheet.index(name)]);
         }
     }
     assert_undetermined(&place, "shuffled", &shuffled.text(), BASE, &["single"]);
@@ -187,11 +187,11 @@ fn another_robot_or_numbers_by_chance_are_not_judged() {
 
 #[test]
 fn an_input_that_freezes_half_way_is_not_judged() {
-    let (place, sheet) = seen();
+    let (place, sheet) = recorded_sheet();
     let half = sheet.rows.len() / 2;
     for name in &JOINTS[..5] {
-        let at = sheet.value(name, half);
-        let frozen = sheet.with(&[name], |k, q| if k < half { q } else { at });
+        let held = sheet.value(name, half);
+        let frozen = sheet.with(&[name], |k, q| if k < half { q } else { held });
         let label = &name[..2];
         assert_undetermined(
             &place,
@@ -205,18 +205,18 @@ fn an_input_that_freezes_half_way_is_not_judged() {
 
 #[test]
 fn readings_that_freeze_or_are_cut_off_or_break_off_are_left_out_and_nothing_is_found() {
-    let (place, sheet) = seen();
+    let (place, sheet) = recorded_sheet();
     let half = sheet.rows.len() / 2;
-    let at = sheet.value("y_mm", half);
-    let frozen = sheet.with(&["y_mm"], |k, y| if k < half { y } else { at });
+    let held = sheet.value("y_mm", half);
+    let frozen = sheet.with(&["y_mm"], |k, y| if k < half { y } else { held });
     assert_nothing_found(&place, "frozen", &frozen.text(), "y_mm is constant");
     let most = (0..sheet.rows.len()).map(|k| sheet.value("x_mm", k)).fold(f64::MIN, f64::max);
     let cut = sheet.with(&["x_mm"], |_, x| x.min(most - 40.0));
     assert_nothing_found(&place, "cut-off", &cut.text(), "x_mm is clipped");
     let text = sheet.text();
     assert_nothing_found(&place, "truncated", &text[..text.len() * 2 / 3], "consistent");
-    let far = sheet.with(&TOOL, |k, x| if k % 50 == 3 { x + 30.0 } else { x });
-    assert_nothing_found(&place, "outliers", &far.text(), "are outliers of the final model");
+    let outliers = sheet.with(&TOOL, |k, x| if k % 50 == 3 { x + 30.0 } else { x });
+    assert_nothing_found(&place, "outliers", &outliers.text(), "are outliers of the final model");
 }
 
 /// Joint positions on the link side, without other measurements.
@@ -228,8 +228,8 @@ fn link_side_positions_of_another_joint_or_unit_are_not_judged() {
     for row in &mut links.rows {
         row.truncate(7);
         for joint in 0..6 {
-            let seen: f64 = row[1 + joint].parse().expect("a number");
-            row.push((seen + 1e-3 * chance(seen.to_bits() as usize >> 1)).to_string());
+            let value: f64 = row[1 + joint].parse().expect("a number");
+            row.push((value + 1e-3 * chance(value.to_bits() as usize >> 1)).to_string());
         }
     }
     links.header.truncate(7);

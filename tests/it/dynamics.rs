@@ -57,19 +57,19 @@ fn motion(rng: &mut TestRng) -> Inputs {
 }
 
 /// The arm in Pinocchio's terms.
-fn told(arm: &Arm, inputs: &Inputs) -> serde_json::Value {
+fn description(arm: &Arm, inputs: &Inputs) -> serde_json::Value {
     let of_body = |body: &Body| {
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = body.inertia;
         let inertia = [x.x, y.y, z.z, x.y, x.z, y.z];
         json!({"mass": body.mass, "centre": body.centre.to_array(), "inertia": inertia})
     };
     let joint = |(i, joint): (usize, &Joint)| {
-        let mut told = of_body(&joint.link.unwrap());
-        told["name"] = json!(format!("joint {i}"));
-        told["slides"] = json!(joint.kind == JointKind::Prismatic);
-        told["axis"] = json!(joint.axis.to_array());
-        told["point"] = json!(joint.point.to_array());
-        told
+        let mut description = of_body(&joint.link.unwrap());
+        description["name"] = json!(format!("joint {i}"));
+        description["slides"] = json!(joint.kind == JointKind::Prismatic);
+        description["axis"] = json!(joint.axis.to_array());
+        description["point"] = json!(joint.point.to_array());
+        description
     };
     let count = arm.count();
     json!({
@@ -93,7 +93,7 @@ fn drive_torques_equal_pinocchios() {
     let cases: Vec<(Arm, Inputs)> =
         (0..CASES).map(|_| (arm(&mut chance), motion(&mut chance))).collect();
     let mut text = String::new();
-    cases.iter().for_each(|(arm, inputs)| writeln!(text, "{}", told(arm, inputs)).unwrap());
+    cases.iter().for_each(|(arm, inputs)| writeln!(text, "{}", description(arm, inputs)).unwrap());
     let script = tests::clients::root().join("tests/it/dynamics/torques.py").into_os_string();
     let mut peer = Command::new(python)
         .arg(script)
@@ -103,13 +103,13 @@ fn drive_torques_equal_pinocchios() {
         .unwrap();
     let mut stdin = peer.stdin.take().unwrap();
     let writer = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
-    let said = peer.wait_with_output().unwrap();
-    assert!(said.status.success());
+    let output = peer.wait_with_output().unwrap();
+    assert!(output.status.success());
     writer.join().unwrap().unwrap();
-    let said = String::from_utf8(said.stdout).unwrap();
-    assert_eq!(said.lines().count(), CASES);
+    let output = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.lines().count(), CASES);
     let mut most = 0.0_f64;
-    for ((arm, inputs), line) in cases.iter().zip(said.lines()) {
+    for ((arm, inputs), line) in cases.iter().zip(output.lines()) {
         let wanted: Vec<f64> = serde_json::from_str(line).unwrap();
         let found = &inverse_dynamics(arm, inputs)[..arm.count()];
         let size = wanted.iter().fold(1.0_f64, |m, x| m.max(x.abs()));

@@ -16,7 +16,7 @@ fn experiment(seconds: u32, phase: f64) -> String {
         let t = 2e-3 * f64::from(k);
         let waves = [(0.1, 1.1, phase), (0.04, 2.9, 1.0 + phase)];
         let sum = |f: &dyn Fn(f64, f64, f64) -> f64| {
-            waves.iter().map(|(size, rate, at)| f(*size, *rate, rate * t + at)).sum::<f64>()
+            waves.iter().map(|(size, rate, phase)| f(*size, *rate, rate * t + phase)).sum::<f64>()
         };
         let q = sum(&|size, _, x| size * x.sin());
         let v = sum(&|size, rate, x| size * rate * x.cos());
@@ -28,7 +28,7 @@ fn experiment(seconds: u32, phase: f64) -> String {
     text
 }
 
-fn asked(place: &Place, out: &str) -> EvidenceSettings {
+fn settings(place: &Place, out: &str) -> EvidenceSettings {
     EvidenceSettings {
         program: PathBuf::from(crate::TRUED),
         data: place.path("data"),
@@ -46,7 +46,7 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
     fs::create_dir_all(place.path("data/emps")).unwrap();
     place.file("data/emps/DATA_EMPS.csv", &experiment(24, 0.0));
     place.file("data/emps/DATA_EMPS_PULSES.csv", &experiment(20, 0.7));
-    generate(&asked(&place, "docs")).unwrap();
+    generate(&settings(&place, "docs")).unwrap();
     let text = place.read("docs/evidence.md");
     // Result of the program for a slide with 20 N of concealed dry friction.
     assert!(text.contains("coulomb friction 1"), "{text}");
@@ -66,7 +66,7 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
     // The program's answers are kept apart from the data, which stays as it was.
     assert_eq!(fs::read_dir(place.path("data/emps")).unwrap().count(), 2);
 
-    generate(&asked(&place, "again")).unwrap();
+    generate(&settings(&place, "again")).unwrap();
     assert_eq!(text, place.read("again/evidence.md"));
     assert_eq!(plot, place.read("again/evidence/emps.svg"));
 }
@@ -74,14 +74,14 @@ fn a_recording_becomes_a_section_and_absent_sets_are_reported() {
 #[test]
 fn a_set_that_nobody_knows_and_a_run_beyond_its_time_are_reported() {
     let place = Place::new();
-    let unknown = EvidenceSettings { only: Some("emsp".to_owned()), ..asked(&place, "docs") };
+    let unknown = EvidenceSettings { only: Some("emsp".to_owned()), ..settings(&place, "docs") };
     let why = generate(&unknown).unwrap_err();
     assert!(why.contains("emsp") && why.contains("emps"), "{why}");
 
     fs::create_dir_all(place.path("data/emps")).unwrap();
     place.file("data/emps/DATA_EMPS.csv", &experiment(24, 0.0));
     place.file("data/emps/DATA_EMPS_PULSES.csv", &experiment(20, 0.7));
-    let hasty = EvidenceSettings { limit_s: 0.0, ..asked(&place, "docs") };
+    let hasty = EvidenceSettings { limit_s: 0.0, ..settings(&place, "docs") };
     assert_eq!(generate(&hasty), Ok(false));
     assert!(place.read("docs/evidence.md").contains("no answer within 0 s"));
 }

@@ -37,7 +37,7 @@ fn plan() -> FeedScenario {
     }
 }
 
-fn said(run: &Run<Tick>, tick: usize) -> (FeedState, FeedReason) {
+fn state_at(run: &Run<Tick>, tick: usize) -> (FeedState, FeedReason) {
     (run.ticks[tick].state, run.ticks[tick].reason)
 }
 
@@ -85,7 +85,7 @@ fn in_shadow_mode_and_where_it_only_observes_the_programmed_feed_goes_out() {
         let run = run(FeedScenario { tables, mode, ..plan() });
         assert_eq!(run.broken, None);
         assert!(run.ticks.iter().all(|tick| tick.feed_override == 1.0), "{mode}");
-        assert_eq!(said(&run, 2000), (FeedState::Observing, FeedReason::None));
+        assert_eq!(state_at(&run, 2000), (FeedState::Observing, FeedReason::None));
     }
 }
 
@@ -95,7 +95,7 @@ fn a_deflection_limit_is_kept_by_the_compliance_of_the_model() {
     let run = run(FeedScenario { tables, is_full_model: true, ticks: 8000, ..plan() });
     assert_eq!(run.broken, None);
     let tick = run.ticks[7999];
-    assert_eq!(said(&run, 7999), (FeedState::Adapting, FeedReason::None));
+    assert_eq!(state_at(&run, 7999), (FeedState::Adapting, FeedReason::None));
     assert!(tick.limit_n > 10.0 && tick.limit_n < 500.0, "{tick:?}");
     assert!((tick.force_n - tick.limit_n).abs() < 0.05 * tick.limit_n, "{tick:?}");
 }
@@ -115,11 +115,11 @@ fn whatever_befalls_the_sensor_the_override_holds_then_goes_to_the_one_for_a_los
         let before = run.ticks[3999].feed_override;
         assert!(before > 0.2, "{before}");
         // A wrench is stale after 100 ms, and the override is held for 200 ms.
-        assert_eq!(said(&run, 4030), (FeedState::Holding, reason), "{sensor:?}");
+        assert_eq!(state_at(&run, 4030), (FeedState::Holding, reason), "{sensor:?}");
         assert!((run.ticks[4030].feed_override - before).abs() < 0.05, "{sensor:?}");
-        assert_eq!(said(&run, 4999), (FeedState::Lost, reason), "{sensor:?}");
+        assert_eq!(state_at(&run, 4999), (FeedState::Lost, reason), "{sensor:?}");
         assert_eq!(run.ticks[4999].feed_override, 0.1, "{sensor:?}");
-        assert_eq!(said(&run, 7999), (FeedState::Adapting, FeedReason::None), "{sensor:?}");
+        assert_eq!(state_at(&run, 7999), (FeedState::Adapting, FeedReason::None), "{sensor:?}");
         assert!(run.ticks[7999].feed_override > 0.12, "it comes back");
     }
 }
@@ -151,16 +151,16 @@ fn restart_mode_bypass_reload_and_a_stop_make_no_step() {
     let run = run(FeedScenario { events, ticks: 13_000, ..plan() });
     assert_eq!(run.broken, None);
     let adapting = (FeedState::Adapting, FeedReason::None);
-    assert_eq!(said(&run, 2999), adapting);
+    assert_eq!(state_at(&run, 2999), adapting);
     assert_eq!(run.ticks[4400].feed_override, 0.1, "without a daemon it goes where it is safe");
-    assert_eq!(said(&run, 5999), adapting);
-    assert_eq!(said(&run, 6690).0, FeedState::Observing);
+    assert_eq!(state_at(&run, 5999), adapting);
+    assert_eq!(state_at(&run, 6690).0, FeedState::Observing);
     assert!(run.ticks[6690].feed_override > run.ticks[6500].feed_override, "on its way to 1");
-    assert_eq!(said(&run, 7690).0, FeedState::Observing);
-    assert_eq!(said(&run, 9900).1, FeedReason::AtRest);
+    assert_eq!(state_at(&run, 7690).0, FeedState::Observing);
+    assert_eq!(state_at(&run, 9900).1, FeedReason::AtRest);
     let around = [run.ticks[9050].feed_override, run.ticks[9990].feed_override];
     assert!((around[0] - around[1]).abs() < 1e-3, "it stands with the robot: {around:?}");
-    assert_eq!(said(&run, 12_999), adapting);
+    assert_eq!(state_at(&run, 12_999), adapting);
     let force_n = run.ticks[12_999].force_n;
     assert!((force_n - 40.0).abs() < 6.0 && force_n / STIFFNESS_N_M < 1e-4, "{force_n}");
 }
@@ -200,8 +200,8 @@ fn a_client_of_a_real_daemon_slows_with_the_force_and_continues_alone_when_the_d
     let floor = |client: &mut Client| client.status().map(|s| (s.feed_reason(), s.health()));
     let until = Instant::now() + Duration::from_secs(1);
     assert!(go_on(&mut client, Some(300.0), |_| Instant::now() > until).is_some());
-    let told = Some((Ok(FeedReason::AtFloor), Ok(Health::Degraded)));
-    assert_eq!(floor(&mut client), told, "{:?}", client.status().map(|status| status.message));
+    let expected = Some((Ok(FeedReason::AtFloor), Ok(Health::Degraded)));
+    assert_eq!(floor(&mut client), expected, "{:?}", client.status().map(|status| status.message));
     daemon.kill();
     assert!(go_on(&mut client, Some(300.0), |o| o == 0.4).is_some(), "without a daemon");
 }

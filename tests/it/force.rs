@@ -146,7 +146,7 @@ fn said_of(cell: &Cell, single: bool) -> Vec<Verdict> {
     let mut monitor = Monitor::connect_to(cell, LIMIT).unwrap();
     let mut chance = TestRng::new(11);
     let start_ns = monotonic_ns();
-    let mut said = Vec::new();
+    let mut verdicts = Vec::new();
     for k in 0..350_u64 {
         let t_s = |i: u64| (100 * k + i) as f64 * 1e-4;
         let sample = |i: u64| if i % 3 == 1 { 4.0 * (TAU * 72.0 * t_s(i / 3)).sin() } else { 0.0 };
@@ -165,12 +165,12 @@ fn said_of(cell: &Cell, single: bool) -> Vec<Verdict> {
             assert!(start.elapsed() < LIMIT);
             std::thread::sleep(Duration::from_millis(1));
         }
-        said.extend(std::iter::from_fn(|| monitor.vibration()));
+        verdicts.extend(std::iter::from_fn(|| monitor.vibration()));
     }
     std::thread::sleep(Duration::from_millis(200));
-    said.extend(std::iter::from_fn(|| monitor.vibration()));
+    verdicts.extend(std::iter::from_fn(|| monitor.vibration()));
     assert_eq!(source.lost(), 0);
-    said
+    verdicts
 }
 
 #[test]
@@ -209,8 +209,8 @@ fn a_tone_stands_in_the_spectrum_at_its_frequency_with_its_amplitude_once_somebo
     let (bin, &largest) = all.max_by(|a, b| a.1.total_cmp(b.1)).expect("bins");
     assert!((newest.frequency_hz(bin) - 684.0).abs() <= 0.5 * newest.bin_hz, "{bin}");
     assert!((largest / 8.0 - 1.0).abs() < 0.03, "{largest} N");
-    let far = |bin: &usize| (newest.frequency_hz(*bin) - 684.0).abs() > 20.0;
-    let rest = (0..newest.bins as usize).filter(far).map(|bin| newest.amplitude_n[bin]);
+    let is_distant = |bin: &usize| (newest.frequency_hz(*bin) - 684.0).abs() > 20.0;
+    let rest = (0..newest.bins as usize).filter(is_distant).map(|bin| newest.amplitude_n[bin]);
     assert!(rest.fold(0.0, f64::max) < 0.3, "noise of 0.6 N rms over all bins");
     let pauses_ns = spectra.windows(2).map(|pair| pair[1].made_ns - pair[0].made_ns);
     assert!(pauses_ns.min() > Some(99_000_000), "ten a second at most");

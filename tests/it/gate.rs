@@ -55,9 +55,9 @@ impl Bench {
         assert!(daemon.wait_for_output("ready", LIMIT), "{:?}", daemon.lines());
         let sensor = Sensor::join(&place, RATE_HZ, 3);
         let over = Arc::new(AtomicBool::new(false));
-        let (end, at) = (Arc::clone(&over), place.cell());
+        let (end, shared_cell) = (Arc::clone(&over), place.cell());
         let cell = std::thread::spawn(move || {
-            let mut cell = CellLoop::join(&at, LIMIT).unwrap();
+            let mut cell = CellLoop::join(&shared_cell, LIMIT).unwrap();
             while !end.load(Relaxed) {
                 cell.tick();
             }
@@ -93,7 +93,8 @@ impl Bench {
         let is_open = |status: &Status| status.wrench_gate == WrenchGate::Open.code();
         self.until("an open gate", |_| {}, is_open);
         let status = self.until("a closed gate", change, |status| {
-            let set = channel.map_or(status.stream_faults, |at| status.channel_faults[at]);
+            let set =
+                channel.map_or(status.stream_faults, |channel| status.channel_faults[channel]);
             status.wrench_gate == WrenchGate::SensorFault.code() && set & fault.bit() != 0
         });
         assert!(status.message.as_str().contains(text), "{}", status.message);
@@ -133,30 +134,30 @@ fn stuck(block: &mut ForceBlock) {
 #[test]
 fn forces_from_the_future_close_the_gate_and_are_named() {
     let mut bench = Bench::new("");
-    let words = "force stream has timestamps in the future";
-    bench.strike(|block| block.t_ns += HOUR_NS, SensorFault::InFuture, None, words);
+    let message = "force stream has timestamps in the future";
+    bench.strike(|block| block.t_ns += HOUR_NS, SensorFault::InFuture, None, message);
     let a_little = |block: &mut ForceBlock| block.t_ns = monotonic_ns() + 10 * AHEAD_NS;
-    bench.strike(a_little, SensorFault::InFuture, None, words);
+    bench.strike(a_little, SensorFault::InFuture, None, message);
 }
 
 #[test]
 fn a_stamp_within_the_tolerance_is_none_from_the_future() {
     let mut bench = Bench::new("");
-    let near = |block: &mut ForceBlock| block.t_ns = monotonic_ns() + AHEAD_NS / 2;
+    let ahead = |block: &mut ForceBlock| block.t_ns = monotonic_ns() + AHEAD_NS / 2;
     let is_open = |status: &Status| status.wrench_gate == WrenchGate::Open.code();
-    let status = bench.until("an open gate", near, is_open);
+    let status = bench.until("an open gate", ahead, is_open);
     assert_eq!(status.force_faults().count(), 0, "{}", status.message);
 }
 
 #[test]
 fn forces_by_a_clock_that_is_behind_close_the_gate_and_are_named() {
-    let words = "force stream has timestamps long before arrival";
+    let message = "force stream has timestamps long before arrival";
     let mut bench = Bench::new("");
     let behind: Change = |block| block.t_ns = block.t_ns.saturating_sub(HOUR_NS);
-    bench.strike(behind, SensorFault::Late, None, words);
+    bench.strike(behind, SensorFault::Late, None, message);
     // Just too old to be used.
     let a_little: Change = |block| block.t_ns -= 2 * STALE_NS;
-    bench.strike(a_little, SensorFault::Late, None, words);
+    bench.strike(a_little, SensorFault::Late, None, message);
 }
 
 #[test]
@@ -165,8 +166,8 @@ fn a_channel_that_is_stuck_or_saturated_closes_the_gate() {
     bench.strike(stuck, SensorFault::Stuck, Some(Z), "force channel z is stuck: check the sensor");
     let at_full_scale =
         |block: &mut ForceBlock| block.data[Z * block.samples as usize] = FULL_SCALE_N;
-    let words = "force channel z is saturated: choose a larger range";
-    bench.strike(at_full_scale, SensorFault::Saturated, Some(Z), words);
+    let message = "force channel z is saturated: choose a larger range";
+    bench.strike(at_full_scale, SensorFault::Saturated, Some(Z), message);
 }
 
 #[test]
@@ -189,10 +190,10 @@ fn drive(client: &mut Client, time: Duration, setpoint: fn(Setpoint) -> Setpoint
     while start.elapsed() < time {
         let now_ns = monotonic_ns();
         let sent = client.send(&setpoint(Setpoint::new(&MIDDLE).at_ns(now_ns)));
-        if let Some(said) = sent.ok().and_then(|seq| client.wait_corrected(seq, LIMIT))
-            && let Some(before) = last.replace(said.correction)
+        if let Some(answer) = sent.ok().and_then(|seq| client.wait_corrected(seq, LIMIT))
+            && let Some(before) = last.replace(answer.correction)
         {
-            let moved = said.correction.iter().zip(before).map(|(a, b)| (a - b).abs());
+            let moved = answer.correction.iter().zip(before).map(|(a, b)| (a - b).abs());
             step = step.max(moved.fold(0.0, f64::max));
         }
         std::thread::sleep(Duration::from_millis(1));
@@ -225,9 +226,9 @@ fn temperatures_hold_for_their_time_and_are_then_named_stale_without_a_step() {
     let status = client.status().unwrap();
     assert_eq!(status.stale_temperatures, 1, "{}", status.message);
     assert_eq!(status.health(), Ok(Health::Degraded));
-    let words = "temperatures are stale and treated as unknown: ambient";
-    assert!(status.message.as_str().contains(words), "{}", status.message);
-    assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+    let message = "temperatures are stale and treated as unknown: ambient";
+    assert!(status.message.as_str().contains(message), "{}", status.message);
+    assert!(daemon.wait_for_output(&format!("WARN {message}"), LIMIT), "{:#?}", daemon.lines());
     let changed = apart(wanted(&mut client), warm);
     assert!(changed > 1e-4, "the growth is no longer corrected: {changed}");
     assert!(step < 0.5 * changed, "ramped: {step} of {changed}");

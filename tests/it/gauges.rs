@@ -60,12 +60,12 @@ fn normal(rng: &mut TestRng) -> f64 {
 }
 
 /// A pose with the real tip at `at`: minimum-norm Newton steps from a random pose.
-fn pose_at(truth: &Model, at: DVec3, rng: &mut TestRng) -> Joints {
+fn pose_at(truth: &Model, target: DVec3, rng: &mut TestRng) -> Joints {
     loop {
         let mut q = any_pose(rng);
         for _ in 0..30 {
-            let off = at - tip(truth, &q);
-            if off.length() < 1e-9 {
+            let error = target - tip(truth, &q);
+            if error.length() < 1e-9 {
                 return q;
             }
             let columns: Vec<DVec3> = (0..6)
@@ -79,7 +79,7 @@ fn pose_at(truth: &Model, at: DVec3, rng: &mut TestRng) -> Joints {
             for c in &columns {
                 square += DMat3::from_cols(*c * c.x, *c * c.y, *c * c.z);
             }
-            let pull = square.inverse() * off;
+            let pull = square.inverse() * error;
             q.iter_mut().zip(&columns).for_each(|(q, c)| *q += c.dot(pull));
         }
     }
@@ -165,7 +165,8 @@ fn a_ballbar_between_unknown_points_calibrates_and_its_own_offset_is_found() {
     assert!((offset - 3.2).abs() < 4.0 * sigma && sigma < 0.05, "{offset} ± {sigma}");
     // Lengths do not determine the direction of the first axis in the cell.
     let open = found["undetermined"].as_array().expect("a list");
-    let names = |word: &str| open.iter().any(|says| says.as_str().unwrap().contains(word));
+    let names =
+        |part: &str| open.iter().any(|statement| statement.as_str().unwrap().contains(part));
     assert!(names("joint 1's") && names("fixed point"), "{open:#?}");
     let between = (middle(&found, "distance", 1) - middle(&found, "distance", 2)).length();
     assert!((between * 1e-3 - anchors[0].distance(anchors[1])).abs() < 1e-4, "{between}");
@@ -197,10 +198,10 @@ fn three_balls_of_unknown_place_calibrate() {
     is_near(&found, "joint_offset", 3, 1.5, 0.5);
     for (a, b) in [(1, 2), (2, 3), (1, 3)] {
         let between = middle(&found, "sphere", a).distance(middle(&found, "sphere", b)) * 1e-3;
-        let off = between - balls[a - 1].distance(balls[b - 1]);
+        let error = between - balls[a - 1].distance(balls[b - 1]);
         // The rotation of the objects about the first axis is undetermined, their distances are
         // not: only the balls' radii define a length.
-        assert!(off.abs() < 2e-4, "balls {a} and {b}: {off} m");
+        assert!(error.abs() < 2e-4, "balls {a} and {b}: {error} m");
     }
 }
 
@@ -212,17 +213,17 @@ fn touches_of_a_plate_and_few_points_go_together() {
         .map(|_| {
             let on = DVec3::new(0.7 + 0.5 * chance.uniform(), 1.2 * chance.uniform() - 0.6, 0.0);
             let height = 0.35 + PROBE_M + NOISE_M * normal(&mut chance) - normal_up.dot(on);
-            let at = on + DVec3::Z * height / normal_up.z;
-            (pose_at(&truth, at, &mut chance), "1".to_owned())
+            let point = on + DVec3::Z * height / normal_up.z;
+            (pose_at(&truth, point, &mut chance), "1".to_owned())
         })
         .collect();
     let station = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
     let points: Vec<_> = (0..30)
         .map(|_| {
             let q = any_pose(&mut chance);
-            let at = station * tip(&truth, &q) + DVec3::new(1.5, -2.0, 0.3);
-            let seen = at.to_array().map(|x| (x + 2e-5 * normal(&mut chance)) * 1e3);
-            (q, seen.map(|mm| format!("{mm:.5}")).join(","))
+            let measured = station * tip(&truth, &q) + DVec3::new(1.5, -2.0, 0.3);
+            let noisy_mm = measured.to_array().map(|x| (x + 2e-5 * normal(&mut chance)) * 1e3);
+            (q, noisy_mm.map(|mm| format!("{mm:.5}")).join(","))
         })
         .collect();
     let place = Place::new();

@@ -38,7 +38,7 @@ fn wheel<'v>(found: &'v Value, joint: u8, shaft: u8, what: &str) -> Option<&'v V
     })
 }
 
-fn near(value: f64, known: f64, part: f64) -> bool {
+fn is_near(value: f64, known: f64, part: f64) -> bool {
     (value / known - 1.0).abs() < part
 }
 
@@ -48,15 +48,15 @@ fn across_the_arm_joint_one_turns_by_one_over_its_lever_and_the_teeth_carry_on()
     let found = gears(&place, &["--from", POSE, "--cut", "0,2,0"]);
     let motor = wheel(&found, 1, 1, "turn").unwrap();
     let turns = RATIO[0] / (TAU * WRIST_MM);
-    assert!(near(mean(motor), turns, 1e-5), "{motor:#}");
-    assert!(near(motor["degrees_per_mm"].as_f64().unwrap(), 360.0 * turns, 1e-5));
-    assert!(near(mean(wheel(&found, 1, 1, "mesh").unwrap()), 10.0 * turns, 1e-5));
-    assert!(near(motor["cycles_per_rev"].as_f64().unwrap(), RATIO[0], 1e-9), "{motor:#}");
+    assert!(is_near(mean(motor), turns, 1e-5), "{motor:#}");
+    assert!(is_near(motor["degrees_per_mm"].as_f64().unwrap(), 360.0 * turns, 1e-5));
+    assert!(is_near(mean(wheel(&found, 1, 1, "mesh").unwrap()), 10.0 * turns, 1e-5));
+    assert!(is_near(motor["cycles_per_rev"].as_f64().unwrap(), RATIO[0], 1e-9), "{motor:#}");
     let second = wheel(&found, 1, 2, "turn").unwrap();
-    assert!(near(mean(second), turns * 10.0 / 131.0, 1e-5), "{second:#}");
-    assert!(near(mean(wheel(&found, 1, 2, "mesh").unwrap()), turns * 130.0 / 131.0, 1e-5));
+    assert!(is_near(mean(second), turns * 10.0 / 131.0, 1e-5), "{second:#}");
+    assert!(is_near(mean(wheel(&found, 1, 2, "mesh").unwrap()), turns * 130.0 / 131.0, 1e-5));
     // The tool keeps its orientation: joint 6, whose axis points down, rotates equally.
-    assert!(near(mean(wheel(&found, 6, 1, "turn").unwrap()), 44.0 / (TAU * WRIST_MM), 1e-5));
+    assert!(is_near(mean(wheel(&found, 6, 1, "turn").unwrap()), 44.0 / (TAU * WRIST_MM), 1e-5));
     let alone = gears(&place, &["--from", POSE, "--cut", "0,2,0", "--wheels-of", "6"]);
     assert!(list(&alone, "wheels").iter().all(|wheel| wheel["joint"] == 6));
 }
@@ -71,7 +71,7 @@ fn towards_the_base_both_links_move_and_joint_one_is_at_rest() {
     for joint in [2, 3] {
         let motor = wheel(&found, joint, 1, "turn").unwrap();
         let known = RATIO[usize::from(joint) - 1] / (TAU * UPPER_ARM_MM);
-        assert!(near(mean(motor), known, 2e-3), "{motor:#}");
+        assert!(is_near(mean(motor), known, 2e-3), "{motor:#}");
     }
 }
 
@@ -114,9 +114,12 @@ fn a_line_between_the_wheels_fits_nothing_and_rivals_are_named() {
     let cut = ["--from", POSE, "--cut", "0,20,0"];
     // The next gear lines are at 0.089 (3 × the third mesh of joint 6) and 0.13 (its second mesh).
     let found = gears(&place, &[&cut[..], &["--lines", "0.11,0.0827"]].concat());
-    let [bare, shared] = list(&found, "lines") else { panic!("{found:#}") };
-    assert!(bare["match"].is_null() && bare["rivals"] == serde_json::json!([]), "{bare:#}");
-    assert!(bare["by_chance"].as_f64().unwrap() < 0.3, "{bare:#}");
+    let [unmatched, shared] = list(&found, "lines") else { panic!("{found:#}") };
+    assert!(
+        unmatched["match"].is_null() && unmatched["rivals"] == serde_json::json!([]),
+        "{unmatched:#}"
+    );
+    assert!(unmatched["by_chance"].as_f64().unwrap() < 0.3, "{unmatched:#}");
     // Three times the motor's rotation, and three times the teeth of the second shaft, 130 and 131:
     // indistinguishable.
     let places =
@@ -134,15 +137,18 @@ fn a_joint_that_speeds_up_along_the_cut_is_reported_as_drifting_and_not_matched(
     let line = format!("{}", 10.0 * RATIO[0] * (500.0_f64 / WRIST_MM).atan() / TAU / 500.0);
     let cut = ["--from", POSE, "--cut", "0,500,0", "--lines", &line];
     let done = place.succeed(&[&["gears", "--model", MODEL], &cut[..]].concat());
-    let said = &done.out;
-    assert!(said.contains("joint 1 drifts by") && said.contains("375.0 to 500.0 mm"), "{said}");
+    let output = &done.out;
+    assert!(
+        output.contains("joint 1 drifts by") && output.contains("375.0 to 500.0 mm"),
+        "{output}"
+    );
     let found = gears(&place, &cut);
     let motor = wheel(&found, 1, 1, "mesh").unwrap();
-    assert!(near(mean(motor), line.parse().unwrap(), 1e-6) && motor["smeared"] == true);
+    assert!(is_near(mean(motor), line.parse().unwrap(), 1e-6) && motor["smeared"] == true);
     // 1/r times the cosine of the angle to the cut: cos² falls to 750² / (750² + 500²).
     let range = &motor["cycles_per_mm"];
     let fell = range["least"].as_f64().unwrap() / range["most"].as_f64().unwrap();
-    assert!(near(fell, 750.0 * 750.0 / (750.0 * 750.0 + 500.0 * 500.0), 0.02), "{fell}");
+    assert!(is_near(fell, 750.0 * 750.0 / (750.0 * 750.0 + 500.0 * 500.0), 0.02), "{fell}");
     let best = &list(&found, "lines")[0]["match"];
     assert!(best.is_null() || best["joint"] != 1, "{best:#}");
 }
@@ -160,16 +166,16 @@ fn forces_over_a_recorded_path_are_matched_as_trued_spectrum_matches_them() {
         (&best["joint"], &best["shaft"], &best["teeth"]),
         (&1.into(), &1.into(), &10.into())
     );
-    assert!(near(line["cycles_per_mm"].as_f64().unwrap(), mean(motor), 0.01), "{line:#}");
+    assert!(is_near(line["cycles_per_mm"].as_f64().unwrap(), mean(motor), 0.01), "{line:#}");
 }
 
 #[test]
 fn what_cannot_be_a_path_a_joint_or_a_line_is_refused_with_a_remedy() {
     let place = Place::new();
-    let refused = |arguments: &[&str], word: &str| {
+    let refused = |arguments: &[&str], part: &str| {
         let done = place.run(&[&["gears", "--model", MODEL], arguments].concat());
         assert_eq!(done.code, Some(2), "{done:#?}");
-        assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
+        assert!(done.err.contains(part), "{part:?} in\n{}", done.err);
     };
     let cut = |more: &[&'static str]| [&["--from", POSE, "--cut", "0,9,0"], more].concat();
     refused(&[], "--from");

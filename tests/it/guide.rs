@@ -32,13 +32,13 @@ fn the_guide_leads_from_an_empty_machine_to_a_calibrated_cell_in_shadow() {
         .env(shm_schema::RUNTIME_DIR_ENV, place.root())
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
-    assert!(said.contains("the model still holds"), "step 5: {said}");
-    let advanced = said.lines().find(|line| line.starts_with("advanced")).unwrap();
-    let nominal = said.lines().find(|line| line.starts_with("nominal")).unwrap();
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{stdout}\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(stdout.contains("the model still holds"), "step 5: {stdout}");
+    let advanced = stdout.lines().find(|line| line.starts_with("advanced")).unwrap();
+    let nominal = stdout.lines().find(|line| line.starts_with("nominal")).unwrap();
     let mean = |line: &str| line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap();
-    assert!(3.0 * mean(advanced) < mean(nominal), "step 4, several times better: {said}");
+    assert!(3.0 * mean(advanced) < mean(nominal), "step 4, several times better: {stdout}");
     bent_by_a_millimetre(&work);
     assert!(fs::read_dir(work.join("recordings")).unwrap().count() > 0, "step 6 recorded");
 }
@@ -54,19 +54,19 @@ fn bent_by_a_millimetre(work: &std::path::Path) {
         ("[-50, 0, 100]", "[-49, 0, 100]"),
         ("[0, 60, 80]", "[1, 60, 80]"),
     ];
-    let there = fs::read_to_string(work.join("there.toml")).unwrap();
-    let bent = places.iter().fold(there.clone(), |text, (from, to)| text.replace(from, to));
-    assert_eq!(places.iter().filter(|(_, to)| bent.contains(to)).count(), 3, "{there}");
+    let truth_text = fs::read_to_string(work.join("there.toml")).unwrap();
+    let bent = places.iter().fold(truth_text.clone(), |text, (from, to)| text.replace(from, to));
+    assert_eq!(places.iter().filter(|(_, to)| bent.contains(to)).count(), 3, "{truth_text}");
     fs::write(work.join("bent.toml"), bent).unwrap();
     fs::copy(work.join("there.csv"), work.join("bent.csv")).unwrap();
     let truth = ["simulate", "--model", "irb1600-6-145-thesis", "--noise", "0.03", "--seed", "3"];
     assert!(trued(&[&truth[..], &["--out", "hit", "bent.csv"]].concat()).status.success());
     fs::copy(work.join("checked.toml"), work.join("hit.toml")).unwrap();
     let judged = trued(&["plan", "--check", "--model", "calibrated.toml", "hit.csv"]);
-    let said = String::from_utf8_lossy(&judged.stdout);
-    assert_eq!(judged.status.code(), Some(1), "{said}");
-    let shifted_mm: Option<f64> = said
+    let stdout = String::from_utf8_lossy(&judged.stdout);
+    assert_eq!(judged.status.code(), Some(1), "{stdout}");
+    let shifted_mm: Option<f64> = stdout
         .split_once("the tool was shifted by ")
         .and_then(|(_, rest)| rest.split_whitespace().next()?.parse().ok());
-    assert!(shifted_mm.is_some_and(|mm| (mm - 1.0).abs() < 0.15), "{said}");
+    assert!(shifted_mm.is_some_and(|mm| (mm - 1.0).abs() < 0.15), "{stdout}");
 }

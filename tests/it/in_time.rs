@@ -47,7 +47,7 @@ fn truth() -> [Servo; JOINTS] {
 
 /// The preset with delay, lags and modes; the truth deviates from it by `off` (delay, lag,
 /// frequency, damping), relative to the model's values.
-fn model_text(off: [f64; 4], sigma: f64) -> String {
+fn model_text(errors: [f64; 4], sigma: f64) -> String {
     let preset = root().join("deploy/presets/irb1600-6-145.toml");
     let mut text = fs::read_to_string(preset).unwrap();
     let mut effect = |head: &str, keys: &[(&str, f64)]| {
@@ -58,15 +58,15 @@ fn model_text(off: [f64; 4], sigma: f64) -> String {
         writeln!(text, "sigma = {{ {} }}", sigmas.join(", ")).unwrap();
     };
     let servos = truth();
-    let delay_ms = servos[0].delay_s * 1e3 / (1.0 + off[0]);
+    let delay_ms = servos[0].delay_s * 1e3 / (1.0 + errors[0]);
     effect("kind = \"time_delay\"", &[("delay_ms", delay_ms)]);
-    for (at, servo) in servos.iter().enumerate() {
-        let head = format!("kind = \"servo_lag\"\njoint = {}", at + 1);
-        effect(&head, &[("time_constant_ms", servo.lag_s * 1e3 / (1.0 + off[1]))]);
+    for (index, servo) in servos.iter().enumerate() {
+        let head = format!("kind = \"servo_lag\"\njoint = {}", index + 1);
+        effect(&head, &[("time_constant_ms", servo.lag_s * 1e3 / (1.0 + errors[1]))]);
         if servo.frequency_hz > 0.0 {
-            let head = format!("kind = \"flexible_mode\"\njoint = {}", at + 1);
-            let frequency_hz = servo.frequency_hz / (1.0 + off[2]);
-            let damping_ratio = servo.damping_ratio / (1.0 + off[3]);
+            let head = format!("kind = \"flexible_mode\"\njoint = {}", index + 1);
+            let frequency_hz = servo.frequency_hz / (1.0 + errors[2]);
+            let damping_ratio = servo.damping_ratio / (1.0 + errors[3]);
             effect(&head, &[("frequency_Hz", frequency_hz), ("damping_ratio", damping_ratio)]);
         }
     }
@@ -83,12 +83,12 @@ impl Servo {
         for k in 0..commanded.len() - 1 {
             for substep in 0..SUBSTEPS {
                 let t = k as f64 * STEP_S + substep as f64 * h;
-                let at = |state: [f64; 3], t: f64| self.rates(state, self.command(t, commanded));
-                let near = |by: [f64; 3], h: f64| [0, 1, 2].map(|i| state[i] + h * by[i]);
-                let a = at(state, t);
-                let b = at(near(a, h / 2.0), t + h / 2.0);
-                let c = at(near(b, h / 2.0), t + h / 2.0);
-                let d = at(near(c, h), t + h);
+                let rates = |state: [f64; 3], t: f64| self.rates(state, self.command(t, commanded));
+                let moved = |by: [f64; 3], h: f64| [0, 1, 2].map(|i| state[i] + h * by[i]);
+                let a = rates(state, t);
+                let b = rates(moved(a, h / 2.0), t + h / 2.0);
+                let c = rates(moved(b, h / 2.0), t + h / 2.0);
+                let d = rates(moved(c, h), t + h);
                 state = [0, 1, 2].map(|i| state[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
             }
             link.push(state[0] + state[1]);
@@ -122,12 +122,12 @@ impl Servo {
 type Path6 = Vec<Vec<f64>>;
 
 fn tool(arm: &Arm, path: &Path6) -> Vec<DVec3> {
-    let at = |row: usize| {
+    let tool_at = |row: usize| {
         let mut q = Joints::default();
         q.iter_mut().zip(path).for_each(|(q, joint)| *q = joint[row]);
         Chain::tool_at(arm, &q).origin
     };
-    (0..path[0].len()).map(at).collect()
+    (0..path[0].len()).map(tool_at).collect()
 }
 
 /// A polygon in the air at 100 mm/s, corners rounded, by joints 1 to 3: Newton's method with differences.
@@ -150,13 +150,13 @@ fn wanted(arm: &Arm) -> Path6 {
     let mut path = vec![Vec::new(); JOINTS];
     for point in (0..points.len()).map(rounded) {
         for _ in 0..4 {
-            let off = point - Chain::tool_at(arm, &q).origin;
+            let error = point - Chain::tool_at(arm, &q).origin;
             let column = |joint: usize| {
                 let mut moved = q;
                 moved[joint] += 1e-6;
                 (Chain::tool_at(arm, &moved).origin - Chain::tool_at(arm, &q).origin) / 1e-6
             };
-            let step = glam::DMat3::from_cols(column(0), column(1), column(2)).inverse() * off;
+            let step = glam::DMat3::from_cols(column(0), column(1), column(2)).inverse() * error;
             q.iter_mut().zip(step.to_array()).for_each(|(q, step)| *q += step);
         }
         path.iter_mut().zip(q).for_each(|(joint, q)| joint.push(q));
@@ -180,8 +180,8 @@ fn table(text: &str, name: &str, unit: &str) -> (Vec<f64>, Path6) {
     let heads: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
     let column = |head: &str| -> Vec<f64> {
-        let at = heads.iter().position(|found| *found == head).expect(head);
-        rows.iter().map(|row| row[at].parse().unwrap()).collect()
+        let column_index = heads.iter().position(|found| *found == head).expect(head);
+        rows.iter().map(|row| row[column_index].parse().unwrap()).collect()
     };
     let si = if unit == "deg" { 1.0_f64.to_radians() } else { 1.0 };
     let joint =
@@ -269,8 +269,8 @@ fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
         let model = ["--model", "robot.toml", "--overwrite"];
         let correct =
             ["correct", "--dynamic", "path.csv", "--out", "run1.csv", "--json", "correct.json"];
-        let said = cell.place.succeed(&[&correct[..], &model].concat()).out;
-        assert!(said.contains("the arm stands still for"), "{said}");
+        let output = cell.place.succeed(&[&correct[..], &model].concat()).out;
+        assert!(output.contains("the arm stands still for"), "{output}");
         let json = cell.place.json("correct.json");
         let deviation_mm =
             json["dynamic"]["tool_with"]["from_path_mm"]["largest"].as_f64().unwrap();
@@ -291,10 +291,11 @@ fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
         let mut learned = preview;
         for k in 1..=3 {
             let (run, measured) = (format!("run{k}.csv"), format!("measured{k}.csv"));
-            let (next, seen) = (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
+            let (next, measured_next) =
+                (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
             let learn = ["learn", &run, &measured, "--out", &next, "--json", "learn.json"];
             cell.place.succeed(&[&learn[..], &model].concat());
-            learned = cell.run(&next, &seen);
+            learned = cell.run(&next, &measured_next);
             println!("after learning run {k}: {:.3} mm", learned.from_path_m * 1e3);
         }
         assert!(learned.from_path_m < before.from_path_m / 10.0);
@@ -324,9 +325,9 @@ impl Cell {
     }
 
     /// The daemon with a model whose parameters are off so; at each command the next `known` setpoints are known.
-    fn lead(&self, off: [f64; 4], known: usize, trouble: RandomFaults, seed: u64) -> Outcome {
-        self.place.file("robot.toml", &model_text(off, 0.02));
-        self.place.file("other.toml", &model_text(off.map(|off| off + 0.1), 0.02));
+    fn lead(&self, errors: [f64; 4], known: usize, trouble: RandomFaults, seed: u64) -> Outcome {
+        self.place.file("robot.toml", &model_text(errors, 0.02));
+        self.place.file("other.toml", &model_text(errors.map(|error| error + 0.1), 0.02));
         let model = |name: &str| RobotModel::read(&self.place.path(name)).unwrap();
         let models = [model("robot.toml"), model("other.toml")];
         lead::run(LEADING, models, &self.rows(), known, trouble, seed)
@@ -344,10 +345,10 @@ fn the_daemon_leaves_a_quarter_of_the_path_error_where_it_knows_a_tenth_of_a_sec
     let cell = Cell::new();
     let before = cell.uncompensated();
     for sign in [1.0, -1.0] {
-        let off = [0.02 * sign, -0.02 * sign, 0.02 * sign, 0.02];
+        let errors = [0.02 * sign, -0.02 * sign, 0.02 * sign, 0.02];
         let mut left = Vec::new();
         for known in [0, 5, 10, 25, 125] {
-            let outcome = cell.lead(off, known, RandomFaults::default(), 1);
+            let outcome = cell.lead(errors, known, RandomFaults::default(), 1);
             let after = cell.error_of(&outcome);
             println!(
                 "{known} setpoints ahead: from the path {:.3} then {:.3} mm at most, in time {:.3} then {:.3} mm rms",
@@ -381,15 +382,15 @@ fn the_daemon_leaves_a_quarter_of_the_path_error_where_it_knows_a_tenth_of_a_sec
 fn a_lead_by_a_model_that_is_off_by_thirty_percent_makes_no_path_worse_in_time() {
     let cell = Cell::new();
     let before = cell.uncompensated();
-    for off in [[0.3; 4], [-0.3; 4], [0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.3, -0.3]] {
+    for errors in [[0.3; 4], [-0.3; 4], [0.3, -0.3, -0.3, 0.3], [-0.3, 0.3, 0.3, -0.3]] {
         for known in [0, 10, 25, 125] {
-            let after = cell.error_of(&cell.lead(off, known, RandomFaults::default(), 1));
+            let after = cell.error_of(&cell.lead(errors, known, RandomFaults::default(), 1));
             println!(
-                "{off:?}, {known} ahead: {:.3} then {:.3} mm rms",
+                "{errors:?}, {known} ahead: {:.3} then {:.3} mm rms",
                 before.in_time_rms_m * 1e3,
                 after.in_time_rms_m * 1e3
             );
-            assert!(after.in_time_rms_m <= before.in_time_rms_m, "{off:?}, {known}");
+            assert!(after.in_time_rms_m <= before.in_time_rms_m, "{errors:?}, {known}");
         }
     }
 }
@@ -420,14 +421,14 @@ fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_contin
         [0.3, -0.3, -0.3, 0.3],
         [-0.3, 0.3, 0.3, -0.3],
     ];
-    for off in offs {
-        cell.place.file("robot.toml", &model_text(off, 0.05));
+    for errors in offs {
+        cell.place.file("robot.toml", &model_text(errors, 0.05));
         let model = ["--model", "robot.toml", "--overwrite"];
         let correct = ["correct", "--dynamic", "path.csv", "--out", "run1.csv"];
         cell.place.succeed(&[&correct[..], &model].concat());
         let preview = cell.run("run1.csv", "measured1.csv");
         println!(
-            "{off:?}: in time {:.3} then {:.3} mm rms, from the path {:.3} then {:.3} mm at most",
+            "{errors:?}: in time {:.3} then {:.3} mm rms, from the path {:.3} then {:.3} mm at most",
             before.in_time_rms_m * 1e3,
             preview.in_time_rms_m * 1e3,
             before.from_path_m * 1e3,
@@ -438,9 +439,10 @@ fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_contin
         let mut last = preview.in_time_rms_m;
         for k in 1..=3 {
             let (run, measured) = (format!("run{k}.csv"), format!("measured{k}.csv"));
-            let (next, seen) = (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
+            let (next, measured_next) =
+                (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
             cell.place.succeed(&[&["learn", &run, &measured, "--out", &next][..], &model].concat());
-            let learned = cell.run(&next, &seen);
+            let learned = cell.run(&next, &measured_next);
             assert!(
                 learned.in_time_rms_m <= 1.01 * last + 1e-6,
                 "{} after {last}",
@@ -483,24 +485,24 @@ fn the_document_leads_from_a_model_to_what_was_learned_of_two_runs() {
         .current_dir(place.path(""))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&run.stdout).into_owned();
-    assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
-    for words in ["the arm stands still for", "estimated delay", "repeatability", "next commands"] {
-        assert!(said.contains(words), "{words}: {said}");
+    let stdout = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(run.status.success(), "{stdout}\n{}", String::from_utf8_lossy(&run.stderr));
+    for part in ["the arm stands still for", "estimated delay", "repeatability", "next commands"] {
+        assert!(stdout.contains(part), "{part}: {stdout}");
     }
     // Of the second run, with learned commands, and of the first.
     let measured = |line: &str| {
         let (_, rest) = line.split_once("path deviation at most ").unwrap();
         rest.split(' ').next().unwrap().parse::<f64>().unwrap()
     };
-    let before = said.lines().find(|line| line.starts_with("uncompensated error")).unwrap();
+    let before = stdout.lines().find(|line| line.starts_with("uncompensated error")).unwrap();
     let errors: Vec<f64> =
-        said.lines().filter(|line| line.starts_with("measured error")).map(measured).collect();
+        stdout.lines().filter(|line| line.starts_with("measured error")).map(measured).collect();
     assert!(
         errors.len() == 2 && errors[1] < errors[0] && 10.0 * errors[1] < measured(before),
-        "{said}"
+        "{stdout}"
     );
-    println!("{said}");
+    println!("{stdout}");
 }
 
 /// Result of `trued diagnose --model slide.toml --seed 1 DATA_EMPS.csv DATA_EMPS_PULSES.csv` on the
@@ -539,9 +541,10 @@ fn the_lag_that_is_compensated_is_that_of_a_real_axis_held_out() {
     let path = [commanded];
     let plants = Plants::of(&model, 0.1);
     let predicted = expected_error(&plants, step_s, &path, &path).remove(0);
-    let rms_mm = |off: Vec<f64>| {
-        let mean = off.iter().sum::<f64>() / off.len() as f64;
-        let square = off.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / off.len() as f64;
+    let rms_mm = |errors_m: Vec<f64>| {
+        let mean = errors_m.iter().sum::<f64>() / errors_m.len() as f64;
+        let square =
+            errors_m.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / errors_m.len() as f64;
         square.sqrt() * 1e3
     };
     let late = path[0].iter().zip(&measured).map(|(q, y)| q - y);

@@ -73,36 +73,36 @@ impl Cell {
 
     /// Takes an answer if there is one, and checks it against every invariant.
     fn hear(&mut self) -> Option<Corrected> {
-        let said = self.answers.take_newest()?;
+        let answer = self.answers.take_newest()?;
         self.published += 1;
-        assert!(said.status().is_ok() && said.reason().is_ok(), "{said:?}");
-        *self.tally.entry(format!("{}/{}", named(&said).0, named(&said).1)).or_default() += 1;
-        self.last = Some(said);
-        assert_eq!(said.joints as usize, JOINTS, "{said:?}");
-        for (i, correction) in said.correction().iter().enumerate() {
+        assert!(answer.status().is_ok() && answer.reason().is_ok(), "{answer:?}");
+        *self.tally.entry(format!("{}/{}", named(&answer).0, named(&answer).1)).or_default() += 1;
+        self.last = Some(answer);
+        assert_eq!(answer.joints as usize, JOINTS, "{answer:?}");
+        for (i, correction) in answer.correction().iter().enumerate() {
             let within = correction.abs() <= self.bounds.angle[i] + ROUNDING;
-            assert!(within, "joint {i} beyond its bound: {said:?}");
+            assert!(within, "joint {i} beyond its bound: {answer:?}");
         }
-        for numbers in [said.correction_rate, said.correction_acceleration, said.wanted] {
-            assert!(numbers.iter().all(|x| x.is_finite()), "{said:?}");
+        for numbers in [answer.correction_rate, answer.correction_acceleration, answer.wanted] {
+            assert!(numbers.iter().all(|x| x.is_finite()), "{answer:?}");
         }
-        self.gauge.take(said.made_ns, &said.correction[..JOINTS]).unwrap();
-        Some(said)
+        self.gauge.take(answer.made_ns, &answer.correction[..JOINTS]).unwrap();
+        Some(answer)
     }
 
     /// Sends a command and waits for its answer.
-    fn ask(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
+    fn exchange(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
         self.hear();
         let sent_ns = monotonic_ns();
         self.send(command);
         let end = Instant::now() + limit;
         while Instant::now() < end {
-            let ours = |said: &Corrected| {
-                (said.command_session, said.command_seq) == (command.session, command.seq)
-                    && said.received_ns >= sent_ns
+            let ours = |answer: &Corrected| {
+                (answer.command_session, answer.command_seq) == (command.session, command.seq)
+                    && answer.received_ns >= sent_ns
             };
-            if let Some(said) = self.hear().filter(ours) {
-                return Some(said);
+            if let Some(answer) = self.hear().filter(ours) {
+                return Some(answer);
             }
             std::thread::sleep(Duration::from_micros(50));
         }
@@ -111,30 +111,31 @@ impl Cell {
 
     fn good(&mut self) -> Corrected {
         let command = self.sender.next_valid();
-        let said = self.ask(&command, LIMIT).expect("a good command is answered");
-        assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{said:?}");
-        said
+        let answer = self.exchange(&command, LIMIT).expect("a good command is answered");
+        assert_ne!(answer.status(), Ok(CorrectionStatus::Rejected), "{answer:?}");
+        answer
     }
 
     fn bad(&mut self, kind: u64) {
         let (command, due, of_use) = self.sender.next_invalid(kind);
-        let about = |said: &Corrected| format!("kind {kind}: {:?} for {command:?}", named(said));
+        let about =
+            |answer: &Corrected| format!("kind {kind}: {:?} for {command:?}", named(answer));
         match due {
             Expected::Taken => {
-                let said = self.ask(&command, LIMIT).expect("an answer");
-                assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{}", about(&said));
+                let answer = self.exchange(&command, LIMIT).expect("an answer");
+                assert_ne!(answer.status(), Ok(CorrectionStatus::Rejected), "{}", about(&answer));
             }
             Expected::Refused(reason) => {
-                let said = self.ask(&command, LIMIT).expect("an answer");
+                let answer = self.exchange(&command, LIMIT).expect("an answer");
                 let refused = (CorrectionStatus::Rejected, reason);
-                assert_eq!(named(&said), refused, "{}", about(&said));
+                assert_eq!(named(&answer), refused, "{}", about(&answer));
             }
             Expected::Malformed => {
-                let said = self.ask(&command, Duration::from_millis(4));
-                assert!(said.is_none(), "{}", about(&said.unwrap()));
+                let answer = self.exchange(&command, Duration::from_millis(4));
+                assert!(answer.is_none(), "{}", about(&answer.unwrap()));
             }
             Expected::Anything => {
-                self.ask(&command, Duration::from_millis(4));
+                self.exchange(&command, Duration::from_millis(4));
             }
         }
         if !of_use {
@@ -176,10 +177,10 @@ fn named(answer: &Corrected) -> (CorrectionStatus, Reason) {
     (answer.status().unwrap(), answer.reason().unwrap())
 }
 
-fn wait<T>(limit: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
+fn wait<T>(limit: Duration, mut poll: impl FnMut() -> Option<T>) -> Option<T> {
     let start = Instant::now();
     while start.elapsed() < limit {
-        if let Some(found) = look() {
+        if let Some(found) = poll() {
             return Some(found);
         }
         std::thread::sleep(Duration::from_micros(200));

@@ -41,7 +41,7 @@ fn round(pair: &mut ServedCell<'_>, number: u64, rng: &mut TestRng) -> Duration 
 
 #[test]
 fn the_others_continue_after_kill_9_at_any_time() {
-    let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
+    let rounds = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
     let seed = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
     let seed = seed.unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
@@ -49,23 +49,23 @@ fn the_others_continue_after_kill_9_at_any_time() {
     let mut pair = ServedCell::start(PROGRAMS);
     pair.wait_answered();
     let mut times = Vec::new();
-    for number in 0..asked.unwrap_or(ROUNDS) {
+    for number in 0..rounds.unwrap_or(ROUNDS) {
         times.push(round(&mut pair, number, &mut chance));
         std::thread::sleep(Duration::from_micros(chance.below(60_000)));
     }
-    told(&mut times);
+    print_times(&mut times);
     pair.end();
 }
 
-fn told(times: &mut [Duration]) {
+fn print_times(times: &mut [Duration]) {
     times.sort();
-    let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+    let quantile = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
     println!(
         "{} rounds: back after {:?} (middle), {:?} (90 %), {:?} (worst); {} within 1 s",
         times.len(),
-        at(0.5),
-        at(0.9),
-        at(1.0),
+        quantile(0.5),
+        quantile(0.9),
+        quantile(1.0),
         times.iter().filter(|time| **time <= Duration::from_secs(1)).count(),
     );
 }

@@ -37,12 +37,12 @@ impl View {
         let arguments = ["live", cell, "--listen", any, "--foxglove", any];
         let process = Process::start(TRUED, &arguments, place);
         assert!(process.wait_for_output("ws://", LIMIT), "{:?}", process.lines());
-        let after = |words: &str| {
+        let after = |prefix: &str| {
             let line = process.lines().into_iter().find_map(|line| {
-                let (_, rest) = line.split_once(words)?;
+                let (_, rest) = line.split_once(prefix)?;
                 rest.split(['/', ' ']).next()?.parse().ok()
             });
-            line.expect(words)
+            line.expect(prefix)
         };
         let (http, foxglove) = (after("http://"), after("ws://"));
         Self { process, http, foxglove }
@@ -173,10 +173,10 @@ fn a_change_of_state_comes_as_an_event_within_three_tenths_of_a_second() {
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
     let mut waits: Vec<Duration> = Vec::new();
     for on in [true, false, true, false, true] {
-        let asked = Instant::now();
+        let since = Instant::now();
         monitor.bypass(on, LIMIT).expect("an answer");
         next(on);
-        waits.push(asked.elapsed());
+        waits.push(since.elapsed());
     }
     waits.sort_unstable();
     assert!(waits[2] < Duration::from_millis(300), "{waits:?}");
@@ -319,14 +319,14 @@ fn the_report_has_the_numbers_of_the_status_and_is_saved_under_a_name_of_its_own
         let value = text(&status[key][part]);
         assert!(page.contains(&value), "{key}.{part} {value}");
     }
-    for words in [
+    for part in [
         "72 Hz",
         "Force over time and frequency",
         "Robot from the side",
         "Latency over time",
         "trued mark",
     ] {
-        assert!(page.contains(words), "{words}");
+        assert!(page.contains(part), "{part}");
     }
     let page = page.replace("http://www.w3.org/", "");
     for outside in ["<script", "http://", "https://", "src="] {
@@ -344,8 +344,8 @@ fn a_metrics_file_replaces_no_other_file() {
         let file = place.file(name);
         let before = std::fs::read(&file).expect("a file");
         let done = trued(&place, &["live", CELL, "--textfile", file.to_str().expect("a path")]);
-        assert_eq!(done.code, Some(2), "{}", done.said);
-        assert!(done.said.contains("not a metrics file of trued"), "{}", done.said);
+        assert_eq!(done.code, Some(2), "{}", done.output);
+        assert!(done.output.contains("not a metrics file of trued"), "{}", done.output);
         assert_eq!(std::fs::read(&file).expect("a file"), before);
     }
     let file = place.file("trued.prom");
@@ -445,8 +445,8 @@ fn alerts_and_the_grafana_board_name_metrics_that_exist() {
     let known = read("docs/reference/metrics.md");
     for file in ["deploy/grafana/trued.json", "deploy/prometheus/alerts.yml"] {
         let text = read(file);
-        let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
-        let mut unknown: Vec<&str> = words.filter(|word| word.starts_with("trued_")).collect();
+        let tokens = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        let mut unknown: Vec<&str> = tokens.filter(|token| token.starts_with("trued_")).collect();
         assert!(unknown.len() > 5, "{file} names metrics");
         unknown.retain(|name| !known.contains(&format!("`{name}`")));
         assert!(unknown.is_empty(), "{file}: {unknown:?}");

@@ -44,8 +44,8 @@ fn refused_commands_and_the_health_that_they_make_are_logged_and_summed_up_at_th
     command(&mut client, &MIDDLE, 200);
     let outside = [OUTSIDE_RAD, MIDDLE[1], MIDDLE[2], MIDDLE[3], MIDDLE[4], MIDDLE[5]];
     command(&mut client, &outside, 998);
-    let words = "WARN a commanded joint is outside the model's limits";
-    assert!(daemon.wait_for_output(words, LIMIT), "{:#?}", daemon.lines());
+    let message = "WARN a commanded joint is outside the model's limits";
+    assert!(daemon.wait_for_output(message, LIMIT), "{:#?}", daemon.lines());
     let begun = Instant::now();
     while begun.elapsed() < Duration::from_millis(10_500) {
         command(&mut client, &outside, 20);
@@ -53,7 +53,7 @@ fn refused_commands_and_the_health_that_they_make_are_logged_and_summed_up_at_th
     drop(client);
     assert!(daemon.end().success());
     let lines = daemon.lines();
-    let refused = with(&lines, words);
+    let refused = with(&lines, message);
     assert_eq!(refused.len(), 2, "the first, and a sum after 10 s: {lines:#?}");
     assert!(refused[0].contains("reason=\"out_of_limits\""), "{}", refused[0]);
     let degraded = with(&lines, "WARN health running -> degraded: out_of_limits");

@@ -144,8 +144,8 @@ fn on_a_small_disk(place: &Place, kilobytes: u32, script: &str) -> Option<String
     }
     command.args(["--mount", "sh", "-c", &mount, "sh"]).arg(&disk).arg(TRUED);
     let output = command.current_dir(place.path(".")).output().ok()?;
-    let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    said.contains("mounted").then(|| said + &String::from_utf8_lossy(&output.stderr))
+    let stdout = String::from_utf8_lossy(&output.stdout).into_owned();
+    stdout.contains("mounted").then(|| stdout + &String::from_utf8_lossy(&output.stderr))
 }
 
 #[test]
@@ -154,16 +154,16 @@ fn a_full_disk_leaves_all_outputs_as_they_were_and_no_orphan() {
     let plan = format!("\"$2\" {} \"$1/poses\"", PLAN.join(" "));
     // Every file takes 4 kB at least: five of them do not fit into twelve.
     let script = format!("{plan}; echo \"code $?\"; ls -A \"$1\"; echo end");
-    let Some(said) = on_a_small_disk(&place, 12, &script) else {
+    let Some(output) = on_a_small_disk(&place, 12, &script) else {
         let why = "no mount namespace of its own may be made";
         return skipped(Path::new(env!("CARGO_TARGET_TMPDIR")), "a full disk", why);
     };
-    assert!(said.contains("code 3\nend\n") && said.contains("cannot write"), "{said}");
+    assert!(output.contains("code 3\nend\n") && output.contains("cannot write"), "{output}");
     let before = "mkdir \"$1/poses\"; echo mine > \"$1/poses/poses.csv\"";
     let after = "cat \"$1/poses/poses.csv\"; ls -A \"$1/poses\"; echo end";
     let script = format!("{before}; {plan} --overwrite; echo \"code $?\"; {after}");
-    let said = on_a_small_disk(&place, 12, &script).expect("as before");
-    assert!(said.contains("code 3\nmine\nposes.csv\nend\n"), "{said}");
+    let output = on_a_small_disk(&place, 12, &script).expect("as before");
+    assert!(output.contains("code 3\nmine\nposes.csv\nend\n"), "{output}");
 }
 
 #[test]
@@ -176,8 +176,8 @@ fn a_limit_of_the_file_size_leaves_nothing_half_written() {
         .current_dir(place.path("."))
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(3), "{said}");
-    assert!(said.contains("cannot write"), "{said}");
-    assert!(!place.path("poses").exists(), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{stderr}");
+    assert!(stderr.contains("cannot write"), "{stderr}");
+    assert!(!place.path("poses").exists(), "{stderr}");
 }

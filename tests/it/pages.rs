@@ -48,8 +48,8 @@ fn browser() -> Result<String, String> {
 pub(crate) fn calibrate(place: &Place) {
     let plan = "--instrument 3500,-1500,1000 --target 50,0,100,0,0,1 --target=-50,0,100,0,0,1 \
                 --target 0,60,80,0,0,1 --sigma-mm 0.03 --seed 1 --out poses";
-    let words: Vec<&str> = plan.split_whitespace().collect();
-    place.succeed(&[&["plan", "--model", MODEL], &words[..]].concat());
+    let arguments: Vec<&str> = plan.split_whitespace().collect();
+    place.succeed(&[&["plan", "--model", MODEL], &arguments[..]].concat());
     let about = place.read("poses/poses.toml");
     let targets =
         "target1_mm = [50, 0, 100]\ntarget2_mm = [-50, 0, 100]\ntarget3_mm = [0, 60, 80]\n";
@@ -122,6 +122,6 @@ fn no_page_is_clipped_overlaps_or_bars_a_reader_on_any_screen_or_on_paper() {
     let audit = root().join("tests/pages/audit.mjs");
     let mut command = Command::new("node");
     let done = command.current_dir(home).arg(audit).arg(browser).args(pages).output().unwrap();
-    let said = String::from_utf8_lossy(&done.stdout).into_owned();
-    assert!(done.status.success(), "{said}{}", String::from_utf8_lossy(&done.stderr));
+    let stdout = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{stdout}{}", String::from_utf8_lossy(&done.stderr));
 }

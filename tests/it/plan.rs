@@ -62,15 +62,15 @@ fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) 
     let around = campaign.surroundings.clone();
     let made = campaign_simulation::simulate_readings(&campaign, truth, &around, sigma, 11);
     let made = &made;
-    let seen = |axis: usize| {
-        made.poses.iter().map(move |pose| match pose.seen.first().map(|seen| seen.reading) {
+    let readings = |axis: usize| {
+        made.poses.iter().map(move |pose| match pose.seen.first().map(|first| first.reading) {
             Some(diagnosis::Reading::Point { at, .. }) => at[axis],
             _ => f64::NAN,
         })
     };
     for column in columns {
         if let Channel::Target(_, axis) | Channel::Position(axis) = column {
-            list.set(column, seen(axis).collect());
+            list.set(column, readings(axis).collect());
         }
     }
     write(place, folder, &list);
@@ -83,8 +83,8 @@ fn write(place: &Place, folder: &str, list: &Recording) {
 #[test]
 fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
     let place = Place::new();
-    let asked = [&["--model", NOMINAL, "--count", "8", "--out", "d"], &SETUP[..]].concat();
-    let found = plan(&place, &asked);
+    let arguments = [&["--model", NOMINAL, "--count", "8", "--out", "d"], &SETUP[..]].concat();
+    let found = plan(&place, &arguments);
     assert_eq!(
         (&found["schema"], &found["does"], &found["seed"]),
         (&"trued.plan/1".into(), &"plan".into(), &5.into())
@@ -113,12 +113,12 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
     assert_eq!(place.read("d/poses.mod").matches("WaitTime \\InPos").count(), 16);
     assert_eq!(place.read("d/poses.src").matches("WAIT SEC").count(), 16);
     assert!(place.read("d/poses.dat").contains("DEFDAT poses"));
-    let twice = place.run(&[&["plan", "--seed", "5"], &asked[..]].concat());
+    let twice = place.run(&[&["plan", "--seed", "5"], &arguments[..]].concat());
     assert!(
         twice.code == Some(2) && twice.err.contains("d/poses.toml already exists"),
         "{twice:?}"
     );
-    let again = plan(&place, &[&asked[..], &["--overwrite"]].concat());
+    let again = plan(&place, &[&arguments[..], &["--overwrite"]].concat());
     assert_eq!(found["poses"], again["poses"]);
 }
 
@@ -137,9 +137,9 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
     let bar = read("bar");
     assert!(bar.channels().any(|column| column == Channel::Distance(0)));
     assert_eq!(bar.sigma(Channel::Distance(0)).map(|sigma| (1e6 * sigma).round()), Some(2.0));
-    let said = bar.metadata.gauges.distances[&0];
+    let gauge = bar.metadata.gauges.distances[&0];
     assert_eq!(
-        (said.anchor_m, said.offset_m),
+        (gauge.anchor_m, gauge.offset_m),
         (None, Some(0.0)),
         "a rough place is not a known one"
     );
@@ -158,10 +158,10 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
     for column in [Channel::TouchPlane, Channel::TouchSphere] {
         assert!(probe.channels().any(|found| found == column), "{column:?}");
     }
-    let said = &probe.metadata.gauges;
-    assert_eq!(said.probe.and_then(|probe| probe.sigma_m).map(|s| (1e6 * s).round()), Some(2.0));
-    assert_eq!((said.planes[&0].normal, said.planes[&0].offset_m), ([0.0, 0.0, 1.0], None));
-    assert_eq!(said.spheres[&0].radius_m, Some(0.025));
+    let gauges = &probe.metadata.gauges;
+    assert_eq!(gauges.probe.and_then(|probe| probe.sigma_m).map(|s| (1e6 * s).round()), Some(2.0));
+    assert_eq!((gauges.planes[&0].normal, gauges.planes[&0].offset_m), ([0.0, 0.0, 1.0], None));
+    assert_eq!(gauges.spheres[&0].radius_m, Some(0.025));
 }
 
 #[test]
@@ -193,9 +193,9 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
     let begin = [&["--model", CALIBRATED, "--check", "--targets-known"], &SETUP[..]].concat();
     let chosen = plan(&place, &[&begin[..], &["--out", "d"]].concat());
     assert_eq!(chosen["poses"].as_array().map(Vec::len), Some(10));
-    let least = chosen["detectable"].as_array().expect("detectable").iter();
+    let detectable = chosen["detectable"].as_array().expect("detectable").iter();
     let third =
-        least.clone().find(|d| d["damage"] == "joint 3 has a zero offset").expect("joint 3");
+        detectable.clone().find(|d| d["damage"] == "joint 3 has a zero offset").expect("joint 3");
     assert!(number(third, "least") < 1.0, "{third}");
     let sound = model(CALIBRATED);
     measure(&place, "d", &sound, false, 1.0);
@@ -248,10 +248,10 @@ fn a_check_without_known_targets_says_that_a_bent_tool_does_not_show_and_that_th
         "--json",
         "j.json",
     ]);
-    let said = place.json("j.json");
-    assert!(said["unseen"].to_string().contains("the tool was shifted"), "{said:#}");
+    let result = place.json("j.json");
+    assert!(result["unseen"].to_string().contains("the tool was shifted"), "{result:#}");
     assert!(judged.out.contains("not detectable by this check"), "{}", judged.out);
-    let scatter = number(&said, "scatter");
+    let scatter = number(&result, "scatter");
     assert!(
         (0.1..1.0).contains(&scatter),
         "a fifth, and what the model is uncertain by: {scatter}"

@@ -61,7 +61,7 @@ fn confirmed(verdicts: &[Verdict], near_hz: f64) -> Verdict {
 
 #[test]
 fn what_would_help_stands_in_verdict_status_and_log() {
-    for (rpm, frequency_hz, advice, words) in [
+    for (rpm, frequency_hz, advice, part) in [
         (28_000.0, 72.0, Advice::ChangeCut, "not affected by spindle speed"),
         (2400.0, 72.0, Advice::StabilityPocket, ": change to 2160 rev/min, stability lobe 1"),
         (2160.0, 72.0, Advice::MoveOffMode, "to move the tooth frequency away from the modes"),
@@ -76,15 +76,15 @@ fn what_would_help_stands_in_verdict_status_and_log() {
         let line = confirmed(&sensor.verdicts, frequency_hz);
         assert_eq!(Advice::try_from(line.advice), Ok(advice), "{line}");
         assert_eq!(status.verdict.advice, line.advice);
-        for said in [status.message.to_string(), line.to_string()] {
-            assert!(said.contains(words) && said.contains("confirmed"), "{words}: {said}");
+        for text in [status.message.to_string(), line.to_string()] {
+            assert!(text.contains(part) && text.contains("confirmed"), "{part}: {text}");
         }
         assert!(daemon.wait_for_output("WARN alarm ", LIMIT), "{:#?}", daemon.lines());
-        assert!(daemon.wait_for_output(words, LIMIT), "{:#?}", daemon.lines());
+        assert!(daemon.wait_for_output(part, LIMIT), "{:#?}", daemon.lines());
         sensor.run(1.5, quiet);
         let status = sensor.settled();
         assert_eq!(status.verdict.state(), Ok(VibrationState::Over));
-        assert!(!status.message.as_str().contains(words), "{}", status.message);
+        assert!(!status.message.as_str().contains(part), "{}", status.message);
         assert!(daemon.wait_for_output("INFO over ", LIMIT), "{:#?}", daemon.lines());
     }
 }
@@ -142,10 +142,10 @@ fn a_line_that_turns_with_a_wheel_at_two_feeds_is_named_with_its_joint_and_shaft
         sensor.wait("the feed", moves);
         sensor.run(2.5, tone(wheel_hz));
         last = sensor.settled().verdict;
-        for said in [last, confirmed(&sensor.verdicts, wheel_hz)] {
-            assert_eq!(said.class(), Ok(VibrationClass::Gear), "{said}");
-            assert_eq!((said.gear_joint, said.gear_shaft), (1, 1), "{said}");
-            assert_eq!(said.advice, Advice::CheckGear.code());
+        for verdict in [last, confirmed(&sensor.verdicts, wheel_hz)] {
+            assert_eq!(verdict.class(), Ok(VibrationClass::Gear), "{verdict}");
+            assert_eq!((verdict.gear_joint, verdict.gear_shaft), (1, 1), "{verdict}");
+            assert_eq!(verdict.advice, Advice::CheckGear.code());
         }
     }
     assert!((last.frequency_hz - 29.5).abs() < 0.2, "{last}");
@@ -153,6 +153,6 @@ fn a_line_that_turns_with_a_wheel_at_two_feeds_is_named_with_its_joint_and_shaft
     assert!(daemon.wait_for_output("gear shaft 1 of joint 1", LIMIT), "{:#?}", daemon.lines());
     over.store(true, Relaxed);
     runner.join().unwrap();
-    let stands = sensor.wait("the end of the feed", |status| status.feed_mm_s.is_nan());
-    assert_eq!(stands.spindle_rpm, 28_000.0, "what was told holds");
+    let status = sensor.wait("the end of the feed", |status| status.feed_mm_s.is_nan());
+    assert_eq!(status.spindle_rpm, 28_000.0, "what was told holds");
 }

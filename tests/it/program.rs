@@ -78,7 +78,7 @@ impl Place {
 
     /// Checks the output of `--json` against its schema, for every test.
     fn assert_result_fits(&self, arguments: &[&str], done: &Done) {
-        let mut rest = arguments.iter().skip_while(|word| **word != "--json").skip(1);
+        let mut rest = arguments.iter().skip_while(|argument| **argument != "--json").skip(1);
         let Some(name) = rest.next() else { return };
         // Output that is not a result of this run (refused, or truncated) is left to the test.
         if !matches!(done.code, Some(0 | 1)) {

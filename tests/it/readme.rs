@@ -19,7 +19,7 @@ fn the_readmes_code_is_the_compiled_example() {
     let example = read("client/examples/robot_loop.rs");
     for line in block.lines() {
         assert!(
-            example.lines().any(|there| there.trim() == line.trim()),
+            example.lines().any(|shown| shown.trim() == line.trim()),
             "not in the example: {line}"
         );
     }
@@ -39,8 +39,8 @@ fn the_ten_lines_of_every_language_are_those_of_its_example() {
         assert!(block.lines().count() >= 7, "{language}");
         let example = read(example);
         for line in block.lines() {
-            let there = example.lines().any(|there| there.trim() == line.trim());
-            assert!(there, "{language}: not in the example: {line}");
+            let is_shown = example.lines().any(|shown| shown.trim() == line.trim());
+            assert!(is_shown, "{language}: not in the example: {line}");
         }
     }
 }

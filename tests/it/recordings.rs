@@ -38,7 +38,7 @@ fn trued(place: &TestDirectory, arguments: &[&str], files: &[&Path]) -> Output {
     command.output().unwrap()
 }
 
-fn said(output: &Output) -> String {
+fn output_text(output: &Output) -> String {
     String::from_utf8_lossy(&[&output.stdout[..], &output.stderr].concat()).into_owned()
 }
 
@@ -68,18 +68,18 @@ fn counted_by_python(files: &[PathBuf]) -> Option<Vec<serde_json::Value>> {
     command.arg(root().join("recording/tests/blackbox/read.py"));
     let done = command.stdin(std::fs::File::open(&jobs).unwrap()).output().unwrap();
     std::fs::remove_file(&jobs).unwrap();
-    assert!(done.status.success(), "{}", said(&done));
+    assert!(done.status.success(), "{}", output_text(&done));
     let lines = String::from_utf8(done.stdout).unwrap();
     Some(lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
 }
 
 #[test]
 fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
-    let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
+    let given = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
     let mut chance = TestRng::new(monotonic_ns());
     let place = TestDirectory::new("full", RECORDER);
     let mut worst = Duration::ZERO;
-    let kills = asked.unwrap_or(KILLS);
+    let kills = given.unwrap_or(KILLS);
     for _ in 0..kills {
         let mut daemon = Process::ready_daemon(TRUED, &place);
         let mut cell = CellLoop::join(&place.cell(), Duration::from_millis(5)).unwrap();
@@ -100,7 +100,11 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
     // The last one by the command, the others by later daemons.
     let newest = files(&place).pop().unwrap();
     let done = trued(&place, &["info", "--repair"], &[&newest]);
-    assert!(done.status.success() && said(&done).contains("repaired"), "{}", said(&done));
+    assert!(
+        done.status.success() && output_text(&done).contains("repaired"),
+        "{}",
+        output_text(&done)
+    );
     let files = files(&place);
     for file in &files {
         let info = mcap_recording::info(file).unwrap();
@@ -113,8 +117,8 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
         let sum = |key: &str| {
             found[key].as_object().unwrap().values().filter_map(serde_json::Value::as_u64).sum()
         };
-        let (seen, counted): (u64, u64) = (sum("seen"), sum("counts"));
-        assert_eq!([seen, counted], [ours; 2], "{}", file.display());
+        let (sent, counted): (u64, u64) = (sum("seen"), sum("counts"));
+        assert_eq!([sent, counted], [ours; 2], "{}", file.display());
         assert_eq!(found["late"], found["late_expected"], "{}", file.display());
     }
 }
@@ -129,7 +133,7 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
         std::thread::sleep(Duration::from_millis(100));
     }
     let marked = trued(&place, &["mark", "spindle on"], &[]);
-    assert!(marked.status.success(), "{}", said(&marked));
+    assert!(marked.status.success(), "{}", output_text(&marked));
     std::thread::sleep(Duration::from_millis(1100));
     assert!(daemon.end().success());
     let file = files(&place).pop().unwrap();
@@ -158,27 +162,27 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
             _ => None,
         })
         .collect();
-    for words in [
+    for part in [
         "info loaded model=",
         "info ready",
         "info request: bypass",
         "hash=",
         "mark spindle on (by ",
     ] {
-        assert!(log.iter().any(|line| line.contains(words)), "{words}: {log:#?}");
+        assert!(log.iter().any(|line| line.contains(part)), "{part}: {log:#?}");
     }
     let shown = trued(&place, &["info"], &[&file]);
-    let text = said(&shown);
-    for words in ["closed    yes", "robot     ABB IRB 1600-6/1.45", "/trued/status", " epoch "] {
-        assert!(text.contains(words), "{words}: {text}");
+    let text = output_text(&shown);
+    for part in ["closed    yes", "robot     ABB IRB 1600-6/1.45", "/trued/status", " epoch "] {
+        assert!(text.contains(part), "{part}: {text}");
     }
 }
 
 /// The message of the answer to a request, which ends with this exit code.
 fn asks(place: &TestDirectory, arguments: &[&str], code: i32) -> String {
     let done = trued(place, arguments, &[]);
-    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", said(&done));
-    said(&done)
+    assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", output_text(&done));
+    output_text(&done)
 }
 
 #[test]
@@ -248,7 +252,7 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
     let file = files(&place).pop().unwrap();
     let made = place.file("made");
     let done = trued(&place, &["convert", "--out", made.to_str().unwrap()], &[&file]);
-    assert!(done.status.success(), "{}", said(&done));
+    assert!(done.status.success(), "{}", output_text(&done));
     for (name, model) in [("made", "made-model.toml"), ("made-2", "made-2-model.toml")] {
         let csv = place.file(&format!("{name}.csv"));
         let recorded = read(&csv, None, RequiredData::Path).unwrap();
@@ -256,7 +260,7 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
         let again = place.file(&format!("{name}-again.csv"));
         let arguments = ["replay", "--corrections", again.to_str().unwrap()];
         let done = trued(&place, &arguments, &[&csv]);
-        assert!(done.status.success(), "{}", said(&done));
+        assert!(done.status.success(), "{}", output_text(&done));
         let replayed = read(&again, None, RequiredData::Path).unwrap();
         for joint in 1..=3 {
             let live = last(&recorded, &format!("c{joint}_rad"));
@@ -288,8 +292,8 @@ fn a_folder_that_is_removed_is_created_again_and_written_on() {
     let info = mcap_recording::info(file).unwrap();
     assert_eq!(info.end, FileState::Closed);
     let contents = mcap_recording::read(file).unwrap();
-    let told = contents.records.iter().any(|record| {
+    let is_logged = contents.records.iter().any(|record| {
         matches!(record, Record::Log(line) if line.says.contains("the recording was removed"))
     });
-    assert!(told, "the new file says what became of the old one");
+    assert!(is_logged, "the new file says what became of the old one");
 }

@@ -86,8 +86,9 @@ fn the_reference_names_every_effect_with_all_its_keys() {
             .flat_map(|kind| spec.parameters.iter().map(|p| format!("`{}`", p.key(*kind))))
             .collect();
         let head = format!("`{}`", spec.kind);
-        let here = sections.iter().filter(|section| section.starts_with(&head));
-        let found = here.filter(|section| keys.iter().all(|key| section.contains(key))).count();
+        let with_name = sections.iter().filter(|section| section.starts_with(&head));
+        let found =
+            with_name.filter(|section| keys.iter().all(|key| section.contains(key))).count();
         assert_eq!(found, 1, "a section {head} with {keys:?}");
     }
     assert_eq!(sections.len(), all.len(), "no section of an effect that the source has not");
@@ -97,9 +98,9 @@ fn the_reference_names_every_effect_with_all_its_keys() {
 macro_rules! assert_codes {
     ($page:expr, $($list:ty),+ $(,)?) => {
         $(for one in <$list>::ALL {
-            let (code, word) = (one.code(), one.name());
-            let forms = [format!("| {code} | `{word}` |"), format!(" {code} `{word}`")];
-            assert!(forms.iter().any(|form| $page.contains(form)), "{}: {code} {word}", stringify!($list));
+            let (code, name) = (one.code(), one.name());
+            let forms = [format!("| {code} | `{name}` |"), format!(" {code} `{name}`")];
+            assert!(forms.iter().any(|form| $page.contains(form)), "{}: {code} {name}", stringify!($list));
         })+
     };
 }
@@ -148,7 +149,7 @@ fn the_reference_lists_every_json_that_a_command_writes() {
         for call in
             source.split("console.write(").skip(1).chain(source.split("console.json(").skip(1))
         {
-            let Some(schema) = call.split('"').nth(1).filter(|word| word.starts_with("trued."))
+            let Some(schema) = call.split('"').nth(1).filter(|schema| schema.starts_with("trued."))
             else {
                 continue;
             };

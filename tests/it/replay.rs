@@ -76,16 +76,16 @@ fn a_replay_gives_the_same_bits_twice_and_those_of_the_corrector_alone() {
     let left = column(&one, "left_mm");
     assert!(left[0] > 0.1, "the correction begins at zero: {} mm are left", left[0]);
     let largest = left.iter().copied().fold(0.0, f64::max);
-    let told = report["largest_left"]["mm"].as_f64().unwrap();
-    assert!((told - largest).abs() < 1e-6, "{told} of {largest}");
+    let reported = report["largest_left"]["mm"].as_f64().unwrap();
+    assert!((reported - largest).abs() < 1e-6, "{reported} of {largest}");
     assert!(place.litter().is_empty(), "{:?}", place.litter());
 }
 
 /// A numeric column of a table without empty cells in it.
 fn column(table: &str, name: &str) -> Vec<f64> {
     let mut lines = table.lines().map(|line| line.split(','));
-    let at = lines.next().unwrap().position(|column| column == name).unwrap();
-    lines.map(|mut fields| fields.nth(at).unwrap().parse().unwrap()).collect()
+    let index = lines.next().unwrap().position(|column| column == name).unwrap();
+    lines.map(|mut fields| fields.nth(index).unwrap().parse().unwrap()).collect()
 }
 
 /// The same path, as input and corrected: an existing correction is replaced, not doubled.
@@ -120,13 +120,18 @@ fn what_was_corrected_can_be_corrected_again() {
 
 /// For settled poses the remaining error decides, whatever limited the correction.
 fn what_is_left_is_held_against_a_tolerance(place: &Place) {
-    let asked = ["correct", "--model", THESIS, "--overwrite", "--out", "t.csv", "--json", "t.json"];
+    let arguments =
+        ["correct", "--model", THESIS, "--overwrite", "--out", "t.csv", "--json", "t.json"];
     let within = |mm: &str| {
-        let done = place.run(&[&asked[..], &["--tolerance-mm", mm, "poses.csv"]].concat());
-        let said = place.json("t.json")["tolerance"].clone();
-        assert_eq!(said["met"], done.code == Some(0), "{done:#?}");
+        let done = place.run(&[&arguments[..], &["--tolerance-mm", mm, "poses.csv"]].concat());
+        let tolerance = place.json("t.json")["tolerance"].clone();
+        assert_eq!(tolerance["met"], done.code == Some(0), "{done:#?}");
         assert!(done.out.contains("tolerance"), "{}", done.out);
-        (done.code, said["largest_mm"].as_f64().expect("known"), said["rows_beyond"].as_u64())
+        (
+            done.code,
+            tolerance["largest_mm"].as_f64().expect("known"),
+            tolerance["rows_beyond"].as_u64(),
+        )
     };
     let (code, largest_mm, beyond) = within("1000");
     assert_eq!((code, beyond), (Some(0), Some(0)));
@@ -164,7 +169,7 @@ fn poses_are_settled_solutions_with_their_whole_wrench_and_direction() {
     let mut solved = 0;
     for line in out.lines().skip(1) {
         let fields: Vec<&str> = line.split(',').collect();
-        let number = |at: usize| fields[at].parse::<f64>().unwrap();
+        let number = |index: usize| fields[index].parse::<f64>().unwrap();
         let joints = |first: usize, scale: f64| {
             let mut all = [0.0; JOINTS_MAX];
             all.iter_mut().take(6).enumerate().for_each(|(i, q)| *q = number(first + i) * scale);
@@ -183,16 +188,16 @@ fn poses_are_settled_solutions_with_their_whole_wrench_and_direction() {
         inputs.q = corrected;
         let real = model.evaluate(&inputs, &memories).real.base_from_tool;
         let wanted = Chain::nominal(&model.arm, &commanded).base_from_tool;
-        let off = (real.origin - wanted.origin).length();
+        let error_m = (real.origin - wanted.origin).length();
         let turned = (real.rotation - wanted.rotation).determinant().abs()
             + (real.rotation - wanted.rotation).x_axis.length();
-        assert!((off * 1e3 - number(26)).abs() < 1e-6, "{off} m are left: {line}");
+        assert!((error_m * 1e3 - number(26)).abs() < 1e-6, "{error_m} m are left: {line}");
         assert_ne!(commanded, corrected);
         if fields[25] != "corrected" {
             assert_eq!(fields[25], "limited", "a singular pose at worst: {line}");
             continue;
         }
-        assert!(off < 1e-9 && turned < 1e-8, "{off} m, {turned}: {line}");
+        assert!(error_m < 1e-9 && turned < 1e-8, "{error_m} m, {turned}: {line}");
         solved += 1;
     }
     assert!(solved > 35, "{solved} of 40");

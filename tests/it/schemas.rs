@@ -99,8 +99,8 @@ fn the_reference_names_every_schema() {
 #[test]
 fn a_result_that_lacks_a_key_or_has_a_wrong_type_does_not_fit() {
     let place = Place::new();
-    let said = place.succeed(&["model", "show", "fr3", "--json", "-", "-q"]).out;
-    let good: Value = serde_json::from_str(&said).unwrap();
+    let json = place.succeed(&["model", "show", "fr3", "--json", "-", "-q"]).out;
+    let good: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(faults(&good), Vec::<String>::new());
     let broken = |change: &dyn Fn(&mut Value)| {
         let mut value = good.clone();

@@ -70,7 +70,7 @@ fn the_daemon_opens_no_network_socket() {
     for table in ["tcp", "tcp6", "udp", "udp6", "raw", "raw6", "packet", "icmp"] {
         let table = fs::read_to_string(process.join("net").join(table)).unwrap_or_default();
         for line in table.lines().skip(1) {
-            let open = line.split_whitespace().find(|word| sockets.contains(*word));
+            let open = line.split_whitespace().find(|field| sockets.contains(*field));
             assert_eq!(open, None, "a network socket: {line}");
         }
     }
@@ -127,7 +127,7 @@ fn a_directory_that_another_user_made_first_is_refused_and_the_user_is_named() {
     chown(&squatted, Some(NOBODY), Some(NOBODY)).unwrap();
     let mut daemon = Process::daemon(TRUED, &place);
     assert_eq!(daemon.wait().code(), Some(3));
-    let words = daemon.lines().join("\n");
-    assert!(words.contains(&format!("user {NOBODY}")) && words.contains(CELL), "{words}");
+    let output = daemon.lines().join("\n");
+    assert!(output.contains(&format!("user {NOBODY}")) && output.contains(CELL), "{output}");
     run(Command::new("rm").arg("-r").arg(&squatted));
 }

@@ -94,12 +94,12 @@ fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
     let (_place, daemon, mut sensor) = watching();
     sensor.run(2.0, quiet);
     assert!(is_good(&sensor.settled()));
-    for (fault, words, broken) in faults {
+    for (fault, message, broken) in faults {
         sensor.verdicts.clear();
         sensor.run_broken(1.2, quiet, broken);
         sensor.run_broken(1.2, tone, broken);
-        names(&sensor.settled(), Some(Z), fault, words);
-        assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+        names(&sensor.settled(), Some(Z), fault, message);
+        assert!(daemon.wait_for_output(&format!("WARN {message}"), LIMIT), "{:#?}", daemon.lines());
         let alarm =
             |v: &&shm_schema::Verdict| v.state() == Ok(VibrationState::Alarm) && v.axis == 1;
         assert!(sensor.verdicts.iter().any(|v| alarm(&v)), "{fault}: {:?}", sensor.verdicts);
@@ -108,7 +108,7 @@ fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
         let status = sensor.settled();
         assert!(is_good(&status), "after {fault}: {}", status.message);
         assert!(
-            daemon.wait_for_output(&format!("cleared: {words}"), LIMIT),
+            daemon.wait_for_output(&format!("cleared: {message}"), LIMIT),
             "{:#?}",
             daemon.lines()
         );
@@ -164,11 +164,11 @@ fn a_stream_that_fails_is_named() {
     ];
     let (_place, daemon, mut sensor) = watching();
     sensor.run(2.0, quiet);
-    for (fault, words, broken) in faults {
+    for (fault, message, broken) in faults {
         assert!(is_good(&sensor.settled()), "before {fault}");
         sensor.run_broken(0.5, quiet, broken);
-        names(&sensor.settled(), None, fault, words);
-        assert!(daemon.wait_for_output(&format!("WARN {words}"), LIMIT), "{:#?}", daemon.lines());
+        names(&sensor.settled(), None, fault, message);
+        assert!(daemon.wait_for_output(&format!("WARN {message}"), LIMIT), "{:#?}", daemon.lines());
         sensor.run(2.5, quiet);
     }
     assert!(is_good(&sensor.settled()));
@@ -218,8 +218,8 @@ fn without_a_watch_the_sensor_is_looked_after_all_the_same() {
     sensor.run(1.0, quiet);
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Off));
     sensor.run_broken(1.0, quiet, |block| on_z(block, |_, _| f64::NAN));
-    let words = "force channel z contains NaN or infinite samples";
-    names(&sensor.settled(), Some(Z), SensorFault::NotFinite, words);
+    let message = "force channel z contains NaN or infinite samples";
+    names(&sensor.settled(), Some(Z), SensorFault::NotFinite, message);
     sensor.lose(3);
     sensor.run(0.1, quiet);
     assert_eq!(sensor.settled().force_gaps, 3);

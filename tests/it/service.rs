@@ -24,12 +24,12 @@ fn deploy(name: &str) -> PathBuf {
 
 /// Whether a tool is available; otherwise this is reported and counted.
 fn can(tool: &str, claim: &str) -> bool {
-    let there = has(tool);
-    if !there {
+    let is_installed = has(tool);
+    if !is_installed {
         let why = format!("no `{tool}` (Debian: apt-get install systemd)");
         skipped(Path::new(env!("CARGO_TARGET_TMPDIR")), claim, &why);
     }
-    there
+    is_installed
 }
 
 #[test]
@@ -63,19 +63,19 @@ fn attended(place: &TestDirectory, arguments: &[&str], config: &str) {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let heard = || {
+    let received = || {
         let mut bytes = [0; 1024];
         let length = manager.recv(&mut bytes).expect("a word within the limit");
         String::from_utf8_lossy(&bytes[..length]).into_owned()
     };
-    assert!(heard().starts_with("READY=1\nSTATUS="), "ready first");
+    assert!(received().starts_with("READY=1\nSTATUS="), "ready first");
     for _ in 0..3 {
-        assert!(heard().starts_with("WATCHDOG=1\nSTATUS="));
+        assert!(received().starts_with("WATCHDOG=1\nSTATUS="));
     }
     let pid = rustix::process::Pid::from_child(&process);
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
     let since = Instant::now();
-    while heard() != "STOPPING=1" {
+    while received() != "STOPPING=1" {
         assert!(since.elapsed() < LIMIT);
     }
     assert!(process.wait().unwrap().success());
@@ -103,14 +103,14 @@ fn the_units_have_no_key_that_the_service_manager_does_not_know() {
     for unit in UNITS {
         let mut analyze = Command::new("systemd-analyze");
         let output = analyze.arg("verify").arg(deploy("systemd").join(unit)).output().unwrap();
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
         // The program and its page are not installed where this test runs.
         let is_absence = |line: &str| {
             let is_program = line.contains("/usr/bin/trued") && line.contains("is not executable");
             is_program || line.contains("'man trued")
         };
-        let fault = said.lines().find(|line| !is_absence(line));
-        assert_eq!(fault, None, "{said}");
+        let fault = stderr.lines().find(|line| !is_absence(line));
+        assert_eq!(fault, None, "{stderr}");
     }
 }
 
@@ -120,9 +120,9 @@ fn user_and_folders_are_made_as_the_unit_needs_them() {
         return;
     }
     let scratch = TestDirectory::new("shadow", "");
-    let at = format!("--root={}", scratch.root().display());
+    let root_option = format!("--root={}", scratch.root().display());
     fs::create_dir(scratch.root().join("etc")).unwrap();
-    run(Command::new("systemd-sysusers").arg(&at).arg(deploy("systemd/trued.sysusers")));
+    run(Command::new("systemd-sysusers").arg(&root_option).arg(deploy("systemd/trued.sysusers")));
     let users = fs::read_to_string(scratch.root().join("etc/passwd")).unwrap();
     let user = users.lines().find(|line| line.starts_with("trued:")).unwrap();
     assert!(user.ends_with("/nologin") && user.contains(":/var/lib/trued:"), "{user}");
@@ -132,7 +132,7 @@ fn user_and_folders_are_made_as_the_unit_needs_them() {
     assert!(folders.contains("d /run/trued 0700 trued trued"), "{folders}");
     if rustix::process::geteuid().is_root() {
         run(Command::new("systemd-tmpfiles")
-            .args(["--create", &at])
+            .args(["--create", &root_option])
             .arg(deploy("systemd/trued.tmpfiles")));
         assert!(scratch.root().join("var/lib/trued/recordings").is_dir());
     }

@@ -59,9 +59,9 @@ fn one_daemon_serves_two_cells_and_ends_both() {
     let lines = daemon.lines();
     for cell in [CELL, OTHER] {
         let named = format!("cell{{name=\"{cell}\"}}: ");
-        let said =
-            |words: &str| lines.iter().any(|line| line.contains(&named) && line.contains(words));
-        assert!(said("health starting -> idle") && said("ended"), "{cell}: {lines:#?}");
+        let has_line =
+            |part: &str| lines.iter().any(|line| line.contains(&named) && line.contains(part));
+        assert!(has_line("health starting -> idle") && has_line("ended"), "{cell}: {lines:#?}");
     }
     assert_eq!(place.remaining_names(), Vec::<String>::new());
 }
@@ -71,8 +71,8 @@ fn a_cell_that_cannot_start_is_named_and_none_is_served() {
     let place = TestDirectory::new("full", "");
     let mut daemon = two(&place, ("model.toml", "no-such-model.toml"));
     assert_eq!(daemon.wait().code(), Some(2), "{:?}", daemon.lines());
-    let said = daemon.lines().join("\n");
-    assert!(said.contains("no-such-model.toml"), "{said}");
+    let output = daemon.lines().join("\n");
+    assert!(output.contains("no-such-model.toml"), "{output}");
     assert_eq!(place.remaining_names(), Vec::<String>::new(), "the first cell was served already");
 }
 
@@ -81,6 +81,6 @@ fn one_cell_twice_is_bad_input() {
     let place = TestDirectory::new("full", "");
     let mut daemon = two(&place, (OTHER, CELL));
     assert_eq!(daemon.wait().code(), Some(2), "{:?}", daemon.lines());
-    let said = daemon.lines().join("\n");
-    assert!(said.contains("two files configure the cell `cell`"), "{said}");
+    let output = daemon.lines().join("\n");
+    assert!(output.contains("two files configure the cell `cell`"), "{output}");
 }

@@ -20,8 +20,8 @@ fn path(rows: usize) -> String {
     for k in 0..rows {
         let t = k as f64 / RATE_HZ;
         let (q2, q3) = (20.0 * (1.3 * t).sin(), 10.0 * (0.9 * t).sin());
-        let seen = if k >= 10 && k % 2 == 0 { "1,2,3" } else { ",," };
-        writeln!(text, "{t},5,{q2},{q3},0,40,0,{seen},12,n{k}").unwrap();
+        let reading = if k >= 10 && k % 2 == 0 { "1,2,3" } else { ",," };
+        writeln!(text, "{t},5,{q2},{q3},0,40,0,{reading},12,n{k}").unwrap();
     }
     text
 }
@@ -55,15 +55,15 @@ fn the_layout_stays_and_what_was_measured_is_the_models() {
     let made = simulated(&place, "made", &["--seed", "1"]);
     let model = RobotModel::read(&place.path("robot.toml")).expect("sound").physics;
     for row in 0..200 {
-        let seen = point(&made, row);
+        let measured = point(&made, row);
         if row < 10 || row % 2 == 1 {
-            assert!(seen.is_nan(), "row {row} was not measured");
+            assert!(measured.is_nan(), "row {row} was not measured");
             continue;
         }
         let mut q = physics::Joints::default();
         (0..6).for_each(|i| q[i] = made.input(i).expect("there")[row]);
         let wanted = physics::Chain::nominal(&model.arm, &q).base_from_tool.origin;
-        assert!((seen - wanted).length() < 1e-12, "row {row}");
+        assert!((measured - wanted).length() < 1e-12, "row {row}");
     }
     let torque = made.column(Channel::Torque(1)).expect("simulated");
     assert!(torque.iter().all(|torque| torque.is_finite() && *torque != 12.0));
@@ -83,11 +83,11 @@ fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_requested_size() {
     simulated(&place, "other", &["--seed", "6", "--noise", "0.04"]);
     assert_eq!(place.read("noisy.csv"), place.read("again.csv"));
     assert_ne!(place.read("noisy.csv"), place.read("other.csv"));
-    let off: Vec<f64> = (10..2000)
+    let noise: Vec<f64> = (10..2000)
         .step_by(2)
         .flat_map(|row| (point(&noisy, row) - point(&clean, row)).to_array())
         .collect();
-    let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+    let rms = (noise.iter().map(|x| x * x).sum::<f64>() / noise.len() as f64).sqrt();
     assert!((rms / 4e-5 - 1.0).abs() < 0.06, "{rms} m");
     assert_eq!(noisy.sigma(Channel::Position(2)), Some(4e-5));
 }
@@ -97,11 +97,11 @@ fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_reported() {
     let place = place(100, "", &format!("{IN_BASE}sigma = {{ x_mm = 0.15, y_mm = 0.01 }}\n"));
     let arguments =
         ["simulate", "--model", "robot.toml", "--out", "made", "--noise", "0.04", "path.csv"];
-    let said = place.succeed(&arguments).err;
+    let stderr = place.succeed(&arguments).err;
     let made = read(&place.path("made.csv"), None, RequiredData::Measurement).expect("a recording");
     let sigma = [0, 1, 2].map(|axis| made.sigma(Channel::Position(axis)));
     assert_eq!(sigma, [Some(1.5e-4), Some(1e-5), Some(4e-5)]);
-    assert!(said.contains("which is kept: y\n"), "{said}");
+    assert!(stderr.contains("which is kept: y\n"), "{stderr}");
 }
 
 #[test]
@@ -111,8 +111,8 @@ fn a_delay_moves_the_tool_to_where_it_was_before() {
     let late = simulated(&late, "late", &[]);
     let exact = simulated(&exact, "exact", &[]);
     for row in (14..300).step_by(2) {
-        let off = (point(&late, row) - point(&exact, row - 2)).length();
-        assert!(off < 1e-9, "row {row}: {off} m");
+        let difference = (point(&late, row) - point(&exact, row - 2)).length();
+        assert!(difference < 1e-9, "row {row}: {difference} m");
     }
 }
 
@@ -134,8 +134,9 @@ fn effects_that_lag_ring_or_remember_move_the_tool() {
     for (numbers, kind) in list {
         let place = place(600, &format!("[[effect]]\nkind = \"{kind}\"\n{numbers}\n"), IN_BASE);
         let made = simulated(&place, "made", &[]);
-        let off = (10..600).step_by(2).map(|row| (point(&made, row) - point(&exact, row)).length());
-        let most = off.fold(0.0, f64::max);
+        let differences =
+            (10..600).step_by(2).map(|row| (point(&made, row) - point(&exact, row)).length());
+        let most = differences.fold(0.0, f64::max);
         assert!(most > 1e-5, "{kind}: {most} m");
     }
 }
@@ -195,9 +196,9 @@ fn poses_with_nests() -> String {
     let head: Vec<String> = ["t_s".to_owned()].into_iter().chain(joints).chain(points).collect();
     let mut text = head.join(",");
     for k in 0..60 {
-        let at = |joint: u32| 30.0 * (f64::from(k) * (0.37 + 0.11 * f64::from(joint))).sin();
+        let angle_deg = |joint: u32| 30.0 * (f64::from(k) * (0.37 + 0.11 * f64::from(joint))).sin();
         write!(text, "\n{k}").unwrap();
-        (0..6).for_each(|joint| write!(text, ",{:.4}", at(joint)).unwrap());
+        (0..6).for_each(|joint| write!(text, ",{:.4}", angle_deg(joint)).unwrap());
         text += ",1,2,3";
         let wander = 0.1 * f64::from(k) / 59.0;
         for [x, y, z] in [[900.0, 500.0, 10.0], [-700.0, 600.0, 0.0], [200.0, -800.0, 30.0]] {
@@ -221,20 +222,20 @@ fn an_instrument_that_wanders_is_simulated_as_it_stood_and_is_no_missing_physics
     assert!((nest[59] - nest[0] - 1e-4).abs() < 1e-9, "a nest stays as it was seen");
     // What the tool's target is read at in the first and the last row wanders as the nests do.
     let arm = RobotModel::read(&place.path("robot.toml")).expect("sound").physics.arm;
-    let off = |row: usize| {
+    let error_m = |row: usize| {
         let mut q = physics::Joints::default();
         (0..6).for_each(|joint| q[joint] = exact.input(joint).expect("commanded")[row]);
         let tool = physics::Chain::nominal(&arm, &q).base_from_tool.point(DVec3::Z * 0.05);
         exact.column(Channel::Target(0, 0)).expect("there")[row] - tool.x
     };
-    assert!((off(59) - off(0) - 1e-4).abs() < 1e-8, "{} {}", off(0), off(59));
+    assert!((error_m(59) - error_m(0) - 1e-4).abs() < 1e-8, "{} {}", error_m(0), error_m(59));
     simulated(&place, "made", &["--seed", "1", "--noise", "0.01"]);
-    let asked =
+    let arguments =
         ["diagnose", "--model", "robot.toml", "--seed", "1", "--json", "d.json", "--out", "d"];
-    place.succeed(&[&asked[..], &["made.csv"]].concat());
-    let said = place.json("d.json");
-    assert_eq!(said["verdict"], "consistent", "{said:#}");
-    assert!(said["notes"].to_string().contains("drifted by up to 0.05"), "{:#}", said["notes"]);
+    place.succeed(&[&arguments[..], &["made.csv"]].concat());
+    let result = place.json("d.json");
+    assert_eq!(result["verdict"], "consistent", "{result:#}");
+    assert!(result["notes"].to_string().contains("drifted by up to 0.05"), "{:#}", result["notes"]);
     // The model is exact: no fit is better.
     let calibrate = ["calibrate", "--accept-worse", "--model", "robot.toml", "--out", "m.toml"];
     let fitted = place.succeed(&[&calibrate[..], &["made.csv"]].concat());

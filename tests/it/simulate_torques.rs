@@ -131,8 +131,8 @@ fn every_effect_of_drives_changes_what_is_recorded_and_a_delay_shifts_it() {
         let most = made.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(most > 1.0, "{kind}: {most} N");
         if kind == "torque_delay" {
-            let off = (5..ROWS).map(|k| (made[k] - exact[k - 5]).abs()).fold(0.0, f64::max);
-            assert!(off < 1e-9, "{off} N");
+            let difference = (5..ROWS).map(|k| (made[k] - exact[k - 5]).abs()).fold(0.0, f64::max);
+            assert!(difference < 1e-9, "{difference} N");
         }
     }
 }
@@ -143,12 +143,16 @@ fn in_a_closed_loop_friction_shows_in_the_motion() {
     let free = simulated(&place("", columns), "made", &[]);
     let dry = simulated(&place(&coulomb().replace("20.4", "60.0"), columns), "made", &[]);
     let (with, without) = (column(&dry, Channel::Motor(0)), column(&free, Channel::Motor(0)));
-    let off = |rows: std::ops::Range<usize>| {
+    let largest_difference = |rows: std::ops::Range<usize>| {
         rows.map(|k| (with[k] - without[k]).abs()).fold(0.0, f64::max)
     };
     // The force turns by 120 N at 0.9 s; the loop has forgotten that by the middle of each run.
-    assert!(off(850..1000) > 1e-4, "{} m at the turn", off(850..1000));
-    assert!(off(400..750) < 1e-5, "{} m in between", off(400..750));
+    assert!(
+        largest_difference(850..1000) > 1e-4,
+        "{} m at the turn",
+        largest_difference(850..1000)
+    );
+    assert!(largest_difference(400..750) < 1e-5, "{} m in between", largest_difference(400..750));
     let lost = (0..ROWS).map(|k| (without[k] - position(k as f64 / RATE_HZ)).abs());
     assert!(lost.fold(0.0, f64::max) < 1e-3, "the slide follows");
     let (forth, back) = runs(&column(&dry, Channel::Torque(0)));

@@ -19,10 +19,10 @@ fn random_faults_in_virtual_time_break_no_invariant() {
     let summary = run(seed, cycles);
     println!(
         "{} cycles, {} ticks, {} storms: {:#?}",
-        summary.cycles, summary.ticks, summary.storms, summary.said
+        summary.cycles, summary.ticks, summary.storms, summary.counts
     );
     assert_eq!(summary.broken, None, "{again}");
-    for word in [
+    for kind in [
         "corrected/none",
         "rejected/stale",
         "ramping/time_jump",
@@ -36,7 +36,7 @@ fn random_faults_in_virtual_time_break_no_invariant() {
         "client: LastCorrection",
         "client: Plain",
     ] {
-        assert!(summary.said.contains_key(word), "{word} was never seen: {:?}", summary.said);
+        assert!(summary.counts.contains_key(kind), "{kind} was never seen: {:?}", summary.counts);
     }
 }
 

@@ -77,10 +77,10 @@ fn known_tones_are_found_with_frequency_amplitude_and_time() {
     place.file("run.csv", &tones(2000.0).csv());
     let found = spectrum(&place, &["run.csv"]);
     let line = |hz: f64, channel: &str| {
-        let near = |line: &&Value| {
+        let is_near = |line: &&Value| {
             (number(line, "frequency_Hz") - hz).abs() < 0.1 && line["channel"] == channel
         };
-        list(&found, "lines").iter().find(near).expect("the line")
+        list(&found, "lines").iter().find(is_near).expect("the line")
     };
     assert!((number(line(35.3, "fx_N"), "amplitude") - 2.0).abs() < 0.06);
     // The second tone lasts six of ten seconds: its mean power is 0.6 of its own.
@@ -106,7 +106,7 @@ fn the_command_reports_the_same_verdicts_as_the_daemon() {
         teeth: 2,
         ..ProcessState::default()
     });
-    let mut said = Vec::new();
+    let mut verdicts = Vec::new();
     // Blocks of another length than the command's: the verdicts do not depend on it.
     for (seq, from) in (0..20_000).step_by(64).enumerate() {
         let to = (from + 64).min(20_000);
@@ -122,12 +122,12 @@ fn the_command_reports_the_same_verdicts_as_the_daemon() {
             samples: &samples,
             ..Block::default()
         };
-        said.extend(watch.push(&block).iter().copied());
+        verdicts.extend(watch.push(&block).iter().copied());
     }
     let events = list(&found, "events");
     assert!(!events.is_empty());
-    assert_eq!(events.len(), said.len());
-    for (event, verdict) in events.iter().zip(&said) {
+    assert_eq!(events.len(), verdicts.len());
+    for (event, verdict) in events.iter().zip(&verdicts) {
         assert_eq!(event["state"], verdict.state.name());
         assert_eq!(event["class"], verdict.class.name());
         assert_eq!(number(event, "frequency_Hz"), verdict.frequency_hz);
@@ -190,10 +190,10 @@ pub(crate) fn geared_cut() -> TestRecording {
         .with("q1_deg", 30.0, move |t| q1_rad(t).to_degrees())
         .with("fx_N", 30.0, move |t| x() + 3.0 * teeth(t))
         .with("fy_N", 30.0, move |t| y() + teeth(t));
-    for (head, at) in
+    for (head, angle_deg) in
         [("q2_deg", 10.0), ("q3_deg", 10.0), ("q4_deg", 0.0), ("q5_deg", 30.0), ("q6_deg", 0.0)]
     {
-        made = made.with(head, 30.0, move |_| at);
+        made = made.with(head, 30.0, move |_| angle_deg);
     }
     made
 }
@@ -210,8 +210,8 @@ fn a_line_over_the_path_is_matched_with_the_models_gears() {
         (&1.into(), &1.into(), &10.into()),
         "{first}"
     );
-    let bare = spectrum(&place, &["--feed-mm-s", "10", "cut.csv"]);
-    let missing = bare["path"]["wheels_missing"].as_str().unwrap();
+    let without_model = spectrum(&place, &["--feed-mm-s", "10", "cut.csv"]);
+    let missing = without_model["path"]["wheels_missing"].as_str().unwrap();
     assert!(missing.contains("--model"), "{missing}");
     let none = spectrum(&place, &["--column", "fx_N", "cut.csv"]);
     assert!(
@@ -233,9 +233,9 @@ fn the_folded_tooth_passing_is_a_suspect_alias_and_no_chatter() {
     let model = "irb1600-6-145-thesis";
     let found =
         spectrum(&place, &["--model", model, "--spindle-rpm", "28000", "--teeth", "2", "cut.csv"]);
-    let near = |of: &&Value| (number(of, "frequency_Hz") - 66.7).abs() < 1.0;
-    let lines: Vec<&Value> = list(&found, "lines").iter().filter(near).collect();
-    let episode = list(&found, "episodes").iter().find(near).expect("the line is seen");
+    let is_near = |one: &&Value| (number(one, "frequency_Hz") - 66.7).abs() < 1.0;
+    let lines: Vec<&Value> = list(&found, "lines").iter().filter(is_near).collect();
+    let episode = list(&found, "episodes").iter().find(is_near).expect("the line is seen");
     assert!(!lines.is_empty());
     for judged in lines.into_iter().chain([episode]) {
         assert_eq!(
@@ -247,7 +247,7 @@ fn the_folded_tooth_passing_is_a_suspect_alias_and_no_chatter() {
         assert_eq!(judged["alias"]["order"], 2);
     }
     let blind = spectrum(&place, &["--model", model, "cut.csv"]);
-    let episode = list(&blind, "episodes").iter().find(near).expect("the line is seen");
+    let episode = list(&blind, "episodes").iter().find(is_near).expect("the line is seen");
     assert!(episode["rivals"].as_array().unwrap().contains(&"forced".into()), "{episode}");
 }
 
@@ -301,8 +301,8 @@ fn the_page_is_whole_and_says_what_the_console_says() {
         place.succeed(&[&["spectrum", "--report", "page.html"], &model[..], &["cut.csv"]].concat());
     let page = place.read("page.html");
     assert!(page.starts_with("<!DOCTYPE html>") && page.trim_end().ends_with("</html>"));
-    for words in ["Over the tool's path", "10 teeth of shaft 1", "The sensor"] {
-        assert!(page.replace("&#39;", "'").contains(words), "{words}");
+    for part in ["Over the tool's path", "10 teeth of shaft 1", "The sensor"] {
+        assert!(page.replace("&#39;", "'").contains(part), "{part}");
     }
     assert!(
         done.out.contains("10 teeth of shaft 1") && done.out.lines().count() < 20,
@@ -319,7 +319,7 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     place.file("run.csv", &tones(1000.0).csv());
     place.file("broken.csv", "t_s,fx_N\n0,1\n0.001,two\n0.002,inf\n0.003,4\n");
     place.file("uneven.csv", "t_s,force\n0,1\n1,2\n1.1,3\n5,4\n5.1,1\n9,1\n9.3,2\n");
-    for (arguments, words) in [
+    for (arguments, part) in [
         (vec!["rateless.csv"], "--rate HZ"),
         (vec!["--column", "fx_M", "run.csv"], "did you mean `fx_N`?"),
         (vec!["--rate=-5", "rateless.csv"], "above 0"),
@@ -335,7 +335,7 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
             [&["spectrum", "--json", "new.json", "--report", "new.html"], arguments.as_slice()];
         let done = place.run(&files.concat());
         assert_eq!(done.code, Some(2), "{arguments:?}: {done:#?}");
-        assert!(done.err.contains(words), "{words:?} in {}", done.err);
+        assert!(done.err.contains(part), "{part:?} in {}", done.err);
     }
     let over = place.run(&["spectrum", "--report", "run.csv", "run.csv"]);
     assert_eq!(over.code, Some(2), "an input is not replaced");
@@ -386,7 +386,7 @@ fn the_beams_tones_are_found_in_the_labview_file() {
     let found = spectrum(&place, &["--column", "Acceleration", file.to_str().unwrap()]);
     assert_eq!(list(&found, "channels")[0]["unit"], "g");
     for tone_hz in [100.0, 120.0, 150.0] {
-        let near = |line: &Value| (number(line, "frequency_Hz") - tone_hz).abs() < 0.1;
-        assert!(list(&found, "lines").iter().take(3).any(near), "{tone_hz}");
+        let is_near = |line: &Value| (number(line, "frequency_Hz") - tone_hz).abs() < 0.1;
+        assert!(list(&found, "lines").iter().take(3).any(is_near), "{tone_hz}");
     }
 }

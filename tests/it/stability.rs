@@ -23,13 +23,13 @@ fn example() -> Place {
 fn the_worked_example_matches_the_page() {
     let place = example();
     let commands = blocks("sh");
-    let words: Vec<&str> = commands[0].split_whitespace().skip(1).collect();
-    let done = place.run(&words);
+    let arguments: Vec<&str> = commands[0].split_whitespace().skip(1).collect();
+    let done = place.run(&arguments);
     assert_eq!(done.code, Some(1), "the example is not stable: {done:#?}");
     let shown: Vec<String> = blocks("text")[0].lines().map(str::to_owned).collect();
-    let said: Vec<String> = done.out.lines().map(str::to_owned).collect();
-    assert_eq!(said, shown);
-    assert!(said.iter().all(|line| line.chars().count() <= 80), "{said:#?}");
+    let lines: Vec<String> = done.out.lines().map(str::to_owned).collect();
+    assert_eq!(lines, shown);
+    assert!(lines.iter().all(|line| line.chars().count() <= 80), "{lines:#?}");
     place.succeed(&["check", "cut.toml"]);
     let page = place.read("stability.html");
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
@@ -42,9 +42,12 @@ fn each_cut_that_is_proposed_is_stable() {
     let place = example();
     let text = place.read("cut.toml");
     place.run(&["stability", "cut.toml", "--json", "s.json"]);
-    let said = place.json("s.json");
-    assert_eq!((&said["schema"], &said["stable"]), (&"trued.stability/1".into(), &false.into()));
-    let nearest = &said["nearest"];
+    let result = place.json("s.json");
+    assert_eq!(
+        (&result["schema"], &result["stable"]),
+        (&"trued.stability/1".into(), &false.into())
+    );
+    let nearest = &result["nearest"];
     let feed: Vec<String> = nearest["direction"]["feed"]
         .as_array()
         .unwrap()
@@ -92,18 +95,18 @@ fn modes_of_a_tap_test_are_taken_and_one_without_direction_is_refused() {
 fn where_a_recorded_cut_chatters_the_prediction_stands_beside_the_advice() {
     let place = example();
     place.file("run.csv", &crate::spectrum::tones(2000.0).csv());
-    let told = ["--spindle-rpm", "2400", "--teeth", "2", "--model", "irb1600-6-145-thesis"];
+    let process = ["--spindle-rpm", "2400", "--teeth", "2", "--model", "irb1600-6-145-thesis"];
     let run = |more: &[&str]| {
-        let all = [&["spectrum", "run.csv", "--json", "s.json"], &told[..], more].concat();
+        let all = [&["spectrum", "run.csv", "--json", "s.json"], &process[..], more].concat();
         (place.succeed(&all).out, place.json("s.json"))
     };
     let (_, without) = run(&[]);
-    let (said, with) = run(&["--cut", "cut.toml"]);
-    assert!(with["episodes"].to_string().contains("\"class\":\"chatter\""), "{said}");
+    let (output, with) = run(&["--cut", "cut.toml"]);
+    assert!(with["episodes"].to_string().contains("\"class\":\"chatter\""), "{output}");
     assert_eq!(without["nearest_stable"].as_array().unwrap().len(), 0);
     let nearest = with["nearest_stable"].to_string();
     assert!(nearest.contains("not stable") && nearest.contains("rpm at this depth"), "{nearest}");
-    assert!(said.contains("By modes and cutter: predicted not stable"), "{said}");
+    assert!(output.contains("By modes and cutter: predicted not stable"), "{output}");
 }
 
 #[test]

@@ -30,9 +30,9 @@ fn another_contract_is_refused_at_once_and_both_versions_are_named() {
     fs::write(&current, changed).unwrap();
     let refused = Client::connect_to(&place.cell(), LIMIT).err().unwrap();
     assert!(matches!(refused, ConnectError::Refused(_)), "{refused}");
-    let words = refused.to_string();
+    let message = refused.to_string();
     let mine = format!("trued {} (contract {ours}", env!("CARGO_PKG_VERSION"));
-    assert!(words.contains("trued 9.8.7 (contract 97") && words.contains(&mine), "{words}");
+    assert!(message.contains("trued 9.8.7 (contract 97") && message.contains(&mine), "{message}");
 }
 
 #[test]
@@ -41,9 +41,9 @@ fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
     let mut first = Process::ready_daemon(TRUED, &place);
     let mut second = Process::daemon(TRUED, &place);
     let code = second.wait().code();
-    let words = second.lines().join("\n");
-    assert_eq!(code, SYSTEM_FAILED, "{words}");
-    assert!(words.contains(&format!("process {}", first.id())), "{words}");
+    let output = second.lines().join("\n");
+    assert_eq!(code, SYSTEM_FAILED, "{output}");
+    assert!(output.contains(&format!("process {}", first.id())), "{output}");
     assert!(first.is_running());
     assert!(Client::connect_to(&place.cell(), LIMIT).is_ok(), "the first serves on");
 }
@@ -54,7 +54,7 @@ fn a_daemon_without_a_usable_runtime_directory_fails_and_reports_where() {
     let missing = place.root().join("missing").join("deep");
     let long = place.root().join("x".repeat(120));
     let disk = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
-    for (dir, words) in [
+    for (dir, part) in [
         (missing.as_path(), "could not create the directory"),
         ("relative".as_ref(), "expected an absolute path"),
         (long.as_path(), "set TRUED_RUNTIME_DIR to a shorter one"),
@@ -67,15 +67,15 @@ fn a_daemon_without_a_usable_runtime_directory_fails_and_reports_where() {
             .env(shm_schema::RUNTIME_DIR_ENV, dir)
             .output()
             .unwrap();
-        let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), SYSTEM_FAILED, "{}: {said}", dir.display());
-        assert!(said.contains(words) && said.contains(&dir.display().to_string()), "{said}");
+        let stderr = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), SYSTEM_FAILED, "{}: {stderr}", dir.display());
+        assert!(stderr.contains(part) && stderr.contains(&dir.display().to_string()), "{stderr}");
     }
     assert!(!disk.join("trued-cell").exists(), "a start that fails leaves nothing behind");
 }
 
 /// The last answer of the daemon.
-fn said(cell: &mut CellLoop) -> Corrected {
+fn last_answer(cell: &mut CellLoop) -> Corrected {
     cell.client.newest().unwrap()
 }
 
@@ -90,17 +90,17 @@ fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_reported() {
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let mut answers = 0;
     cell.tick_until(Duration::from_secs(1), |cell, tick| {
-        let said = said(cell);
+        let answer = last_answer(cell);
         assert_eq!(bits(&tick.target), bits(&tick.q_cmd));
         if tick.refused {
             // On a busy machine a command may reach the daemon too late.
-            assert_eq!(said.reason(), Ok(Reason::Stale), "{said:?}");
+            assert_eq!(answer.reason(), Ok(Reason::Stale), "{answer:?}");
         } else if tick.source == Source::Corrected {
             answers += 1;
-            assert_eq!(said.correction(), [0.0; JOINTS]);
-            assert_eq!(said.status(), Ok(CorrectionStatus::Shadow));
-            assert_eq!(said.reason(), Ok(Reason::ShadowMode));
-            assert!(said.wanted[..JOINTS].iter().any(|w| w.abs() > 1e-4), "{said:?}");
+            assert_eq!(answer.correction(), [0.0; JOINTS]);
+            assert_eq!(answer.status(), Ok(CorrectionStatus::Shadow));
+            assert_eq!(answer.reason(), Ok(Reason::ShadowMode));
+            assert!(answer.wanted[..JOINTS].iter().any(|w| w.abs() > 1e-4), "{answer:?}");
         }
         false
     });
@@ -114,12 +114,12 @@ fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_reported() {
 fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
     let mut ramping = 0;
     let reached = cell.tick_until(LIMIT, |cell, tick: &Tick| {
-        let said = said(cell);
-        ramping += u32::from(said.status() == Ok(CorrectionStatus::Ramping));
-        let there = said.status() == Ok(status) && tick.source == Source::Corrected;
-        there && (tick.largest() == 0.0) == zero
+        let answer = last_answer(cell);
+        ramping += u32::from(answer.status() == Ok(CorrectionStatus::Ramping));
+        let is_reached = answer.status() == Ok(status) && tick.source == Source::Corrected;
+        is_reached && (tick.largest() == 0.0) == zero
     });
-    assert!(reached, "{status}: {:?}", said(cell));
+    assert!(reached, "{status}: {:?}", last_answer(cell));
     assert_eq!(cell.broken, Vec::<String>::new());
     ramping
 }
@@ -136,7 +136,7 @@ fn arming_and_bypass_ramp_the_correction_in_and_out() {
     assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in by a ramp");
     cell.client.bypass(true, LIMIT).unwrap();
     assert!(until(&mut cell, CorrectionStatus::Bypassed, true) > 5, "out by a ramp");
-    assert_eq!(said(&mut cell).reason(), Ok(Reason::Bypass));
+    assert_eq!(last_answer(&mut cell).reason(), Ok(Reason::Bypass));
     cell.client.bypass(false, LIMIT).unwrap();
     assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in again");
 }
@@ -147,10 +147,13 @@ fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_states_the_remed
     let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     until(&mut cell, CorrectionStatus::Shadow, true);
-    let said = cell.client.arm(true, LIMIT).unwrap();
-    assert_eq!(said.answer(), Ok(Answer::Refused));
-    let words = said.message.as_str();
-    assert!(words.contains("configured for shadow mode") && words.contains("mode = "), "{words}");
+    let answer = cell.client.arm(true, LIMIT).unwrap();
+    assert_eq!(answer.answer(), Ok(Answer::Refused));
+    let message = answer.message.as_str();
+    assert!(
+        message.contains("configured for shadow mode") && message.contains("mode = "),
+        "{message}"
+    );
     assert_eq!(cell.client.arm(false, LIMIT).unwrap().answer(), Ok(Answer::Done));
     until(&mut cell, CorrectionStatus::Shadow, true);
 }
@@ -163,10 +166,10 @@ fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
     for on in [false, true] {
         assert_eq!(cell.client.arm(on, LIMIT).unwrap().answer(), Ok(Answer::Done));
     }
-    let said = cell.tick_until(LIMIT, |cell, _| {
+    let is_limited = cell.tick_until(LIMIT, |cell, _| {
         cell.client.status().is_some_and(|status| status.mode() == Ok(Mode::Limited))
     });
-    assert!(said, "{:?}", cell.client.status());
+    assert!(is_limited, "{:?}", cell.client.status());
 }
 
 #[test]
@@ -176,6 +179,6 @@ fn a_role_that_is_taken_is_refused_with_the_process_that_has_it() {
     let _first = Client::connect_to(&place.cell(), LIMIT).unwrap();
     let mut second = RoleClaim::new(&place.cell(), Role::Cell);
     let refused = second.join().and_then(|joined| Ok(joined.publisher::<Command>()?));
-    let words = refused.err().unwrap().to_string();
-    assert!(words.contains(&format!("process {}", std::process::id())), "{words}");
+    let message = refused.err().unwrap().to_string();
+    assert!(message.contains(&format!("process {}", std::process::id())), "{message}");
 }

@@ -18,7 +18,7 @@ const LIMITED_RAD: f64 = 2e-3;
 /// How a command ended.
 pub(crate) struct Done {
     pub(crate) code: Option<i32>,
-    pub(crate) said: String,
+    pub(crate) output: String,
     pid: u32,
 }
 
@@ -28,8 +28,8 @@ pub(crate) fn trued(place: &TestDirectory, arguments: &[&str]) -> Done {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let pid = child.id();
     let done = child.wait_with_output().unwrap();
-    let said = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
-    Done { code: done.status.code(), said, pid }
+    let output = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
+    Done { code: done.status.code(), output, pid }
 }
 
 #[test]
@@ -39,28 +39,27 @@ fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_t
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
     let left = trued(&place, &["bypass", "on"]);
-    assert_eq!(left.code, Some(0), "{}", left.said);
-    assert!(left.said.contains("until `trued bypass off`"), "{}", left.said);
+    assert_eq!(left.code, Some(0), "{}", left.output);
+    assert!(left.output.contains("until `trued bypass off`"), "{}", left.output);
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() == 0.0), "out");
     let shown = trued(&place, &["status", CELL]);
     let by = format!("process {}, user ", left.pid);
-    let flat = shown.said.split_whitespace().collect::<Vec<_>>().join(" ");
-    for words in
-        ["bypass ON", "`trued bypass off` ends the bypass", "bypassed since 2", by.as_str()]
+    let flat = shown.output.split_whitespace().collect::<Vec<_>>().join(" ");
+    for part in ["bypass ON", "`trued bypass off` ends the bypass", "bypassed since 2", by.as_str()]
     {
-        assert!(flat.contains(words), "{words}: {}", shown.said);
+        assert!(flat.contains(part), "{part}: {}", shown.output);
     }
     let config = place.file("cell.toml");
-    let off = trued(&place, &["bypass", "off", config.to_str().unwrap()]);
-    assert_eq!(off.code, Some(0), "{}", off.said);
+    let ended = trued(&place, &["bypass", "off", config.to_str().unwrap()]);
+    assert_eq!(ended.code, Some(0), "{}", ended.output);
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4), "in again");
     let shown = trued(&place, &["status"]);
-    assert!(shown.said.contains("bypass    off"), "{}", shown.said);
+    assert!(shown.output.contains("bypass    off"), "{}", shown.output);
     assert_eq!(cell.broken, Vec::<String>::new());
-    for done in [&left, &off] {
+    for done in [&left, &ended] {
         let by = format!("process {}, user ", done.pid);
-        let asked = |line: &String| line.contains("request: bypass") && line.contains(&by);
-        assert!(daemon.lines().iter().any(asked), "{by}: {:#?}", daemon.lines());
+        let is_logged = |line: &String| line.contains("request: bypass") && line.contains(&by);
+        assert!(daemon.lines().iter().any(is_logged), "{by}: {:#?}", daemon.lines());
     }
 }
 
@@ -74,30 +73,30 @@ fn modes_change_without_a_restart_and_the_robot_never_steps() {
     let mut chance = TestRng::new(seed);
     let root = place.root().to_owned();
     for round in 0..12 {
-        let word = ["limited", "full", "shadow"][chance.below(3) as usize];
+        let mode = ["limited", "full", "shadow"][chance.below(3) as usize];
         let asking = {
             let root = root.clone();
             std::thread::spawn(move || {
                 let mut command = Command::new(TRUED);
-                command.args(["mode", word, CELL]).env(shm_schema::RUNTIME_DIR_ENV, root);
+                command.args(["mode", mode, CELL]).env(shm_schema::RUNTIME_DIR_ENV, root);
                 command.output().unwrap().status.code()
             })
         };
         // Mostly in the middle of the ramp before.
         let time = Duration::from_millis(20 + chance.below(400));
         cell.tick_until(time, |_, _| false);
-        assert_eq!(asking.join().unwrap(), Some(0), "round {round}, {word}");
+        assert_eq!(asking.join().unwrap(), Some(0), "round {round}, {mode}");
     }
-    for (word, mode) in [("limited", Mode::Limited), ("full", Mode::Full)] {
-        assert_eq!(trued(&place, &["mode", word]).code, Some(0));
-        let told = cell.tick_until(LIMIT, |cell, _| {
+    for (name, mode) in [("limited", Mode::Limited), ("full", Mode::Full)] {
+        assert_eq!(trued(&place, &["mode", name]).code, Some(0));
+        let is_reported = cell.tick_until(LIMIT, |cell, _| {
             cell.client.status().is_some_and(|status| status.mode() == Ok(mode))
         });
-        assert!(told, "{word}");
+        assert!(is_reported, "{name}");
         cell.tick_until(Duration::from_millis(1500), |_, _| false);
         let largest = cell.tick().largest();
-        assert!(largest > 1e-4, "{word}: {largest} rad");
-        assert!(mode == Mode::Full || largest <= LIMITED_RAD, "{word}: {largest} rad");
+        assert!(largest > 1e-4, "{name}: {largest} rad");
+        assert!(mode == Mode::Full || largest <= LIMITED_RAD, "{name}: {largest} rad");
     }
     // Short: the loop assumes shadow mode until a status says otherwise.
     assert_eq!(trued(&place, &["mode", "shadow"]).code, Some(0));
@@ -113,9 +112,9 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
     let place = TestDirectory::new("limited", "");
     let daemon = Process::ready_daemon(TRUED, &place);
     let refused = trued(&place, &["mode", "full"]);
-    assert_eq!(refused.code, Some(1), "{}", refused.said);
-    for words in ["allows at most `limited`", "mode_max = \"full\""] {
-        assert!(refused.said.contains(words), "{words}: {}", refused.said);
+    assert_eq!(refused.code, Some(1), "{}", refused.output);
+    for part in ["allows at most `limited`", "mode_max = \"full\""] {
+        assert!(refused.output.contains(part), "{part}: {}", refused.output);
     }
     assert_eq!(trued(&place, &["mode", "shadow"]).code, Some(0));
     drop(daemon);
@@ -124,8 +123,8 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["arm"]).code, Some(1), "the configured mode is shadow");
     assert_eq!(trued(&place, &["mode", "full"]).code, Some(0));
-    let told = || trued(&place, &["status"]).said.contains("mode      full");
-    assert!(super::faults::wait_for(LIMIT, told));
+    let is_shown = || trued(&place, &["status"]).output.contains("mode      full");
+    assert!(super::faults::wait_for(LIMIT, is_shown));
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
     assert_eq!(cell.broken, Vec::<String>::new());
@@ -135,8 +134,8 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
 fn a_cell_needs_no_name_where_it_is_the_only_one() {
     let place = TestDirectory::new("shadow", "");
     let none = trued(&place, &["status"]);
-    assert_eq!(none.code, Some(3), "{}", none.said);
-    assert!(none.said.contains("no running cell found"), "{}", none.said);
+    assert_eq!(none.code, Some(3), "{}", none.output);
+    assert!(none.output.contains("no running cell found"), "{}", none.output);
     let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["status"]).code, Some(0));
     assert_eq!(trued(&place, &["status", "other"]).code, Some(3));
@@ -146,8 +145,8 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     let mut second = Process::start(TRUED, &["run", "--config", config.to_str().unwrap()], &place);
     assert!(second.wait_for_output("ready", LIMIT), "{:?}", second.lines());
     let several = trued(&place, &["bypass", "on"]);
-    assert_eq!(several.code, Some(2), "{}", several.said);
-    assert!(several.said.contains(&format!("{CELL}, second")), "{}", several.said);
+    assert_eq!(several.code, Some(2), "{}", several.output);
+    assert!(several.output.contains(&format!("{CELL}, second")), "{}", several.output);
     assert_eq!(trued(&place, &["status", "second"]).code, Some(0));
     // After a kill nothing of the place's own cell is left.
     assert!(second.end().success(), "{:?}", second.lines());
@@ -169,9 +168,9 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
         TestDirectory::new("full", "[force]\nrate_Hz = 10000.0\n[vibration]\nenabled = true\n");
     let mut daemon = Process::ready_daemon(TRUED, &place);
     let shown = trued(&place, &["status"]);
-    assert!(shown.said.lines().all(|line| line.chars().count() <= 80), "{}", shown.said);
+    assert!(shown.output.lines().all(|line| line.chars().count() <= 80), "{}", shown.output);
     let done = trued(&place, &["status", "--quiet", "--json", "-"]);
-    let json = done.said.split_once("\n}\n").map(|(json, _)| format!("{json}\n}}"));
+    let json = done.output.split_once("\n}\n").map(|(json, _)| format!("{json}\n}}"));
     let json: serde_json::Value = serde_json::from_str(&json.unwrap()).unwrap();
     assert_eq!(json["schema"], "trued.status/1");
     assert_eq!(json["pid"], daemon.id());
@@ -194,7 +193,7 @@ fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
 fn the_help_of_bypass_says_that_it_stays_and_how_it_ends() {
     let done = Folder::new().succeed(&["bypass", "--help"]);
     let flat = done.out.split_whitespace().collect::<Vec<_>>().join(" ");
-    for words in ["The bypass remains after this command", "`off`: the correction ramps in again"] {
-        assert!(flat.contains(words), "{words}: {flat}");
+    for part in ["The bypass remains after this command", "`off`: the correction ramps in again"] {
+        assert!(flat.contains(part), "{part}: {flat}");
     }
 }

@@ -18,8 +18,8 @@ pub(crate) fn profile(header: &str, row: impl Fn(usize, f64) -> String) -> Strin
 
 fn refused(done: &Done, arguments: &[&str]) {
     assert_eq!(done.code, Some(2), "{done:#?}");
-    for word in arguments {
-        assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
+    for part in arguments {
+        assert!(done.err.contains(part), "{part:?} in\n{}", done.err);
     }
 }
 
@@ -49,18 +49,24 @@ fn a_known_profile_gives_its_parameters_segments_and_feed_mark() {
         done.out
     );
     assert!(done.out.contains("Parseval"), "{}", done.out);
-    let said = place.json("s.json");
-    let one = &said["profiles"][0];
-    let of = |path: [&str; 2]| one[path[0]][path[1]].as_f64().unwrap();
-    assert_eq!((&said["schema"], &said["cut_off_mm"]), (&"trued.surface/1".into(), &0.8.into()));
-    assert!((of(["roughness", "q_um"]) / (0.8 / 2.0_f64.sqrt()) - 1.0).abs() < 0.05, "{one:#}");
-    assert!((of(["roughness", "a_um"]) / (1.6 / TAU * 2.0) - 1.0).abs() < 0.05);
+    let result = place.json("s.json");
+    let one = &result["profiles"][0];
+    let parameter = |path: [&str; 2]| one[path[0]][path[1]].as_f64().unwrap();
+    assert_eq!(
+        (&result["schema"], &result["cut_off_mm"]),
+        (&"trued.surface/1".into(), &0.8.into())
+    );
+    assert!(
+        (parameter(["roughness", "q_um"]) / (0.8 / 2.0_f64.sqrt()) - 1.0).abs() < 0.05,
+        "{one:#}"
+    );
+    assert!((parameter(["roughness", "a_um"]) / (1.6 / TAU * 2.0) - 1.0).abs() < 0.05);
     assert!(
         (one["Rz_um"].as_f64().unwrap() / 1.6 - 1.0).abs() < 0.1 && one["Rz_sampling_lengths"] == 5
     );
     assert!((one["RSm_um"].as_f64().unwrap() / 150.0 - 1.0).abs() < 0.01);
     let by_spectrum = one["Rq_by_spectrum_um"].as_f64().unwrap();
-    assert!((by_spectrum - of(["roughness", "q_um"])).abs() < 1e-12);
+    assert!((by_spectrum - parameter(["roughness", "q_um"])).abs() < 1e-12);
     assert!((one["evaluated_mm"].as_f64().unwrap() - 11.2).abs() < 1e-9);
     let segments = one["segments"].as_array().unwrap();
     let lengths: Vec<_> = segments.iter().map(|s| s["each"].as_array().unwrap().len()).collect();

@@ -49,28 +49,28 @@ const ON_LINKS: [(usize, [f64; 3]); 3] =
 /// Joint positions, degrees, and the force on the tool, N.
 type Row = ([f64; 6], [f64; 3]);
 
-fn csv(rows: &[Row], seen: &[[DVec3; 3]]) -> String {
+fn csv(rows: &[Row], points: &[[DVec3; 3]]) -> String {
     let mut text = String::from("t_s");
     (1..=6).for_each(|joint| write!(text, ",q{joint}_deg").unwrap());
     text += ",fx_N,fy_N,fz_N";
     for target in 1..=3 {
         ["x", "y", "z"].iter().for_each(|axis| write!(text, ",target{target}_{axis}_mm").unwrap());
     }
-    for (t_s, ((q, force), seen)) in rows.iter().zip(seen).enumerate() {
+    for (t_s, ((q, force), points)) in rows.iter().zip(points).enumerate() {
         write!(text, "\n{t_s}").unwrap();
         q.iter().chain(force).for_each(|number| write!(text, ",{number}").unwrap());
-        seen.iter().flat_map(DVec3::to_array).for_each(|mm| write!(text, ",{mm:.5}").unwrap());
+        points.iter().flat_map(DVec3::to_array).for_each(|mm| write!(text, ",{mm:.5}").unwrap());
     }
     text + "\n"
 }
 
 /// What a tracker sees of the robot in these rows.
-fn seen(rows: &[Row]) -> Vec<[DVec3; 3]> {
+fn tracked(rows: &[Row]) -> Vec<[DVec3; 3]> {
     let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
     let truth = RobotModel::parse("truth", &text).expect("sound").physics;
     let about = recording::series::RecordingMetadata::parse("a.toml", ABOUT).expect("sound");
-    let mut seen = vec![[DVec3::ZERO; 3]; rows.len()];
-    let table = csv(rows, &seen);
+    let mut points = vec![[DVec3::ZERO; 3]; rows.len()];
+    let table = csv(rows, &points);
     let recording =
         read_text("a.csv", &table, None, Some(about), RequiredData::Measurement).expect("read");
     let mut campaign = campaign_import::campaign(&truth.arm, &[recording]).expect("a campaign");
@@ -83,14 +83,14 @@ fn seen(rows: &[Row]) -> Vec<[DVec3; 3]> {
     }
     let around = campaign.surroundings.clone();
     let made = campaign_simulation::simulate_readings(&campaign, &truth, &around, 1.0, 11);
-    for (slots, pose) in seen.iter_mut().zip(&made.poses) {
-        for (slot, seen) in slots.iter_mut().zip(&pose.seen) {
-            if let Reading::Point { at, .. } = seen.reading {
+    for (slots, pose) in points.iter_mut().zip(&made.poses) {
+        for (slot, observation) in slots.iter_mut().zip(&pose.seen) {
+            if let Reading::Point { at, .. } = observation.reading {
                 *slot = at * 1e3;
             }
         }
     }
-    seen
+    points
 }
 
 /// Each joint alone, there and back, from the position of the others.
@@ -122,7 +122,7 @@ fn loaded() -> Vec<Row> {
 fn place() -> Place {
     let place = Place::new();
     for (name, rows) in [("sweeps", sweeps()), ("loaded", loaded())] {
-        place.file(&format!("{name}.csv"), &csv(&rows, &seen(&rows)));
+        place.file(&format!("{name}.csv"), &csv(&rows, &tracked(&rows)));
         place.file(&format!("{name}.toml"), ABOUT);
     }
     place
@@ -196,7 +196,7 @@ fn with_links() -> String {
     let rows = loaded();
     let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
     let truth = RobotModel::parse("truth", &text).expect("sound").physics;
-    let table = csv(&rows, &seen(&rows));
+    let table = csv(&rows, &tracked(&rows));
     let station = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
     let mut chance = TestRng::new(5);
     let mut lines = table.lines();
@@ -210,11 +210,12 @@ fn with_links() -> String {
         inputs.wrench_base.force = DVec3::from_array(*force);
         let real = truth.evaluate(&inputs, &physics::Memories::default()).real;
         write!(head, "\n{line}").unwrap();
-        for (link, at) in ON_LINKS {
-            let at = DVec3::from_array(at);
-            let base = link.checked_sub(1).map_or(at, |joint: usize| real.body(joint).point(at));
-            let seen = station * base + DVec3::new(1.5, -2.0, 0.3);
-            for x in seen.to_array() {
+        for (link, point) in ON_LINKS {
+            let point = DVec3::from_array(point);
+            let base =
+                link.checked_sub(1).map_or(point, |joint: usize| real.body(joint).point(point));
+            let measured = station * base + DVec3::new(1.5, -2.0, 0.3);
+            for x in measured.to_array() {
                 write!(head, ",{:.5}", x * 1e3 + 0.002 * (chance.uniform() - 0.5)).unwrap();
             }
         }

@@ -59,14 +59,14 @@ fn thousands_that_may_be_decimals_are_refused_with_line_column_and_way_out() {
     place.file("poses.toml", "schema = \"trued.recording/1\"\nkind = \"poses\"\n");
     let done = place.run(&["check", "poses.csv"]);
     assert_eq!(done.code, Some(1));
-    for says in ["poses.csv:2:7", "`1.042` is ambiguous: 1042 or 1.042", "`thousands = \".\"`"] {
-        assert!(done.out.contains(says), "{says} in\n{}", done.out);
+    for part in ["poses.csv:2:7", "`1.042` is ambiguous: 1042 or 1.042", "`thousands = \".\"`"] {
+        assert!(done.out.contains(part), "{part} in\n{}", done.out);
     }
     let stated = "schema = \"trued.mapping/1\"\ndecimal = \",\"\nthousands = \".\"\n";
     place.file("poses.mapping.toml", stated);
     let done = place.succeed(&["check", "poses.csv"]);
-    let words: Vec<&str> = done.out.split_whitespace().collect();
-    assert!(words.windows(4).any(|w| w == ["x_mm", "x_mm", "1042", "1051"]), "{}", done.out);
+    let fields: Vec<&str> = done.out.split_whitespace().collect();
+    assert!(fields.windows(4).any(|w| w == ["x_mm", "x_mm", "1042", "1051"]), "{}", done.out);
 }
 
 #[test]

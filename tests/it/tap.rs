@@ -77,8 +77,8 @@ pub(crate) fn four_hits() -> String {
 
 fn refused(done: &Done, arguments: &[&str]) {
     assert_eq!(done.code, Some(2), "{done:#?}");
-    for word in arguments {
-        assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
+    for part in arguments {
+        assert!(done.err.contains(part), "{part:?} in\n{}", done.err);
     }
 }
 
@@ -112,10 +112,10 @@ fn hits_give_verified_modes_within_their_uncertainty_and_a_double_hit_is_named()
     assert!(done.out.contains("5 hits found, 4 used"), "{}", done.out);
     let double = "rejected: run.csv at 5.300 s, struck twice: again with 20 %";
     assert!(done.out.contains(double), "{}", done.out);
-    let said = place.json("tap.json");
-    assert_eq!((&said["schema"], &said["hits"]["used"]), (&"trued.tap/1".into(), &4.into()));
-    assert_eq!(said["hits"]["all"].as_array().unwrap().len(), 5);
-    let modes = said["modes"].as_array().unwrap();
+    let result = place.json("tap.json");
+    assert_eq!((&result["schema"], &result["hits"]["used"]), (&"trued.tap/1".into(), &4.into()));
+    assert_eq!(result["hits"]["all"].as_array().unwrap().len(), 5);
+    let modes = result["modes"].as_array().unwrap();
     assert_eq!(modes.len(), 2, "{modes:#?}");
     for (mode, (f_n, zeta, mass)) in modes.iter().zip(ROBOT) {
         let of = |key: &str| mode[key].as_f64().unwrap();
@@ -145,12 +145,12 @@ fn one_hit_gives_its_response_function_and_modes_that_are_unverified() {
         "{}",
         done.err
     );
-    let said = place.json("tap.json");
-    let modes = said["modes"].as_array().unwrap();
+    let result = place.json("tap.json");
+    let modes = result["modes"].as_array().unwrap();
     assert!(modes.len() == 2 && modes.iter().all(|mode| mode["verified"] == false), "{modes:#?}");
-    assert!(said["response_functions"][0]["coherence"].is_null());
-    let bins = said["response_functions"][0]["re"].as_array().unwrap().len();
-    assert!(bins > 100 && said["response_functions"][0]["im"].as_array().unwrap().len() == bins);
+    assert!(result["response_functions"][0]["coherence"].is_null());
+    let bins = result["response_functions"][0]["re"].as_array().unwrap().len();
+    assert!(bins > 100 && result["response_functions"][0]["im"].as_array().unwrap().len() == bins);
 }
 
 #[test]
@@ -249,8 +249,8 @@ fn measured_modes_go_into_the_model_and_the_rest_stays_bit_for_bit() {
         recording::model::ModelFile { modes: before.modes.clone(), ..after.clone() },
         before
     );
-    let said = place.json("tap.json");
-    for mode in said["modes"].as_array().unwrap() {
+    let result = place.json("tap.json");
+    for mode in result["modes"].as_array().unwrap() {
         let written = |entry: &&recording::model::ModeEntry| {
             Some(entry.frequency_hz) == mode["frequency_Hz"].as_f64()
         };
@@ -258,8 +258,8 @@ fn measured_modes_go_into_the_model_and_the_rest_stays_bit_for_bit() {
         assert_eq!(entry.damping_ratio, mode["damping_ratio"].as_f64());
         assert_eq!(entry.direction, Some([0.0, 1.0, 0.0]));
     }
-    let replaced = said["model"]["replaced"].as_array().unwrap();
-    let added = said["model"]["added_Hz"].as_array().unwrap();
+    let replaced = result["model"]["replaced"].as_array().unwrap();
+    let added = result["model"]["added_Hz"].as_array().unwrap();
     assert_eq!(replaced.len() + added.len(), 2);
     assert_eq!(after.modes.len(), before.modes.len() + added.len());
     let preset = place.run(&["tap", "run.csv", "--model", "ur10e", "--out", "own.toml"]);
@@ -314,9 +314,9 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
         }
         assert_eq!(modes.as_array().unwrap().len(), 2);
     };
-    near("uff.json");
-    let said = place.json("uff.json");
-    let function = &said["response_functions"][0];
+    check_modes("uff.json");
+    let result = place.json("uff.json");
+    let function = &result["response_functions"][0];
     assert_eq!(function["kind"], "accelerance");
     let column = |key: &str| function[key].as_array().unwrap().clone();
     let mut table = String::from("frequency_Hz,re,im\n");
@@ -333,7 +333,7 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
         "--json",
         "table.json",
     ]);
-    near("table.json");
+    check_modes("table.json");
     place.file("run.csv", &csv(&[(0.3, 200.0)], 2.0));
     refused(&place.run(&["tap", "arm.uff", "run.csv"]), &["separately"]);
     refused(&place.run(&["tap", "--frf", "table.csv"]), &["--response-kind"]);
@@ -364,11 +364,11 @@ fn the_real_tools_modes_are_found_from_its_hit_and_from_its_response_functions()
     let check = |file: &str, within: f64| {
         for known_hz in [1056.0, 1941.0, 2598.0] {
             let modes = place.json(file)["modes"].as_array().unwrap().clone();
-            let near = |mode: &&serde_json::Value| {
+            let is_near = |mode: &&serde_json::Value| {
                 (mode["frequency_Hz"].as_f64().unwrap() / known_hz - 1.0).abs() < within
             };
             let mode =
-                modes.iter().find(near).unwrap_or_else(|| panic!("{known_hz} Hz: {modes:#?}"));
+                modes.iter().find(is_near).unwrap_or_else(|| panic!("{known_hz} Hz: {modes:#?}"));
             assert_eq!(mode["verified"], false);
             eprintln!("{file}: {known_hz} Hz by the note, {mode}");
         }

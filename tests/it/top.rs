@@ -122,7 +122,7 @@ fn keys_do_what_they_say_and_the_screen_fits_80_by_24_and_smaller() {
     terminal.tmux(&["resize-window", "-t", "top", "-x", "50", "-y", "12"]);
     // For a moment the terminal shows the end of the larger screen.
     terminal.comes_to_show("12 rows with the mode and the keys", |rows| {
-        let has = |row: usize, word: &str| rows.get(row).is_some_and(|row| row.contains(word));
+        let has = |row: usize, part: &str| rows.get(row).is_some_and(|row| row.contains(part));
         rows.len() <= 12 && has(1, "FULL") && has(rows.len() - 1, "quit")
     });
     terminal.tmux(&["resize-window", "-t", "top", "-x", "80", "-y", "24"]);

@@ -26,7 +26,7 @@ fn measured(mode: &str) -> String {
     )
 }
 
-fn said(run: &Run<Tick>, tick: usize) -> (TrimState, TrimReason) {
+fn state_at(run: &Run<Tick>, tick: usize) -> (TrimState, TrimReason) {
     (run.ticks[tick].state, run.ticks[tick].reason)
 }
 
@@ -43,7 +43,7 @@ fn an_instrument_as_it_is_takes_the_static_error_below_30_um_within_two_seconds(
             1e3 * after
         );
         assert!(after < 3e-5, "seed {seed}: {after:e}");
-        assert_eq!(said(&run, 11_999).0, TrimState::Trimming);
+        assert_eq!(state_at(&run, 11_999).0, TrimState::Trimming);
         let [came, refused] = run.ticks[11_999].counts;
         assert!(came > 1000 && refused > 5, "{came} came, {refused} were refused");
     }
@@ -134,7 +134,7 @@ fn loss_return_jump_mode_bypass_and_reload_make_no_step() {
         (29_999, trimming),
         (35_999, trimming),
     ] {
-        assert_eq!(said(&run, tick), wanted, "tick {tick}");
+        assert_eq!(state_at(&run, tick), wanted, "tick {tick}");
     }
     let without = run.ticks[6999].off_m.length();
     assert!(run.ticks[9999].off_m.length() < 0.2 * without, "it comes back");
@@ -151,8 +151,8 @@ fn observing_finds_the_error_and_sends_what_the_model_alone_would() {
     for (observed, plain) in observed.ticks.iter().zip(&plain.ticks) {
         assert_eq!(observed.off_m, plain.off_m, "bit for bit");
     }
-    assert_eq!(said(&plain, 3999), (TrimState::Off, TrimReason::None));
-    assert_eq!(said(&observed, 3999), (TrimState::Observing, TrimReason::None));
+    assert_eq!(state_at(&plain, 3999), (TrimState::Off, TrimReason::None));
+    assert_eq!(state_at(&observed, 3999), (TrimState::Observing, TrimReason::None));
     let Tick { found_m, off_m, .. } = observed.ticks[3999];
     assert!((found_m - off_m).length() < 3e-5, "{found_m} {off_m}");
 }
@@ -233,11 +233,11 @@ fn a_running_daemon_trims_by_the_points_that_a_client_publishes_and_lets_go_with
         cell.client.status().map(|s| (s.trim_m, s.trim_found_m, s.trim_reason))
     );
     a_jump_is_followed_once_it_is_armed(&mut cell, &mut instrument, &model, error_m);
-    let gone = cell.tick_until(LIMIT, |cell, _| {
+    let is_lost = cell.tick_until(LIMIT, |cell, _| {
         let status = cell.client.status().expect("a status");
         status.trim_state() == Ok(TrimState::Waiting) && status.trim_m == [0.0; 3]
     });
-    assert!(gone, "the beam is broken");
+    assert!(is_lost, "the beam is broken");
     let status = cell.client.status().expect("a status");
     assert_eq!(status.trim_reason(), Ok(TrimReason::NoMeasurement));
     assert_eq!(status.health(), Ok(Health::Degraded), "{}", status.message);

@@ -44,8 +44,8 @@ fn a_long_waveform_is_read_in_parts() {
     let lines = found["lines"].as_array().expect("lines");
     let has = |hz: f64, channel: &str| {
         lines.iter().any(|line| {
-            let near = line["frequency_Hz"].as_f64().is_some_and(|f| (f - hz).abs() < 0.2);
-            near && line["channel"] == channel
+            let is_near = line["frequency_Hz"].as_f64().is_some_and(|f| (f - hz).abs() < 0.2);
+            is_near && line["channel"] == channel
         })
     };
     assert!(has(684.0, "column 1") && has(420.0, "column 6"), "{lines:#?}");

@@ -26,7 +26,7 @@ const CYCLES: u32 = 1000;
 const MS: u64 = 1_000_000;
 const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
 
-fn at() -> SocketAddr {
+fn address() -> SocketAddr {
     "127.0.0.1:6510".parse().unwrap()
 }
 
@@ -43,9 +43,9 @@ fn feed() -> Corrections {
 fn an_egm_cycle_takes_nothing_from_the_heap() {
     let arm = preset(MODEL).unwrap().model().unwrap().physics.arm;
     let settings = Settings {
-        robot: at().ip(),
+        robot: address().ip(),
         robot_port: None,
-        application: Some(at()),
+        application: Some(address()),
         guidance: Guidance::Joints,
         order: JointOrder { count: 6, seventh_after: None },
         is_shadow: false,
@@ -53,7 +53,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
         runs: RunRules::default(),
     };
     let mut forwarder = Forwarder::new(settings, arm, feed(), None, Arc::new(Counts::default()));
-    let mut robot = EgmRobot::new(at(), &POSE);
+    let mut robot = EgmRobot::new(address(), &POSE);
     let feedback: Vec<Vec<u8>> = (0..CYCLES).map(|_| robot.message()).collect();
     let mut targets: Vec<Vec<u8>> =
         (0..CYCLES).map(|number| target(number, &POSE).encode_to_vec()).collect();
@@ -61,17 +61,17 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
     let counted = heap_of(|| {
         for (k, (feedback, target)) in (0..).zip(feedback.iter().zip(&mut targets)) {
             let now_ns = k * 4 * MS;
-            forwarder.receive_from_robot(feedback, at(), now_ns);
-            if let Some(screened) = forwarder.receive_from_application(target, at(), now_ns) {
+            forwarder.receive_from_robot(feedback, address(), now_ns);
+            if let Some(screened) = forwarder.receive_from_application(target, address(), now_ns) {
                 sent += u32::from(forwarder.answer(target, &screened).is_some());
             }
             if let Ok(message) = SensorMessage::read(target) {
                 message.planned.joints.write(target, &POSE);
             }
             forwarder.check_connection();
-            let mut own = [0; 128];
+            let mut message = [0; 128];
             let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
-            PathCorrMessage::write(&mut own, header, [0.0, 1.0, 2.0], 1);
+            PathCorrMessage::write(&mut message, header, [0.0, 1.0, 2.0], 1);
         }
     });
     assert_eq!((sent, counted.count_total), (CYCLES, 0));
@@ -96,8 +96,8 @@ fn an_rsi_cycle_takes_nothing_from_the_heap() {
     let (mut sent, mut buffer) = (0, [0; 1000]);
     let counted = heap_of(|| {
         for telegram in &telegrams {
-            if let Some(asked) = answerer.receive(telegram.as_bytes(), at()) {
-                sent += u32::from(answerer.answer(&asked, &mut buffer).is_some());
+            if let Some(request) = answerer.receive(telegram.as_bytes(), address()) {
+                sent += u32::from(answerer.answer(&request, &mut buffer).is_some());
             }
         }
     });

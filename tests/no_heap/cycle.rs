@@ -187,15 +187,15 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_spectrum_and_gives_it_ba
     });
     let counters = &exchange.counters;
     let taken = counters.force_blocks.load(Relaxed);
-    let said = exchange.verdicts.len() as u64;
-    assert!(taken > BLOCKS / 3 && said > 0, "{taken} blocks, {said} verdicts");
+    let verdicts = exchange.verdicts.len() as u64;
+    assert!(taken > BLOCKS / 3 && verdicts > 0, "{taken} blocks, {verdicts} verdicts");
     let [gaps, refused, malformed] =
         [&counters.force_gaps, &counters.force_refused, &counters.malformed]
             .map(|counter| counter.load(Relaxed));
     assert!(gaps > 0 && refused > 0 && malformed > 0, "{gaps}, {refused}, {malformed}");
     let spectra = spectra.into_inner();
     assert!(spectra > 3, "{spectra} spectra");
-    assert_eq!(heap.count_total, said + spectra, "one block per message: {heap:?}");
+    assert_eq!(heap.count_total, verdicts + spectra, "one block per message: {heap:?}");
     assert_eq!((heap.count_current, heap.bytes_current), (0, 0), "each given back: {heap:?}");
 }
 

@@ -119,7 +119,7 @@ impl LatencyClient {
         Self { _seat: seat, commands, answers, seq: 0 }
     }
 
-    fn ask(&mut self, rounds: u64, pause: Duration) {
+    fn exchange(&mut self, rounds: u64, pause: Duration) {
         let start = Instant::now();
         for _ in 0..rounds {
             self.seq += 1;
@@ -137,7 +137,7 @@ impl LatencyClient {
                 q,
                 ..Command::default()
             });
-            while self.answers.take_newest().is_none_or(|said| said.command_seq != self.seq) {
+            while self.answers.take_newest().is_none_or(|answer| answer.command_seq != self.seq) {
                 assert!(start.elapsed() < LIMIT, "no answer to command {} of {rounds}", self.seq);
                 std::hint::spin_loop();
             }
@@ -157,7 +157,7 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
     assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let thread = daemon.thread("cycle").expect("a thread of that name");
     let mut asker = LatencyClient::join(&place);
-    asker.ask(WARM_UP.min(2 * rounds), pause);
+    asker.exchange(WARM_UP.min(2 * rounds), pause);
     let trace = has("strace").then(|| Trace::start(&place, thread)).flatten();
     if trace.is_none() {
         let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -165,7 +165,7 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
     }
     let before = Cost::of(&daemon, thread);
     let start = Instant::now();
-    asker.ask(rounds, pause);
+    asker.exchange(rounds, pause);
     let cost = Cost::of(&daemon, thread).since(&before);
     println!("{wait}: {rounds} cycles in {:?}: {cost:?}", start.elapsed());
     (cost, trace.map(Trace::end))
@@ -173,8 +173,8 @@ fn cost_of(wait: &str, rounds: u64, pause: Duration) -> (Cost, Option<Vec<String
 
 #[test]
 fn a_spinning_cycle_calls_no_system_faults_no_page_and_never_sleeps() {
-    let asked = std::env::var("TRUED_QUIET_CYCLES").ok().and_then(|n| n.parse().ok());
-    let (cost, calls) = cost_of("spin", asked.unwrap_or(SPUN), Duration::ZERO);
+    let given = std::env::var("TRUED_QUIET_CYCLES").ok().and_then(|n| n.parse().ok());
+    let (cost, calls) = cost_of("spin", given.unwrap_or(SPUN), Duration::ZERO);
     assert_eq!((cost.faults, cost.slept), (0, 0), "{cost:?}");
     assert_eq!(calls.unwrap_or_default(), Vec::<String>::new());
 }

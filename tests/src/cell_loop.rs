@@ -126,7 +126,7 @@ impl CellLoop {
             tick.correction[i] = tick.target[i] - q_cmd;
         }
         self.ticks += 1;
-        self.look(now_ns, &tick);
+        self.watch_status(now_ns, &tick);
         tick
     }
 
@@ -146,15 +146,15 @@ impl CellLoop {
         false
     }
 
-    fn look(&mut self, now_ns: u64, tick: &Tick) {
+    fn watch_status(&mut self, now_ns: u64, tick: &Tick) {
         if let Some(status) = self.client.status() {
             self.status = status;
             self.oracle.set_bounds(now_ns, &status.bounds);
             let is_shadow = status.mode == Mode::Shadow.code();
             self.oracle.set_shadow(now_ns, is_shadow && tick.source != Source::Plain);
         }
-        if let Err(words) = self.oracle.take(now_ns, self.stamp_ns, &tick.q_cmd, &tick.target) {
-            self.broken.push(format!("tick {} ({:?}): {words}", self.ticks, tick.source));
+        if let Err(violation) = self.oracle.take(now_ns, self.stamp_ns, &tick.q_cmd, &tick.target) {
+            self.broken.push(format!("tick {} ({:?}): {violation}", self.ticks, tick.source));
         }
     }
 }

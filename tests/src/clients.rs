@@ -125,12 +125,12 @@ impl Prefix {
     /// A copy of an example, away from the tree.
     fn source(&self, language: Language, source: &str) -> PathBuf {
         let name = format!("{source}.{}", language.extension());
-        let here = self.folder.join(&name);
+        let copy = self.folder.join(&name);
         let examples = root().join("client/c/examples").join(&name);
         let programs = root().join("client/c/tests/programs").join(&name);
         let from = if examples.exists() { examples } else { programs };
-        fs::copy(&from, &here).expect("an example of that name");
-        here
+        fs::copy(&from, &copy).expect("an example of that name");
+        copy
     }
 
     /// Builds an example with the flags of `pkg-config`.
@@ -173,8 +173,8 @@ impl Prefix {
     /// Builds an example in both languages by `find_package`, linked to the shared and to the static library.
     #[must_use]
     pub fn build_by_cmake(&self, source: &str) -> Vec<PathBuf> {
-        let here = self.folder.join("cmake");
-        fs::create_dir_all(&here).expect("a folder");
+        let project = self.folder.join("cmake");
+        fs::create_dir_all(&project).expect("a folder");
         let (c, cpp) = (self.source(Language::C, source), self.source(Language::Cpp, source));
         let text = format!(
             "cmake_minimum_required(VERSION 3.16)\nproject(outside C CXX)\n\
@@ -186,11 +186,11 @@ impl Prefix {
              target_link_libraries(shared_c trued::client m)\ntarget_link_libraries(shared_cpp trued::client)\n\
              target_link_libraries(static_c trued::client_static m)\n"
         );
-        fs::write(here.join("CMakeLists.txt"), text).expect("a file");
-        let build = here.join("build");
+        fs::write(project.join("CMakeLists.txt"), text).expect("a file");
+        let build = project.join("build");
         let _ = fs::remove_dir_all(&build);
         let prefix = format!("-DCMAKE_PREFIX_PATH={}", self.prefix.display());
-        run(Command::new("cmake").arg("-S").arg(&here).arg("-B").arg(&build).arg(prefix));
+        run(Command::new("cmake").arg("-S").arg(&project).arg("-B").arg(&build).arg(prefix));
         run(Command::new("cmake").arg("--build").arg(&build));
         ["shared_c", "shared_cpp", "static_c"].map(|name| build.join(name)).to_vec()
     }

@@ -27,8 +27,9 @@ pub fn config(
     application: Option<SocketAddr>,
     more: &str,
 ) -> String {
-    let application =
-        application.map(|at| format!("[application]\naddress = \"{at}\"\n")).unwrap_or_default();
+    let application = application
+        .map(|address| format!("[application]\naddress = \"{address}\"\n"))
+        .unwrap_or_default();
     format!(
         "schema = \"trued.bridge-egm/1\"\ncell = \"cell.toml\"\nabsolute_accuracy = \"{accuracy}\"\n\
          guidance = \"{guidance}\"\n[robot]\naddress = \"127.0.0.1\"\nlisten = \"127.0.0.1:0\"\n{application}{more}"
@@ -50,11 +51,11 @@ pub fn bridge(
     arguments.push(file.as_os_str());
     let process = Process::start(program, &arguments, place);
     assert!(process.wait_for_output("ready", PATIENCE), "{:#?}", process.lines());
-    let at = process
+    let address = process
         .lines()
         .iter()
         .find_map(|line| line.strip_prefix("ready: listening on ")?.parse().ok());
-    (process, at.expect("an address"))
+    (process, address.expect("an address"))
 }
 
 /// A socket of this machine.
@@ -124,13 +125,13 @@ impl EgmRobot {
     /// The target received; `None` if none arrives.
     #[must_use]
     pub fn hear(&self) -> Option<proto::Sensor> {
-        proto::Sensor::decode(&heard(&self.socket)?.0[..]).ok()
+        proto::Sensor::decode(&receive_datagram(&self.socket)?.0[..]).ok()
     }
 }
 
 /// A datagram and its sender.
 #[must_use]
-pub fn heard(socket: &UdpSocket) -> Option<(Vec<u8>, SocketAddr)> {
+pub fn receive_datagram(socket: &UdpSocket) -> Option<(Vec<u8>, SocketAddr)> {
     let mut bytes = [0; 4096];
     let (length, from) = socket.recv_from(&mut bytes).ok()?;
     Some((bytes[..length].to_vec(), from))
@@ -177,20 +178,20 @@ impl BridgeRig {
     /// result and moves there.
     pub fn cycle(&mut self, target_deg: &[f64]) -> Option<Vec<f64>> {
         self.robot.say();
-        let (feedback, bridge) = heard(&self.application)?;
-        let seen = proto::Robot::decode(&feedback[..]).ok()?;
-        assert_eq!(seen.header?.seqno, Some(self.robot.seqno), "feedback in its order");
+        let (feedback, bridge) = receive_datagram(&self.application)?;
+        let feedback_read = proto::Robot::decode(&feedback[..]).ok()?;
+        assert_eq!(feedback_read.header?.seqno, Some(self.robot.seqno), "feedback in its order");
         let answer = target(self.robot.seqno, target_deg).encode_to_vec();
         self.application.send_to(&answer, bridge).ok()?;
-        let heard = self.robot.hear()?;
+        let answer = self.robot.hear()?;
         assert_eq!(
-            heard.header.as_ref()?.seqno,
+            answer.header.as_ref()?.seqno,
             Some(self.robot.seqno),
             "the answer to this target"
         );
-        assert_eq!(heard.speed_ref, Some(speeds()), "speeds pass as they were sent");
-        assert_eq!(heard.later.as_deref(), Some("a field of a later version"));
-        self.robot.joints = joints(&heard);
+        assert_eq!(answer.speed_ref, Some(speeds()), "speeds pass as they were sent");
+        assert_eq!(answer.later.as_deref(), Some("a field of a later version"));
+        self.robot.joints = joints(&answer);
         Some(self.robot.joints.clone())
     }
 }

@@ -59,20 +59,20 @@ pub struct Evaluation {
 struct Record<'a>(&'a [u8]);
 
 impl Record<'_> {
-    fn bytes<const N: usize>(&self, at: usize) -> [u8; N] {
-        self.0[at..at + N].try_into().expect("a whole record")
+    fn bytes<const N: usize>(&self, offset: usize) -> [u8; N] {
+        self.0[offset..offset + N].try_into().expect("a whole record")
     }
 
-    fn number(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.bytes(at))
+    fn number(&self, offset: usize) -> f64 {
+        f64::from_le_bytes(self.bytes(offset))
     }
 
-    fn joints(&self, at: usize) -> [f64; JOINTS] {
-        std::array::from_fn(|i| self.number(at + 8 * i))
+    fn joints(&self, offset: usize) -> [f64; JOINTS] {
+        std::array::from_fn(|i| self.number(offset + 8 * i))
     }
 
     fn bounds(&self) -> JointBounds {
-        let [angle, rate, jerk] = [24, 32, 40].map(|at| [self.number(at); JOINTS_MAX]);
+        let [angle, rate, jerk] = [24, 32, 40].map(|offset| [self.number(offset); JOINTS_MAX]);
         JointBounds { min: [0.0; JOINTS_MAX], max: [0.0; JOINTS_MAX], angle, rate, jerk }
     }
 }
@@ -83,26 +83,26 @@ pub fn judge(bytes: &[u8], tail: usize) -> Evaluation {
     let mut judged = Evaluation { cycles: bytes.len() / RECORD, ..Evaluation::default() };
     let mut oracle: Option<Oracle> = None;
     let mut corrected = 0;
-    for (at, bytes) in bytes.chunks_exact(RECORD).enumerate() {
+    for (cycle, bytes) in bytes.chunks_exact(RECORD).enumerate() {
         let record = Record(bytes);
-        let [now_ns, stamp_ns] = [0, 8].map(|at| u64::from_le_bytes(record.bytes(at)));
-        let [mode, source] = [16, 20].map(|at| u32::from_le_bytes(record.bytes(at)));
+        let [now_ns, stamp_ns] = [0, 8].map(|offset| u64::from_le_bytes(record.bytes(offset)));
+        let [mode, source] = [16, 20].map(|offset| u32::from_le_bytes(record.bytes(offset)));
         let (command, sent) = (record.joints(48), record.joints(96));
         let bounds = record.bounds();
         let oracle = oracle.get_or_insert_with(|| Oracle::new(&bounds, STATUS_S));
         oracle.set_bounds(now_ns, &bounds);
         oracle.set_shadow(now_ns, mode == Mode::Shadow.code() && source != PLAIN);
-        if let Err(words) = oracle.take(now_ns, stamp_ns, &command, &sent) {
-            judged.broken.push(format!("cycle {at}: {words}"));
+        if let Err(violation) = oracle.take(now_ns, stamp_ns, &command, &sent) {
+            judged.broken.push(format!("cycle {cycle}: {violation}"));
         }
         let largest =
             command.iter().zip(&sent).map(|(q, sent)| (sent - q).abs()).fold(0.0, f64::max);
         judged.largest_rad = judged.largest_rad.max(largest);
         let is_plain = sent.map(f64::to_bits) == command.map(f64::to_bits);
         if source == PLAIN && !is_plain {
-            judged.broken.push(format!("cycle {at}: plain, but {sent:?} for {command:?}"));
+            judged.broken.push(format!("cycle {cycle}: plain, but {sent:?} for {command:?}"));
         }
-        corrected += usize::from(at + tail >= judged.cycles && largest > CORRECTED_RAD);
+        corrected += usize::from(cycle + tail >= judged.cycles && largest > CORRECTED_RAD);
     }
     judged.corrected_at_the_end = corrected as f64 / tail.max(1) as f64;
     judged

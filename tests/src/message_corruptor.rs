@@ -130,13 +130,13 @@ impl MessageCorruptor {
 
     /// The newest answer, checked against the limits.
     fn take_answer(&mut self) -> Option<Corrected> {
-        let said = self.ports.answers.take_newest()?;
-        for i in 0..said.joints as usize {
-            let near = said.correction[i].abs() <= self.bounds.angle[i] + ROUNDING;
-            assert!(near, "{said:?}");
+        let answer = self.ports.answers.take_newest()?;
+        for i in 0..answer.joints as usize {
+            let is_bounded = answer.correction[i].abs() <= self.bounds.angle[i] + ROUNDING;
+            assert!(is_bounded, "{answer:?}");
         }
-        self.gauge.take(said.made_ns, &said.correction[..JOINTS]).expect("within its rate");
-        Some(said)
+        self.gauge.take(answer.made_ns, &answer.correction[..JOINTS]).expect("within its rate");
+        Some(answer)
     }
 
     /// Sends a number of messages and overwrites them meanwhile; returns the number of answers
@@ -152,7 +152,7 @@ impl MessageCorruptor {
         daemon.signal(Signal::CONT);
         assert_eq!(places.len(), 2, "commands and blocks are found in memory");
         let (over, written) = (AtomicBool::new(false), AtomicU64::new(0));
-        let mut said = 0;
+        let mut answers = 0;
         std::thread::scope(|scope| {
             scope.spawn(|| overwrite(&places, &over, &written, rng));
             // A failed check ends the other thread too.
@@ -160,10 +160,10 @@ impl MessageCorruptor {
             for _ in 0..messages {
                 self.send();
                 std::thread::sleep(Duration::from_micros(300));
-                said += u64::from(self.take_answer().is_some());
+                answers += u64::from(self.take_answer().is_some());
             }
         });
-        [said, written.into_inner()]
+        [answers, written.into_inner()]
     }
 
     /// Continues as another session until the daemon corrects it normally; returns the elapsed
@@ -189,9 +189,9 @@ impl MessageCorruptor {
             let ours = entry.file_name().to_string_lossy().starts_with(&self.prefix);
             let Some(bytes) = std::fs::read(entry.path()).ok().filter(|_| ours) else { continue };
             // `session` is the second number of both kinds.
-            let words = bytes.chunks_exact(8).zip(0_u64..);
-            let at = words.filter(|(word, _)| *word == self.session.to_ne_bytes());
-            let begins: Vec<u64> = at.map(|(_, number)| 8 * number - 8).collect();
+            let numbers = bytes.chunks_exact(8).zip(0_u64..);
+            let sessions = numbers.filter(|(value, _)| *value == self.session.to_ne_bytes());
+            let begins: Vec<u64> = sessions.map(|(_, number)| 8 * number - 8).collect();
             let force = bytes.len() > 8 * size_of::<ForceBlock>();
             let size = if force { size_of::<ForceBlock>() } else { size_of::<Command>() };
             if !begins.is_empty() {
@@ -213,7 +213,7 @@ fn overwrite(
     while !over.load(Relaxed) {
         for (file, begins, size) in places {
             let begin = begins[rng.below(begins.len() as u64) as usize];
-            let at = begin + 8 * rng.below(size / 8);
+            let offset = begin + 8 * rng.below(size / 8);
             let bytes = match rng.below(4) {
                 0 => f64::NAN.to_ne_bytes(),
                 1 => f64::INFINITY.to_ne_bytes(),
@@ -221,7 +221,7 @@ fn overwrite(
                 _ => rng.next_u64().to_ne_bytes(),
             };
             let length = 1 + rng.below(8) as usize;
-            file.write_all_at(&bytes[..length], at).expect("memory can be written");
+            file.write_all_at(&bytes[..length], offset).expect("memory can be written");
             written.fetch_add(1, Relaxed);
         }
     }

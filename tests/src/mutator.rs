@@ -102,9 +102,9 @@ impl<'e> Mutator<'e> {
             1 => drop(bytes.drain(stretch)),
             2 => bytes.truncate(stretch.start),
             3 => {
-                let word =
+                let value =
                     DIFFICULT_VALUES[self.chance.below(DIFFICULT_VALUES.len() as u64) as usize];
-                drop(bytes.splice(stretch, word.iter().copied()));
+                drop(bytes.splice(stretch, value.iter().copied()));
             }
             4 => self.repeat(bytes, stretch),
             5 => {
@@ -119,9 +119,9 @@ impl<'e> Mutator<'e> {
     }
 
     fn change_byte(&mut self, bytes: &mut [u8]) {
-        let at = self.random_position(bytes.len());
+        let position = self.random_position(bytes.len());
         let bits = self.chance.next_u64();
-        if let Some(byte) = bytes.get_mut(at) {
+        if let Some(byte) = bytes.get_mut(position) {
             *byte = if bits & 256 == 0 { bits as u8 } else { *byte ^ (1 << (bits & 7)) };
         }
     }
@@ -135,9 +135,12 @@ impl<'e> Mutator<'e> {
     }
 
     fn move_line(&mut self, bytes: &mut Vec<u8>) {
-        let at = self.random_position(bytes.len());
-        let start = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |p| p + 1);
-        let end = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |p| at + p + 1);
+        let position = self.random_position(bytes.len());
+        let start = bytes[..position].iter().rposition(|b| *b == b'\n').map_or(0, |p| p + 1);
+        let end = bytes[position..]
+            .iter()
+            .position(|b| *b == b'\n')
+            .map_or(bytes.len(), |p| position + p + 1);
         let line: Vec<u8> = bytes.drain(start..end).collect();
         let to = self.random_position(bytes.len());
         let to = bytes[..to].iter().rposition(|b| *b == b'\n').map_or(0, |p| p + 1);
@@ -146,9 +149,11 @@ impl<'e> Mutator<'e> {
 
     /// Replaces a number in a text.
     fn replace_number(&mut self, bytes: &mut Vec<u8>) {
-        let at = self.random_position(bytes.len());
+        let position = self.random_position(bytes.len());
         let digit = |b: &u8| b.is_ascii_digit() || b".-+eE".contains(b);
-        let Some(start) = bytes[at..].iter().position(u8::is_ascii_digit).map(|p| at + p) else {
+        let Some(start) =
+            bytes[position..].iter().position(u8::is_ascii_digit).map(|p| position + p)
+        else {
             return;
         };
         let length = bytes[start..].iter().position(|b| !digit(b)).unwrap_or(bytes.len() - start);

@@ -90,7 +90,7 @@ pub struct Oracle {
     /// The correction at the start of a run.
     first: [f64; JOINTS],
     /// Whether the robot is at rest at the next correction.
-    stands: bool,
+    is_at_rest: bool,
     /// Intervals since a silence, s; and the last two, including silences.
     intervals: VecDeque<f64>,
     before_s: [f64; 2],
@@ -119,7 +119,7 @@ impl Oracle {
             first: [0.0; JOINTS],
             // The first stamps may be known later than the first times: until then the robot is not
             // at rest.
-            stands: false,
+            is_at_rest: false,
             intervals: VecDeque::new(),
             before_s: [0.0; 2],
             shadow_from_s: None,
@@ -175,7 +175,7 @@ impl Oracle {
         (self.stamp_ns, self.ahead_ns) = (0, 0);
         self.first = std::array::from_fn(|i| correction.get(i).copied().unwrap_or(0.0));
         self.last = None;
-        self.stands = true;
+        self.is_at_rest = true;
     }
 
     /// The robot has not used the last target, and is at rest.
@@ -267,8 +267,8 @@ impl Oracle {
         if jerk.abs() > most {
             let row = |node: &CheckedTick| format!("{:.6} s {:e}", node.t_s, node.correction[i]);
             let rows: Vec<String> = self.nodes.iter().chain([now]).map(row).collect();
-            let words = format!("jerk of {jerk:e}, bound {bound:e} ({most:e})");
-            return Err(format!("joint {i} has a {words}: {}", rows.join(", ")));
+            let text = format!("jerk of {jerk:e}, bound {bound:e} ({most:e})");
+            return Err(format!("joint {i} has a {text}: {}", rows.join(", ")));
         }
         Ok(())
     }
@@ -279,7 +279,7 @@ impl Oracle {
             if self.is_silence(dt_s) {
                 self.nodes.clear();
                 self.intervals.clear();
-                self.stands = true;
+                self.is_at_rest = true;
             } else if dt_s > 0.0 {
                 self.intervals.push_back(dt_s);
             }
@@ -290,7 +290,7 @@ impl Oracle {
         if self.intervals.len() > INTERVALS {
             self.intervals.pop_front();
         }
-        if std::mem::take(&mut self.stands) {
+        if std::mem::take(&mut self.is_at_rest) {
             for times in [2.0, 1.0] {
                 let mut stood = now;
                 stood.t_s -= times * STOOD_S;

@@ -27,7 +27,7 @@ struct CapturedOutput {
 #[derive(Debug)]
 pub struct Process {
     child: Child,
-    heard: Arc<Mutex<CapturedOutput>>,
+    captured: Arc<Mutex<CapturedOutput>>,
     deaf: Arc<AtomicBool>,
     stalled: Arc<AtomicBool>,
 }
@@ -52,11 +52,11 @@ impl Process {
             .stderr(log)
             .spawn()
             .expect("the program starts");
-        let heard = Arc::<Mutex<CapturedOutput>>::default();
+        let captured = Arc::<Mutex<CapturedOutput>>::default();
         let [deaf, stalled] = [(); 2].map(|()| Arc::<AtomicBool>::default());
-        listen(child.stdout.take(), &heard, [&deaf, &stalled]);
-        listen(child.stderr.take(), &heard, [&deaf, &stalled]);
-        Self { child, heard, deaf, stalled }
+        listen(child.stdout.take(), &captured, [&deaf, &stalled]);
+        listen(child.stderr.take(), &captured, [&deaf, &stalled]);
+        Self { child, captured, deaf, stalled }
     }
 
     /// Starts the daemon of a test directory and waits until it is ready.
@@ -127,8 +127,8 @@ impl Process {
     /// does not report it.
     #[must_use]
     pub fn waited(&self, name: &str) -> Duration {
-        let told = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
-        let text = self.thread(name).and_then(told).unwrap_or_default();
+        let schedstat = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
+        let text = self.thread(name).and_then(schedstat).unwrap_or_default();
         let ns = text.split_whitespace().nth(1).and_then(|ns| ns.parse().ok());
         Duration::from_nanos(ns.unwrap_or(0))
     }
@@ -186,20 +186,20 @@ impl Process {
     /// All lines so far, of both streams.
     #[must_use]
     pub fn lines(&self) -> Vec<String> {
-        lock(&self.heard).lines.clone()
+        lock(&self.captured).lines.clone()
     }
 
     /// Whether this cell received an answer of that daemon since `ns`.
     #[must_use]
     pub fn answered_since(&self, ns: u64, daemon: u32) -> bool {
-        let (at_ns, by) = lock(&self.heard).answered;
+        let (at_ns, by) = lock(&self.captured).answered;
         at_ns > ns && by == daemon
     }
 
     /// Time at which this cell reported its last answer (`CLOCK_MONOTONIC`, ns).
     #[must_use]
     pub fn answered_ns(&self) -> u64 {
-        lock(&self.heard).answered.0
+        lock(&self.captured).answered.0
     }
 
     /// Waits for an answer made after this call.
@@ -224,11 +224,11 @@ impl Drop for Process {
 
 fn listen(
     stream: Option<impl Read + Send + 'static>,
-    heard: &Arc<Mutex<CapturedOutput>>,
+    captured: &Arc<Mutex<CapturedOutput>>,
     [deaf, stalled]: [&Arc<AtomicBool>; 2],
 ) {
     let Some(stream) = stream else { return };
-    let (heard, deaf, stalled) = (Arc::clone(heard), Arc::clone(deaf), Arc::clone(stalled));
+    let (captured, deaf, stalled) = (Arc::clone(captured), Arc::clone(deaf), Arc::clone(stalled));
     std::thread::spawn(move || {
         for line in BufReader::new(stream).lines().map_while(Result::ok) {
             if deaf.load(Relaxed) {
@@ -237,20 +237,20 @@ fn listen(
             while stalled.load(Relaxed) {
                 std::thread::sleep(Duration::from_millis(1));
             }
-            let mut heard = lock(&heard);
+            let mut captured = lock(&captured);
             match answered(&line) {
-                Some(answered) => heard.answered = answered,
-                None => heard.lines.push(line),
+                Some(answered) => captured.answered = answered,
+                None => captured.lines.push(line),
             }
         }
     });
 }
 
 fn answered(line: &str) -> Option<(u64, u32)> {
-    let (at, by) = line.strip_prefix("answered ")?.split_once(" by ")?;
-    Some((at.parse().ok()?, by.parse().ok()?))
+    let (at_ns, by) = line.strip_prefix("answered ")?.split_once(" by ")?;
+    Some((at_ns.parse().ok()?, by.parse().ok()?))
 }
 
-fn lock(heard: &Mutex<CapturedOutput>) -> MutexGuard<'_, CapturedOutput> {
-    heard.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock(captured: &Mutex<CapturedOutput>) -> MutexGuard<'_, CapturedOutput> {
+    captured.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -71,10 +71,10 @@ pub fn run(program: &str, before: &[&str], seed: u64) -> Outcome {
     let application = socket();
     let config =
         config("off", "joints", application.local_addr().ok(), "[force]\nframe = \"tool\"\n");
-    let (mut process, at) = bridge(program, before, "egm", &place, &config);
+    let (mut process, address) = bridge(program, before, "egm", &place, &config);
     assert!(process.wait_for_output("connected to the daemon", PATIENCE), "{:#?}", process.lines());
     let first = cell.next_command().map_or([0.0; JOINTS_MAX], |sample| sample.q);
-    let mut rig = BridgeRig { robot: EgmRobot::new(at, &degrees(&first)), application };
+    let mut rig = BridgeRig { robot: EgmRobot::new(address, &degrees(&first)), application };
     let mut outcome = Outcome { errors_m: Vec::new(), missed: 0, late: 0, counted: Vec::new() };
     let mut due = Instant::now();
     for k in 0..cell.ticks() {
@@ -93,7 +93,9 @@ fn cycle(cell: &mut Cell, rig: &mut BridgeRig, outcome: &mut Outcome, k: usize) 
     let Some(q_cmd) = cell.next_command().map(|sample| sample.q) else { return };
     let mut published: Joints = q_cmd;
     match rig.cycle(&degrees(&q_cmd)) {
-        Some(told) => published.iter_mut().zip(&told).for_each(|(q, told)| *q = told.to_radians()),
+        Some(answer) => {
+            published.iter_mut().zip(&answer).for_each(|(q, deg)| *q = deg.to_radians());
+        }
         None => outcome.missed += 1,
     }
     let Some(tick) = cell.step(&published) else { return };

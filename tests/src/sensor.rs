@@ -99,7 +99,7 @@ impl Sensor {
     /// Sends a block once the daemon has room for it.
     pub fn send(&mut self, block: &ForceBlock) {
         let start = Instant::now();
-        while self.sent - self.heard() >= UNDER_WAY {
+        while self.sent - self.blocks_received() >= UNDER_WAY {
             assert!(start.elapsed() < LIMIT, "the daemon takes no blocks: {:?}", self.status());
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -131,7 +131,7 @@ impl Sensor {
     /// The first status after the daemon has processed everything sent.
     pub fn settled(&mut self) -> Status {
         let sent = self.sent;
-        self.wait("the last block", |status| heard(status) >= sent);
+        self.wait("the last block", |status| blocks_received(status) >= sent);
         // The sensor status is updated every 20 ms.
         let heard_ns = monotonic_ns() + 40_000_000;
         self.wait("an account", |status| status.t_ns > heard_ns)
@@ -157,12 +157,12 @@ impl Sensor {
         self.samples_before += u64::from(block.samples);
     }
 
-    fn heard(&mut self) -> u64 {
-        self.monitor.status().map_or(0, |status| heard(&status))
+    fn blocks_received(&mut self) -> u64 {
+        self.monitor.status().map_or(0, |status| blocks_received(&status))
     }
 }
 
 /// Blocks received by the daemon, accepted or not.
-fn heard(status: &Status) -> u64 {
+fn blocks_received(status: &Status) -> u64 {
     status.force_blocks + status.force_refused
 }

@@ -122,11 +122,11 @@ mod tests {
 
     #[test]
     fn a_wrong_name_is_bad_input_and_a_full_disk_is_not() {
-        let at = |kind: ErrorKind| WriteError::Io { path: "a".into(), source: kind.into() };
-        for bad in [WriteError::Exists("a".into()), at(ErrorKind::NotFound)] {
+        let io_error = |kind: ErrorKind| WriteError::Io { path: "a".into(), source: kind.into() };
+        for bad in [WriteError::Exists("a".into()), io_error(ErrorKind::NotFound)] {
             assert!(matches!(Failure::from(bad), Failure::Input(_)));
         }
-        assert!(matches!(Failure::from(at(ErrorKind::StorageFull)), Failure::System(_)));
+        assert!(matches!(Failure::from(io_error(ErrorKind::StorageFull)), Failure::System(_)));
     }
 
     #[test]

@@ -200,8 +200,10 @@ pub(crate) fn unusable_model(name: &Path, error: FileError) -> Failure {
     match error {
         FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
             let presets = presets::PRESETS.iter().map(|preset| preset.name);
-            let near = name.to_str().and_then(|name| nearest(name, presets));
-            let meant = near.map(|near| format!(" (did you mean `{near}`?)")).unwrap_or_default();
+            let nearest_name = name.to_str().and_then(|name| nearest(name, presets));
+            let meant = nearest_name
+                .map(|nearest_name| format!(" (did you mean `{nearest_name}`?)"))
+                .unwrap_or_default();
             Failure::input(NoModelError { name: name.to_owned(), meant })
         }
         error => unusable(error),

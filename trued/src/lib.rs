@@ -43,7 +43,7 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     let invocation = Invocation::from_args(&args);
     let cli = match parse(args) {
         Ok(cli) => cli,
-        Err(told) => return print_clap_message(&told),
+        Err(message) => return print_clap_message(&message),
     };
     let mut console = Console::new(cli.common.clone()).with_invocation(invocation);
     logs::start(&console);
@@ -101,10 +101,10 @@ fn unknown_json_use(matches: &ArgMatches) -> Option<String> {
 }
 
 /// Help and version are results; everything else is a usage error.
-fn print_clap_message(told: &clap::Error) -> ExitCode {
-    let outcome = match told.print() {
+fn print_clap_message(message: &clap::Error) -> ExitCode {
+    let outcome = match message.print() {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(error)),
-        _ if told.use_stderr() => Err(Failure::input("usage")),
+        _ if message.use_stderr() => Err(Failure::input("usage")),
         _ => Ok(Answer::Done),
     };
     exit::code(&outcome)

@@ -219,16 +219,16 @@ impl Console {
         } else {
             "error:".into()
         };
-        let mut said = failure.to_string();
+        let mut message = failure.to_string();
         // Messages of the command-line parser already begin this way.
-        let mut text = format!("{head} {}\n", said.strip_prefix("error: ").unwrap_or(&said));
+        let mut text = format!("{head} {}\n", message.strip_prefix("error: ").unwrap_or(&message));
         let mut cause = failure.source();
         while let Some(error) = cause {
-            let words = error.to_string();
-            if !said.contains(&words) {
-                text += &format!("  because {words}\n");
+            let cause_text = error.to_string();
+            if !message.contains(&cause_text) {
+                text += &format!("  because {cause_text}\n");
             }
-            said = words;
+            message = cause_text;
             cause = error.source();
         }
         let text = for_stream(&io::stderr(), &text).into_owned();
@@ -259,15 +259,17 @@ impl Console {
         if self.reader_left {
             return Ok(());
         }
-        let told = self.progress.suspend(|| {
+        let written = self.progress.suspend(|| {
             stream.write_all(text.as_bytes())?;
             stream.write_all(if text.ends_with('\n') { b"" } else { b"\n" })?;
             stream.flush()
         });
-        match told {
+        match written {
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.reader_left = true,
-            told => {
-                told.map_err(|error| Failure::system(format!("cannot write the result: {error}")))?;
+            written => {
+                written.map_err(|error| {
+                    Failure::system(format!("cannot write the result: {error}"))
+                })?;
             }
         }
         Ok(())

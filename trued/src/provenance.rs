@@ -30,13 +30,13 @@ impl Invocation {
     /// The run that these arguments began, the first of which is the program's name.
     #[must_use]
     pub fn from_args(args: &[OsString]) -> Self {
-        let words = args.iter().skip(1).map(|word| word.to_string_lossy().into_owned());
-        Self { command: typed(words), date_utc: date(now_s()) }
+        let arguments = args.iter().skip(1).map(|argument| argument.to_string_lossy().into_owned());
+        Self { command: typed(arguments), date_utc: date(now_s()) }
     }
 
     /// The same run with another command line: the one a user would type for it.
-    pub(crate) fn typed<T: Into<String>>(&self, words: impl IntoIterator<Item = T>) -> Self {
-        Self { command: typed(words.into_iter().map(Into::into)), ..self.clone() }
+    pub(crate) fn typed<T: Into<String>>(&self, arguments: impl IntoIterator<Item = T>) -> Self {
+        Self { command: typed(arguments.into_iter().map(Into::into)), ..self.clone() }
     }
 
     /// The information for a page about this run and its input files.
@@ -66,15 +66,15 @@ pub(crate) fn hashed(path: &Path) -> Option<InputFile> {
 }
 
 /// The command line, quoted for a shell.
-fn typed(words: impl Iterator<Item = String>) -> String {
+fn typed(arguments: impl Iterator<Item = String>) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    let quoted = |word: String| {
-        if !word.is_empty() && word.chars().all(plain) {
-            return word;
+    let quoted = |argument: String| {
+        if !argument.is_empty() && argument.chars().all(plain) {
+            return argument;
         }
-        format!("'{}'", word.replace('\'', r"'\''"))
+        format!("'{}'", argument.replace('\'', r"'\''"))
     };
-    std::iter::once("trued".to_owned()).chain(words.map(quoted)).collect::<Vec<_>>().join(" ")
+    std::iter::once("trued".to_owned()).chain(arguments.map(quoted)).collect::<Vec<_>>().join(" ")
 }
 
 /// Seconds since 1970.
@@ -97,9 +97,9 @@ mod tests {
 
     #[test]
     fn a_command_line_is_written_so_that_a_shell_gives_the_same_words() {
-        let words = ["plan", "--zone", "0,1,2", "my robot.toml", "", "it's"];
-        let said = typed(words.iter().map(|word| (*word).to_owned()));
-        assert_eq!(said, r"trued plan --zone 0,1,2 'my robot.toml' '' 'it'\''s'");
+        let arguments = ["plan", "--zone", "0,1,2", "my robot.toml", "", "it's"];
+        let command_line = typed(arguments.iter().map(|argument| (*argument).to_owned()));
+        assert_eq!(command_line, r"trued plan --zone 0,1,2 'my robot.toml' '' 'it'\''s'");
     }
 
     #[test]

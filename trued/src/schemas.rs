@@ -40,9 +40,9 @@ impl ResultSchema {
             "Which program wrote it: name, version, and commit where the build stated it.";
         one.schema["properties"]["schema"] = json!({ "const": format });
         one.schema["properties"]["version"] = json!({ "type": "string", "description": version });
-        let own = one.schema["required"].as_array().cloned().unwrap_or_default();
+        let required = one.schema["required"].as_array().cloned().unwrap_or_default();
         one.schema["required"] =
-            [json!("schema"), json!("version")].into_iter().chain(own).collect();
+            [json!("schema"), json!("version")].into_iter().chain(required).collect();
         one.schema["title"] = json!(format);
         one
     }

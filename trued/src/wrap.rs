@@ -34,18 +34,18 @@ fn break_line(line: &str, columns: usize) -> String {
     }
     let hang = hang(line, columns);
     let mut text = String::new();
-    let mut at = 0;
+    let mut column = 0;
     let mut is_first = true;
     for word in line.split(' ') {
         let gap = usize::from(!is_first);
-        if !is_first && at > hang && !word.is_empty() && at + gap + width(word) > columns {
+        if !is_first && column > hang && !word.is_empty() && column + gap + width(word) > columns {
             text = text.trim_end_matches(' ').to_owned();
             text.push('\n');
             text += &" ".repeat(hang);
-            at = hang + width(word);
+            column = hang + width(word);
         } else {
             text += &" ".repeat(gap);
-            at += gap + width(word);
+            column += gap + width(word);
         }
         text += word;
         is_first = false;

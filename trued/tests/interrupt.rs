@@ -33,7 +33,7 @@ fn one_interrupt_is_a_request_and_the_second_ends_a_command_that_hangs() {
         .spawn()
         .expect("runs");
     let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
-    let mut wait_for = |said: &str| lines.any(|line| line.expect("text") == said);
+    let mut wait_for = |expected: &str| lines.any(|line| line.expect("text") == expected);
     assert!(wait_for("listening"));
     interrupt(&child);
     assert!(wait_for("asked to stop"), "the first interrupt only sets the flag");

@@ -27,7 +27,9 @@ const MODEL: &str = include_str!("../../deploy/presets/irb1600-6-145.toml");
 /// Runs everything and prints it; returns whether all digests are equal and the limit is met.
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let count = match arguments.first() {
-        Some(word) => word.parse().map_err(|_| format!("{word} is no number of recordings"))?,
+        Some(argument) => {
+            argument.parse().map_err(|_| format!("{argument} is no number of recordings"))?
+        }
         None => RECORDINGS,
     };
     let build = ["build", "--release", "--quiet", "--package", "trued"];
@@ -101,8 +103,10 @@ impl BatchTest {
             );
             self.write("truth.toml", &truth)?;
             let seed = number.to_string();
-            let words = ["simulate", "--quiet", "--model", "truth.toml", "--noise", "0.03"];
-            self.run_trued(&[&words[..], &["--seed", &seed, "--out", name, "path.csv"]].concat())?;
+            let arguments = ["simulate", "--quiet", "--model", "truth.toml", "--noise", "0.03"];
+            self.run_trued(
+                &[&arguments[..], &["--seed", &seed, "--out", name, "path.csv"]].concat(),
+            )?;
             let sigma = "sigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }";
             self.write(
                 &format!("{name}.toml"),
@@ -125,9 +129,9 @@ impl BatchTest {
         let work = || -> Result<(), String> {
             while let Some(name) = names.get(next.fetch_add(1, Ordering::Relaxed)) {
                 let (out, file) = (format!("by-hand/{name}"), format!("{name}.csv"));
-                let words = ["diagnose", "--quiet", "--seed", "1", "--threads", "1"];
+                let arguments = ["diagnose", "--quiet", "--seed", "1", "--threads", "1"];
                 let files = ["--model", "told.toml", "--out", &out, &file];
-                self.run_trued(&[&words[..], &files].concat())?;
+                self.run_trued(&[&arguments[..], &files].concat())?;
             }
             Ok(())
         };
@@ -144,9 +148,9 @@ impl BatchTest {
 
     fn batch(&self, out: &str, shard: &str) -> Command {
         let mut command = Command::new(&self.trued);
-        let words =
+        let arguments =
             ["diagnose", "--quiet", "--batch", "manifest.toml", "--resume", "--threads", "1"];
-        command.args(words).args(["--out", out, "--shard", shard]);
+        command.args(arguments).args(["--out", out, "--shard", shard]);
         command.current_dir(&self.folder).stdout(Stdio::null());
         command
     }
@@ -188,9 +192,9 @@ impl BatchTest {
         let mut command = Command::new("sh");
         command.args(["-c", "sha256sum *.parquet | sha256sum"]);
         let done = command.current_dir(self.folder.join(out)).output();
-        let said = done.map_err(|why| why.to_string())?.stdout;
-        let said = String::from_utf8_lossy(&said).into_owned();
-        said.split_whitespace().next().map(str::to_owned).ok_or_else(|| "no digest".to_owned())
+        let output = done.map_err(|why| why.to_string())?.stdout;
+        let output = String::from_utf8_lossy(&output).into_owned();
+        output.split_whitespace().next().map(str::to_owned).ok_or_else(|| "no digest".to_owned())
     }
 
     fn write(&self, name: &str, text: &str) -> Result<(), String> {

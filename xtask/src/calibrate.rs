@@ -14,9 +14,11 @@ const MODELS: [&str; 5] = ["nominal", "calibrated", "advanced", "oracle", "truth
 /// Runs everything, prints it, writes `calibration.html` and `calibration.json` into a folder;
 /// returns whether the limits are met.
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
-    let mut numbers = arguments.iter().filter(|word| !word.starts_with("--"));
+    let mut numbers = arguments.iter().filter(|argument| !argument.starts_with("--"));
     let campaigns: u64 = match numbers.next() {
-        Some(word) => word.parse().map_err(|_| format!("{word} is no number of campaigns"))?,
+        Some(argument) => {
+            argument.parse().map_err(|_| format!("{argument} is no number of campaigns"))?
+        }
         None => 1000,
     };
     let parts = [
@@ -25,31 +27,31 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
         "robot".to_owned(),
         "outliers".to_owned(),
     ];
-    let said = figures("calibrate_figures", &parts)?;
+    let results = figures("calibrate_figures", &parts)?;
     let speed = figures("speed", &[])?;
     let mut all_met = true;
-    let mut told = |text: String, met: bool| {
+    let mut report_criterion = |text: String, met: bool| {
         all_met &= met;
         println!("{text}: {}", if met { "met" } else { "MISSED" });
     };
-    robot(&said["robot"], &mut told);
-    coverage(&said, &mut told);
-    outliers(&said["outliers"], &mut told);
+    robot(&results["robot"], &mut report_criterion);
+    coverage(&results, &mut report_criterion);
+    outliers(&results["outliers"], &mut report_criterion);
     let seconds = number(&speed["seconds"]);
     let text = format!(
         "{} poses, {} numbers: {seconds:.2} s (bar 2)",
         speed["poses"], speed["numbers_fitted"]
     );
-    told(text, seconds < 2.0);
-    write(arguments, &said)?;
+    report_criterion(text, seconds < 2.0);
+    write(arguments, &results)?;
     Ok(all_met)
 }
 
 fn robot(result: &Value, reported: &mut impl FnMut(String, bool)) {
     for (test, bar) in THESIS_MM {
-        let said = &result[test];
+        let results = &result[test];
         for model in MODELS {
-            let one = &said["models"][model];
+            let one = &results["models"][model];
             let of = |key: &str| number(&one[key]);
             println!(
                 "{test}, {model}: mean {:.3}, median {:.3}, 95 % {:.3}, largest {:.3} mm",
@@ -60,24 +62,24 @@ fn robot(result: &Value, reported: &mut impl FnMut(String, bool)) {
             );
         }
         for way in ["rising", "falling"] {
-            let one = &said[format!("advanced_joint_2_{way}")];
+            let one = &results[format!("advanced_joint_2_{way}")];
             let (mean, p95) = (number(&one["mean"]), number(&one["p95"]));
             println!("{test}, advanced, joint 2 {way}: mean {mean:.3}, 95 % {p95:.3} mm");
         }
-        let worst = number(&said["advanced_worst_mean"]);
+        let worst = number(&results["advanced_worst_mean"]);
         reported(
             format!(
                 "{test}: worst mean of {} campaigns {worst:.3} mm (bar {bar})",
-                said["campaigns"]
+                results["campaigns"]
             ),
             worst <= bar,
         );
-        let ratio = number(&said["advanced_over_oracle"]);
-        let largest = number(&said["advanced_over_oracle_worst"]);
+        let ratio = number(&results["advanced_over_oracle"]);
+        let largest = number(&results["advanced_over_oracle_worst"]);
         let text =
             format!("{test}: over the best possible {ratio:.2}, at worst {largest:.2} (bar 1.3)");
         reported(text, largest <= 1.3);
-        let (converged, campaigns) = (&said["converged"], &said["campaigns"]);
+        let (converged, campaigns) = (&results["converged"], &results["campaigns"]);
         reported(
             format!("{test}: {converged} of {campaigns} fits converged"),
             converged == campaigns,
@@ -126,8 +128,8 @@ fn outliers(result: &Value, reported: &mut impl FnMut(String, bool)) {
 
 fn figures(example: &str, parts: &[String]) -> Result<Value, String> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or("cargo".into()));
-    let words = ["run", "--release", "--quiet", "-p", "diagnosis", "--example", example, "--"];
-    cargo.args(words).args(parts);
+    let arguments = ["run", "--release", "--quiet", "-p", "diagnosis", "--example", example, "--"];
+    cargo.args(arguments).args(parts);
     let ran = cargo.stderr(Stdio::inherit()).output().map_err(|e| e.to_string())?;
     if !ran.status.success() {
         return Err(format!("the example {example} ended with {}", ran.status));
@@ -136,7 +138,7 @@ fn figures(example: &str, parts: &[String]) -> Result<Value, String> {
 }
 
 fn write(arguments: &[&str], result: &Value) -> Result<(), String> {
-    let out = arguments.iter().find_map(|word| word.strip_prefix("--out="));
+    let out = arguments.iter().find_map(|argument| argument.strip_prefix("--out="));
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let out = out.map_or(root.join("target").join("figures"), Into::into);
     let mut page = Page::new("Calibration of the thesis' virtual robot").lead(

@@ -51,12 +51,12 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
 fn program() -> Result<String, String> {
     let bench = ["bench", "--package", "corrector", "--bench", "counted", "--no-run"];
     let built = Command::new("cargo").args(bench).output().map_err(|why| why.to_string())?;
-    let said = String::from_utf8_lossy(&built.stderr);
-    let built = said.lines().find(|line| line.trim_start().starts_with("Executable"));
+    let stderr = String::from_utf8_lossy(&built.stderr);
+    let built = stderr.lines().find(|line| line.trim_start().starts_with("Executable"));
     let path = built.and_then(|line| line.split_once('(')?.1.strip_suffix(')'));
     let path = path.filter(|path| Path::new(path).exists());
     path.map(str::to_owned)
-        .ok_or_else(|| format!("cargo {} built nothing:\n{said}", bench.join(" ")))
+        .ok_or_else(|| format!("cargo {} built nothing:\n{stderr}", bench.join(" ")))
 }
 
 fn count_instructions(program: &str, stage: &str, times: u64) -> Result<u64, String> {
@@ -66,10 +66,10 @@ fn count_instructions(program: &str, stage: &str, times: u64) -> Result<u64, Str
     let done = done.map_err(|why| {
         format!("valgrind: {why}; expected it installed (Debian: apt-get install valgrind)")
     })?;
-    let said = String::from_utf8_lossy(&done.stderr);
+    let stderr = String::from_utf8_lossy(&done.stderr);
     let count =
-        said.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok());
-    count.ok_or_else(|| format!("valgrind counted nothing for {stage}:\n{said}"))
+        stderr.lines().find_map(|line| line.split_once("Collected : ")?.1.trim().parse().ok());
+    count.ok_or_else(|| format!("valgrind counted nothing for {stage}:\n{stderr}"))
 }
 
 fn output(mut command: Command) -> Result<String, String> {

@@ -39,9 +39,9 @@ cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration monitor: det
 ";
 
 fn main() -> ExitCode {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    let done = match words.as_slice() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match arguments.as_slice() {
         ["languages"] => comparisons::languages(),
         ["peers"] => comparisons::peers(),
         ["batch", rest @ ..] => batch::run(rest),

@@ -16,7 +16,7 @@ const USAGE: &str = "cargo xtask man [--out=DIR]";
 pub(crate) fn run(arguments: &[&str]) -> std::result::Result<bool, String> {
     let out = match arguments {
         [] => Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/package"),
-        [word] => word.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
+        [argument] => argument.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
         _ => return Err(USAGE.to_owned()),
     };
     let pages = write(&out).map_err(|why| format!("{}: {why}", out.display()))?;

@@ -38,7 +38,7 @@ const SUBJECTS: [Subject; 3] = [PROGRAM, LIBRARY, PLANT];
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let out = match arguments {
         [] => root().join("target/package/sbom"),
-        [word] => word.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
+        [argument] => argument.strip_prefix("--out=").map(PathBuf::from).ok_or(USAGE)?,
         _ => return Err(USAGE.to_owned()),
     };
     fs::create_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
@@ -140,9 +140,9 @@ fn parse_tree(tree: &str) -> Result<DependencyGraph, String> {
 fn parse_line(line: &str) -> Option<(usize, Crate)> {
     let (depth, rest) = line.split_once(' ')?;
     let (package, license) = rest.split_once('\t')?;
-    let mut words = package.split_whitespace();
-    let name = words.next()?.to_owned();
-    let version = words.next()?.strip_prefix('v')?.to_owned();
+    let mut fields = package.split_whitespace();
+    let name = fields.next()?.to_owned();
+    let version = fields.next()?.strip_prefix('v')?.to_owned();
     // Some crates still write `MIT/Apache-2.0`.
     let license = license.trim_end_matches("(*)").trim().replace('/', " OR ");
     Some((depth.parse().ok()?, Crate { name, version, license }))
@@ -186,9 +186,12 @@ mod tests {
                 assert!(component["name"].is_string() && component["type"] == "library");
                 let license = component["licenses"][0]["expression"].as_str().unwrap();
                 assert!(!license.is_empty(), "{component}");
-                let own = component["version"] == env!("CARGO_PKG_VERSION")
+                let is_workspace_member = component["version"] == env!("CARGO_PKG_VERSION")
                     && component["purl"].is_null();
-                assert!(own || component["hashes"][0]["content"].as_str().unwrap().len() == 64);
+                assert!(
+                    is_workspace_member
+                        || component["hashes"][0]["content"].as_str().unwrap().len() == 64
+                );
             }
             for dependency in bom["dependencies"].as_array().unwrap() {
                 let named =

@@ -12,8 +12,10 @@ use std::process::{Command, Stdio};
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let full = arguments.contains(&"--full");
     let profile = if arguments.contains(&"--debug") { "dev" } else { "release" };
-    let count = match arguments.iter().find(|word| !word.starts_with("--")) {
-        Some(word) => word.parse().map_err(|_| format!("{word} is no number of seeds"))?,
+    let count = match arguments.iter().find(|argument| !argument.starts_with("--")) {
+        Some(argument) => {
+            argument.parse().map_err(|_| format!("{argument} is no number of seeds"))?
+        }
         None => 20_u64,
     };
     cargo(&["build", "--profile", profile, "--quiet", "--package", "trued"])?;
@@ -25,30 +27,30 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
         (1..=count).map(|seed| demo(&program, seed, full)).collect();
     let rows = rows?;
     let ratios = sorted(rows.iter().map(|row| row.with / row.without));
-    let (middle, worst) = (ratios[ratios.len() / 2], ratios[ratios.len() - 1]);
+    let (median, worst) = (ratios[ratios.len() / 2], ratios[ratios.len() - 1]);
     let broken: u64 = rows.iter().map(|row| row.broken).sum();
     let flagged = rows.iter().filter(|row| row.flagged).count();
     let right = rows.iter().filter(|row| row.right).count();
-    println!("ratio: median {middle:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
+    println!("ratio: median {median:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
     println!("invariants broken: {broken} (bar 0); ringing flagged in {flagged} of {}", rows.len());
     let swapped: Vec<&SeedResult> = rows.iter().filter(|row| row.after.is_some()).collect();
     if !swapped.is_empty() {
         let before = sorted(swapped.iter().map(|row| row.with));
         let after = sorted(swapped.iter().filter_map(|row| row.after));
-        let (at, end) = (before.len() / 2, before.len() - 1);
+        let (median, end) = (before.len() / 2, before.len() - 1);
         println!(
             "mean tool error where the model was swapped, {} of {}: before {:.3} mm in the median, {:.3} at worst; after {:.3} and {:.3}",
             swapped.len(),
             rows.len(),
-            before[at],
+            before[median],
             before[end],
-            after[at],
+            after[median],
             after[end]
         );
     }
     println!("named right: {right} of {} (bar 9 of 10)", rows.len());
     let named = 10 * right >= 9 * rows.len();
-    Ok(middle <= 0.25 && worst <= 1.0 / 3.0 && broken == 0 && named)
+    Ok(median <= 0.25 && worst <= 1.0 / 3.0 && broken == 0 && named)
 }
 
 fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
@@ -124,8 +126,8 @@ fn name(effect: &Value) -> String {
 
 /// An alarm within 2 Hz of the 72 Hz at which the demo's robot rings.
 fn is_resonance_alarm(event: &Value) -> bool {
-    let near = event["frequency_Hz"].as_f64().is_some_and(|hz| (hz - 72.0).abs() < 2.0);
-    near && event["state"].as_str().is_some_and(|state| state == "alarm" || state == "confirmed")
+    let is_near = event["frequency_Hz"].as_f64().is_some_and(|hz| (hz - 72.0).abs() < 2.0);
+    is_near && event["state"].as_str().is_some_and(|state| state == "alarm" || state == "confirmed")
 }
 
 fn program(profile: &str) -> std::path::PathBuf {

@@ -9,12 +9,12 @@ use crate::comparisons::cargo;
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let [mut minutes, mut seed] = ["60".to_owned(), String::new()];
     let mut rest = arguments.iter();
-    while let Some(word) = rest.next() {
-        let value = rest.next().ok_or_else(|| format!("{word}: expected a number behind it"))?;
-        match *word {
+    while let Some(option) = rest.next() {
+        let value = rest.next().ok_or_else(|| format!("{option}: expected a number behind it"))?;
+        match *option {
             "--minutes" => minutes = (*value).to_owned(),
             "--seed" => seed = (*value).to_owned(),
-            _ => return Err(format!("{word}: expected --minutes N or --seed S")),
+            _ => return Err(format!("{option}: expected --minutes N or --seed S")),
         }
     }
     cargo(&["build", "--quiet", "--package", "tests", "--bins"])?;

@@ -82,17 +82,17 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
             let mut times = Vec::new();
             for _ in 0..RUNS {
                 let before = children_cpu_s()?;
-                let asked =
+                let arguments =
                     ["diagnose", "--quiet", "--overwrite", "--seed", "1", "--model", "told.toml"];
-                bench.run_trued(&[&asked[..], &["--out", "out", "made.parquet"]].concat())?;
+                bench.run_trued(&[&arguments[..], &["--out", "out", "made.parquet"]].concat())?;
                 times.push(children_cpu_s()? - before);
             }
             times.sort_by(f64::total_cmp);
-            let middle = times[RUNS / 2];
-            let met = middle <= bar;
+            let median = times[RUNS / 2];
+            let met = median <= bar;
             all_met &= met;
             println!(
-                "{:8} {rows:8} rows: {middle:5.2} s of processor time (bar {bar}, runs {:.2} to {:.2}): {}",
+                "{:8} {rows:8} rows: {median:5.2} s of processor time (bar {bar}, runs {:.2} to {:.2}): {}",
                 kind.name,
                 times[0],
                 times[RUNS - 1],
@@ -117,8 +117,9 @@ impl SpeedTest {
         self.write("true.toml", &format!("{}\n{}", kind.model, kind.hidden))?;
         self.write("path.csv", &path(kind, rows))?;
         self.write("path.toml", &format!("schema = \"trued.recording/1\"\n{}", kind.cut))?;
-        let asked = ["simulate", "--quiet", "--seed", "3", "--model", "true.toml", "--out", "made"];
-        self.run_trued(&[&asked[..], &kind.noise, &["path.csv"]].concat())?;
+        let arguments =
+            ["simulate", "--quiet", "--seed", "3", "--model", "true.toml", "--out", "made"];
+        self.run_trued(&[&arguments[..], &kind.noise, &["path.csv"]].concat())?;
         let made = self.folder.join("made.csv");
         let table = std::fs::read_to_string(&made).map_err(|why| why.to_string())?;
         let bytes = parquet_of(&table).map_err(|why| why.to_string())?;
@@ -154,8 +155,9 @@ fn path(kind: &RecordingKind, rows: usize) -> String {
         let segment = row * 10 / rows;
         if moves {
             let t = STEP_S * row as f64;
-            let swing =
-                |size: f64, rate: f64, at: f64| size * (rate * t + at).sin() * (0.02 * t).cos();
+            let swing = |size: f64, rate: f64, phase: f64| {
+                size * (rate * t + phase).sin() * (0.02 * t).cos()
+            };
             let _ = writeln!(
                 text,
                 "{t:.4},{segment},{:.6},{:.6},{:.6},{:.6},{:.6},{:.6},{blank}",

@@ -16,21 +16,23 @@ const LIMITED_TRANSIENTS: [&str; 5] =
 /// Runs everything, prints it, writes `vibration.html`, `vibration-curve.svg` and `vibration.json`
 /// into a folder; returns whether the limits are met.
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
-    let mut numbers = arguments.iter().filter(|word| !word.starts_with("--"));
+    let mut numbers = arguments.iter().filter(|argument| !argument.starts_with("--"));
     let hours: f64 = match numbers.next() {
-        Some(word) => word.parse().map_err(|_| format!("{word} is no number of hours"))?,
+        Some(argument) => {
+            argument.parse().map_err(|_| format!("{argument} is no number of hours"))?
+        }
         None => 10.0,
     };
-    let said = match arguments.iter().find_map(|word| word.strip_prefix("--from=")) {
+    let results = match arguments.iter().find_map(|argument| argument.strip_prefix("--from=")) {
         Some(file) => read(file)?,
         None => figures(hours)?,
     };
     let mut bars = LimitChecks { all_met: true };
-    detection(&said, &mut bars);
-    transients(&said, &mut bars);
-    noise(&said, &mut bars);
-    cost(&said, &mut bars);
-    write(arguments, &said)?;
+    detection(&results, &mut bars);
+    transients(&results, &mut bars);
+    noise(&results, &mut bars);
+    cost(&results, &mut bars);
+    write(arguments, &results)?;
     Ok(bars.all_met)
 }
 
@@ -81,7 +83,7 @@ fn transients(result: &Value, bars: &mut LimitChecks) {
 }
 
 fn noise(result: &Value, bars: &mut LimitChecks) {
-    let told = |row: &Value| {
+    let row_text = |row: &Value| {
         let of = |key: &str| number(row, key);
         let name = row["noise"].as_str().unwrap_or("");
         let (rate_hz, warned, alarmed) = (of("rate_Hz"), of("warned"), of("alarmed"));
@@ -90,7 +92,7 @@ fn noise(result: &Value, bars: &mut LimitChecks) {
     for row in rows(result, "noise") {
         println!(
             "{} in {} h on each of {} axes: {}",
-            told(row),
+            row_text(row),
             number(row, "hours_per_axis"),
             number(row, "axes"),
             bars.record(number(row, "alarmed") == 0.0)
@@ -98,17 +100,17 @@ fn noise(result: &Value, bars: &mut LimitChecks) {
     }
     for row in rows(result, "starts") {
         let (seconds, starts) = (number(row, "seconds"), number(row, "starts"));
-        println!("{} in the first {seconds} s of {starts} starts, 3 axes: no bar", told(row));
+        println!("{} in the first {seconds} s of {starts} starts, 3 axes: no bar", row_text(row));
     }
 }
 
 fn cost(result: &Value, bars: &mut LimitChecks) {
     let (share, ratio) =
         (number(&result["cost"]["share_of_core"], "p50"), number(&result["cost"]["ratio"], "p50"));
-    let told = bars.record(share < 0.03);
-    println!("6 channels at 50 kHz: {:.2} % of a core (bar 3): {told}", 100.0 * share);
-    let told = bars.record(ratio <= 1.6);
-    println!("a hop of 4096 over six plain transforms: {ratio:.2} (bar 1.6): {told}");
+    let verdict = bars.record(share < 0.03);
+    println!("6 channels at 50 kHz: {:.2} % of a core (bar 3): {verdict}", 100.0 * share);
+    let verdict = bars.record(ratio <= 1.6);
+    println!("a hop of 4096 over six plain transforms: {ratio:.2} (bar 1.6): {verdict}");
 }
 
 /// Results written by an earlier run.
@@ -139,7 +141,7 @@ fn figures(hours: f64) -> Result<Value, String> {
 }
 
 fn write(arguments: &[&str], result: &Value) -> Result<(), String> {
-    let out = arguments.iter().find_map(|word| word.strip_prefix("--out="));
+    let out = arguments.iter().find_map(|argument| argument.strip_prefix("--out="));
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let out = out.map_or(root.join("target").join("figures"), Into::into);
     let curve = curve(result);
@@ -171,8 +173,8 @@ fn curve(result: &Value) -> Svg {
         let points: Vec<(f64, f64)> = rows(result, "curve")
             .map(|row| {
                 // None in this many hours: drawn at the 63 % upper limit, one in those hours.
-                let least = 1.0 / number(row, "axis_hours");
-                let false_warns = number(row, "false_warns_per_axis_hour").max(least);
+                let smallest_rate = 1.0 / number(row, "axis_hours");
+                let false_warns = number(row, "false_warns_per_axis_hour").max(smallest_rate);
                 (false_warns, number(&row["found"][place], "warned"))
             })
             .collect();

@@ -147,9 +147,10 @@ impl<L: Link> Forwarder<L> {
             self.other_unit = None;
             return true;
         }
-        let seen = self.other_unit.filter(|(address, _)| *address == from).map_or(0, |(_, n)| n);
-        self.other_unit = Some((from, seen + 1));
-        self.is_silent(&robot, now_ns) && seen + 1 >= self.settings.runs.unit_switch_after
+        let datagrams =
+            self.other_unit.filter(|(address, _)| *address == from).map_or(0, |(_, n)| n);
+        self.other_unit = Some((from, datagrams + 1));
+        self.is_silent(&robot, now_ns) && datagrams + 1 >= self.settings.runs.unit_switch_after
     }
 
     /// Whether the controller has been silent for long enough to end a run.
@@ -214,9 +215,9 @@ impl<L: Link> Forwarder<L> {
 
     /// The robot starts to be guided, from its present position. Along a path corrections
     /// accumulate from zero.
-    fn start(&mut self, stands: Option<[f64; JOINTS_MAX]>) {
-        match stands.filter(|_| self.settings.guidance == Guidance::Joints) {
-            Some(stands) => self.feed.start_at(&stands),
+    fn start(&mut self, position: Option<[f64; JOINTS_MAX]>) {
+        match position.filter(|_| self.settings.guidance == Guidance::Joints) {
+            Some(position) => self.feed.start_at(&position),
             None => self.feed.start_at_zero(),
         }
     }
@@ -308,12 +309,12 @@ impl<L: Link> Forwarder<L> {
         if robot.is_guided {
             return false;
         }
-        let (q, stands) = (self.settings.order.rad(planned), robot.position);
-        let (Some(q), Some(stands)) = (q, stands.filter(|_| self.feed.is_correcting())) else {
+        let (q, position) = (self.settings.order.rad(planned), robot.position);
+        let (Some(q), Some(position)) = (q, position.filter(|_| self.feed.is_correcting())) else {
             return true;
         };
         robot.not_guided >= self.settings.runs.stopped_after
-            && self.feed.is_at_target(&q[..self.arm.count()], &stands)
+            && self.feed.is_at_target(&q[..self.arm.count()], &position)
     }
 
     fn correct_joints(&mut self, datagram: &mut [u8], planned: &Posture, is_repeated: bool) {

@@ -32,8 +32,8 @@ impl JointOrder {
         }
         let mut q = [0.0; JOINTS_MAX];
         for (i, q) in q.iter_mut().enumerate().take(self.count) {
-            let (is_axis, at) = self.wire_index(i);
-            *q = if is_axis { joints.get(at) } else { external.get(at) }?.to_radians();
+            let (is_axis, index) = self.wire_index(i);
+            *q = if is_axis { joints.get(index) } else { external.get(index) }?.to_radians();
         }
         q.iter().all(|q| q.is_finite()).then_some(q)
     }
@@ -50,8 +50,8 @@ impl JointOrder {
         joints.iter_mut().zip(posture.joints.values()).for_each(|(to, from)| *to = *from);
         for i in 0..self.count {
             match self.wire_index(i) {
-                (true, at) => {
-                    if let Some(joint) = joints.get_mut(at) {
+                (true, index) => {
+                    if let Some(joint) = joints.get_mut(index) {
                         *joint = each(i, *joint);
                     }
                 }

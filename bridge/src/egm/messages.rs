@@ -47,10 +47,10 @@ impl Default for JointValues {
 }
 
 impl JointValues {
-    fn push(&mut self, value: f64, at: usize) -> Result<(), DecodeError> {
+    fn push(&mut self, value: f64, offset: usize) -> Result<(), DecodeError> {
         let places = self.values.get_mut(self.count).zip(self.places.get_mut(self.count));
         let (to, place) = places.ok_or(DecodeError::TooManyJoints)?;
-        (*to, *place) = (value, at);
+        (*to, *place) = (value, offset);
         self.count += 1;
         Ok(())
     }
@@ -63,8 +63,8 @@ impl JointValues {
 
     /// Replaces these numbers; nothing else of the datagram changes.
     pub fn write(&self, datagram: &mut [u8], values: &[f64]) {
-        for (at, value) in self.places[..self.count].iter().zip(values) {
-            if let Some(place) = datagram.get_mut(*at..at + 8) {
+        for (offset, value) in self.places[..self.count].iter().zip(values) {
+            if let Some(place) = datagram.get_mut(*offset..offset + 8) {
                 place.copy_from_slice(&value.to_le_bytes());
             }
         }
@@ -137,8 +137,8 @@ pub struct Offset {
 impl Offset {
     /// Replaces this offset.
     pub fn put(&self, datagram: &mut [u8], mm: [f64; 3]) {
-        for (at, value) in self.places.iter().zip(mm) {
-            if let Some(place) = datagram.get_mut(*at..at + 8) {
+        for (offset, value) in self.places.iter().zip(mm) {
+            if let Some(place) = datagram.get_mut(*offset..offset + 8) {
                 place.copy_from_slice(&value.to_le_bytes());
             }
         }
@@ -163,7 +163,7 @@ fn joints(numbers: &mut JointValues, field: &Field<'_>) -> Result<(), DecodeErro
     let mut fields = field.message()?;
     while let Some(field) = fields.next()? {
         if field.number == 1 {
-            field.doubles(|value, at| numbers.push(value, at))?;
+            field.doubles(|value, offset| numbers.push(value, offset))?;
         }
     }
     Ok(())
@@ -195,7 +195,7 @@ impl Force {
         while let Some(field) = fields.next()? {
             match (field.number, field.value) {
                 (1, Value::Varint(flag)) => self.is_active = Some(flag != 0),
-                (1 | 2, _) => field.doubles(|value, at| self.values.push(value, at))?,
+                (1 | 2, _) => field.doubles(|value, offset| self.values.push(value, offset))?,
                 _ => {}
             }
         }

@@ -122,19 +122,19 @@ impl EgmLoop {
     }
 
     fn receive_from_robot(&mut self) {
-        let mut heard = false;
+        let mut is_received = false;
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&self.robot, &mut self.buffer) else { break };
             let datagram = &self.buffer[..length];
             let passes = self.forwarder.receive_from_robot(datagram, from, monotonic_ns());
-            heard |= passes;
+            is_received |= passes;
             if let (true, Some((ours, theirs))) = (passes, &self.application)
                 && ours.send_to(datagram, theirs).is_err()
             {
                 self.forwarder.count_not_sent();
             }
         }
-        if heard
+        if is_received
             && let Some((length, to)) =
                 self.forwarder.own_path_correction(&mut self.target_buffer, monotonic_ns())
             && self.robot.send_to(&self.target_buffer[..length], to).is_err()

@@ -50,7 +50,7 @@ pub(crate) enum Value<'a> {
 pub(crate) struct Field<'a> {
     pub(crate) number: u32,
     pub(crate) value: Value<'a>,
-    pub(crate) at: usize,
+    pub(crate) offset: usize,
 }
 
 /// The fields of a message.
@@ -58,13 +58,13 @@ pub(crate) struct Field<'a> {
 pub(crate) struct Fields<'a> {
     rest: &'a [u8],
     /// Position of `rest` in the datagram.
-    at: usize,
+    offset: usize,
 }
 
 impl<'a> Fields<'a> {
     /// The fields of a whole datagram.
     pub(crate) fn new(datagram: &'a [u8]) -> Self {
-        Self { rest: datagram, at: 0 }
+        Self { rest: datagram, offset: 0 }
     }
 
     /// The next field; `None` at the end.
@@ -77,13 +77,13 @@ impl<'a> Fields<'a> {
         if number == 0 {
             return Err(DecodeError::InvalidTag);
         }
-        let mut at = self.at;
+        let mut offset = self.offset;
         let value = match wire_type {
             0 => Value::Varint(self.varint()?),
             1 => Value::Fixed64(self.array()?),
             2 => {
                 let length = usize::try_from(self.varint()?).map_err(|_| DecodeError::Truncated)?;
-                at = self.at;
+                offset = self.offset;
                 Value::Bytes(self.take(length)?)
             }
             5 => {
@@ -92,13 +92,13 @@ impl<'a> Fields<'a> {
             }
             _ => return Err(DecodeError::WrongType { number, wire_type: wire_type as u8 }),
         };
-        Ok(Some(Field { number, value, at }))
+        Ok(Some(Field { number, value, offset }))
     }
 
     fn take(&mut self, length: usize) -> Result<&'a [u8], DecodeError> {
         let (head, rest) = self.rest.split_at_checked(length).ok_or(DecodeError::Truncated)?;
         self.rest = rest;
-        self.at += length;
+        self.offset += length;
         Ok(head)
     }
 
@@ -150,7 +150,7 @@ impl<'a> Field<'a> {
     /// An embedded message.
     pub(crate) fn message(&self) -> Result<Fields<'a>, DecodeError> {
         match self.value {
-            Value::Bytes(bytes) => Ok(Fields { rest: bytes, at: self.at }),
+            Value::Bytes(bytes) => Ok(Fields { rest: bytes, offset: self.offset }),
             _ => self.wrong_type(),
         }
     }
@@ -158,7 +158,7 @@ impl<'a> Field<'a> {
     /// A `double`, and its position.
     pub(crate) fn double(&self) -> Result<(f64, usize), DecodeError> {
         if let Value::Fixed64(bytes) = self.value {
-            Ok((f64::from_le_bytes(bytes), self.at))
+            Ok((f64::from_le_bytes(bytes), self.offset))
         } else {
             self.wrong_type()
         }
@@ -170,12 +170,12 @@ impl<'a> Field<'a> {
         mut each: impl FnMut(f64, usize) -> Result<(), DecodeError>,
     ) -> Result<(), DecodeError> {
         let Value::Bytes(packed) = self.value else {
-            let (value, at) = self.double()?;
-            return each(value, at);
+            let (value, offset) = self.double()?;
+            return each(value, offset);
         };
         let (chunks, rest) = packed.as_chunks::<8>();
         for (i, chunk) in chunks.iter().enumerate() {
-            each(f64::from_le_bytes(*chunk), self.at + 8 * i)?;
+            each(f64::from_le_bytes(*chunk), self.offset + 8 * i)?;
         }
         if rest.is_empty() { Ok(()) } else { Err(DecodeError::Truncated) }
     }

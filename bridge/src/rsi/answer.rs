@@ -90,11 +90,16 @@ impl<L: Link> Answerer<L> {
     #[must_use]
     pub fn new(config: RsiConfig, arm: Arm, feed: Corrections<L>, counts: Arc<Counts>) -> Self {
         let runs = RunRules::from_config(&config.common);
-        let own = match &config.correction {
+        let correction_group = match &config.correction {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };
         Self {
-            form: AnswerTemplate::new(&config.ethernet, own, config.feed.as_ref(), &config.others),
+            form: AnswerTemplate::new(
+                &config.ethernet,
+                correction_group,
+                config.feed.as_ref(),
+                &config.others,
+            ),
             robot: config.common.robot,
             is_shadow: config.common.absolute_accuracy,
             setpoint: config.setpoint,
@@ -200,9 +205,13 @@ impl<L: Link> Answerer<L> {
     }
 
     /// Writes the answer into `to`: its length, and its destination.
-    pub fn answer(&mut self, asked: &AnswerRequest, to: &mut [u8]) -> Option<(usize, SocketAddr)> {
+    pub fn answer(
+        &mut self,
+        request: &AnswerRequest,
+        to: &mut [u8],
+    ) -> Option<(usize, SocketAddr)> {
         let before = self.sent[0];
-        let mut sent = match asked.q {
+        let mut sent = match request.q {
             Some(q) => self.total_correction(&q),
             // Without a target the correction is unchanged.
             None => before,
@@ -213,18 +222,18 @@ impl<L: Link> Answerer<L> {
                 sent.sum
             }
             Accumulation::Relative => {
-                let more = std::array::from_fn(|i| rounded(sent.sum[i] - before.sum[i]));
-                sent.sum = std::array::from_fn(|i| before.sum[i] + more[i]);
-                more
+                let increment = std::array::from_fn(|i| rounded(sent.sum[i] - before.sum[i]));
+                sent.sum = std::array::from_fn(|i| before.sum[i] + increment[i]);
+                increment
             }
         };
         let feed_override = self.feed.link().feed_override();
-        let length = self.form.write(to, &numbers, feed_override, asked.ipoc.text())?;
+        let length = self.form.write(to, &numbers, feed_override, request.ipoc.text())?;
         self.sent.rotate_right(1);
         self.sent[0] = sent;
         self.is_unanswered = false;
         self.counts.increment(Count::Sent);
-        Some((length, asked.from))
+        Some((length, request.from))
     }
 
     /// The total correction at `q`, rad.

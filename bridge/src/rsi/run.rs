@@ -51,14 +51,14 @@ pub fn run(
         let mut newest = None;
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&socket, &mut buffer) else { break };
-            let asked = answerer.receive(&buffer[..length], from);
+            let request = answerer.receive(&buffer[..length], from);
             // A late answer to an older telegram is useless: the newest is answered.
-            if asked.is_some() && std::mem::replace(&mut newest, asked).is_some() {
+            if request.is_some() && std::mem::replace(&mut newest, request).is_some() {
                 answerer.count_superseded();
             }
         }
-        if let Some(asked) = newest
-            && let Some((length, to)) = answerer.answer(&asked, &mut buffer)
+        if let Some(request) = newest
+            && let Some((length, to)) = answerer.answer(&request, &mut buffer)
             && socket.send_to(&buffer[..length], to).is_err()
         {
             answerer.count_not_sent();

@@ -64,8 +64,8 @@ fn text(bytes: &[u8]) -> Option<&str> {
 
 /// The text before and after the first `mark`.
 fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> Option<(&'a [u8], &'a [u8])> {
-    let at = bytes.windows(mark.len()).position(|window| window == mark)?;
-    Some((bytes.get(..at)?, bytes.get(at + mark.len()..)?))
+    let start = bytes.windows(mark.len()).position(|window| window == mark)?;
+    Some((bytes.get(..start)?, bytes.get(start + mark.len()..)?))
 }
 
 /// The text between `<tag` and `>` of the first such element.
@@ -125,7 +125,7 @@ impl AnswerTemplate {
     #[must_use]
     pub fn new(
         ethernet: &EthernetConfig,
-        own: &Group,
+        correction_group: &Group,
         feed: Option<&Element>,
         others: &[(Element, f64)],
     ) -> Self {
@@ -138,7 +138,7 @@ impl AnswerTemplate {
                 continue;
             }
             done.push(head);
-            form.element(ethernet, head, own, feed, others);
+            form.element(ethernet, head, correction_group, feed, others);
         }
         form.tail += "<IPOC>";
         form
@@ -149,7 +149,7 @@ impl AnswerTemplate {
         &mut self,
         ethernet: &EthernetConfig,
         head: &str,
-        own: &Group,
+        correction_group: &Group,
         feed: Option<&Element>,
         others: &[(Element, f64)],
     ) {
@@ -174,7 +174,11 @@ impl AnswerTemplate {
         }
         self.tail += &format!("<{head}");
         for name in names {
-            let place = own.names.iter().position(|one| one == name).filter(|_| own.tag == head);
+            let place = correction_group
+                .names
+                .iter()
+                .position(|one| one == name)
+                .filter(|_| correction_group.tag == head);
             self.tail += &format!(" {name}=\"");
             let tag = format!("{head}.{name}");
             let number = place.map(Placeholder::Correction).or_else(|| override_of(&tag));
@@ -291,8 +295,9 @@ mod tests {
                  </ELEMENTS></RECEIVE></ROOT>"
             );
             let ethernet = EthernetConfig::parse("rsi.xml", &xml).unwrap();
-            let own = Group { tag: "AKorr".to_owned(), names: vec!["A1".to_owned()] };
-            let form = AnswerTemplate::new(&ethernet, &own, ethernet.find_received(tag), &[]);
+            let correction_group = Group { tag: "AKorr".to_owned(), names: vec!["A1".to_owned()] };
+            let form =
+                AnswerTemplate::new(&ethernet, &correction_group, ethernet.find_received(tag), &[]);
             let mut to = [0; 500];
             let length = form.write(&mut to, &[0.25; NUMBERS_MAX], 0.419, "7").unwrap();
             let text = std::str::from_utf8(&to[..length]).unwrap();

@@ -31,13 +31,13 @@ pub(crate) unsafe trait Grows: Copy {
 /// Reads the size that stands first.
 ///
 /// # Safety
-/// `at` is null or points to four readable bytes.
-unsafe fn claimed<T: Grows>(at: *const T) -> Result<usize, Fault> {
-    if at.is_null() {
+/// `pointer` is null or points to four readable bytes.
+unsafe fn claimed<T: Grows>(pointer: *const T) -> Result<usize, Fault> {
+    if pointer.is_null() {
         return Err(Fault::Null(T::NAME));
     }
     // SAFETY: not null, so four bytes are readable there; whatever their address.
-    let size = unsafe { at.cast::<u32>().read_unaligned() } as usize;
+    let size = unsafe { pointer.cast::<u32>().read_unaligned() } as usize;
     if (T::SIZE_MIN..=STRUCT_BYTES_MAX).contains(&size) {
         return Ok(size);
     }
@@ -48,11 +48,11 @@ unsafe fn claimed<T: Grows>(at: *const T) -> Result<usize, Fault> {
 /// A struct that the program gives. What an older program does not have is zero.
 ///
 /// # Safety
-/// `at` is null or points to as many readable bytes as its first field says.
-pub(crate) unsafe fn given<T: Grows>(at: *const T) -> Result<T, Fault> {
+/// `pointer` is null or points to as many readable bytes as its first field says.
+pub(crate) unsafe fn given<T: Grows>(pointer: *const T) -> Result<T, Fault> {
     // SAFETY: the caller's promise.
-    let size = unsafe { claimed(at) }?;
-    let (known, from) = (size_of::<T>(), at.cast::<u8>());
+    let size = unsafe { claimed(pointer) }?;
+    let (known, from) = (size_of::<T>(), pointer.cast::<u8>());
     for byte in known..size {
         // SAFETY: within `size`, which the program says is there.
         if unsafe { from.add(byte).read() } != 0 {
@@ -68,37 +68,37 @@ pub(crate) unsafe fn given<T: Grows>(at: *const T) -> Result<T, Fault> {
 
 /// A struct of the program that is to be filled in.
 pub(crate) struct Place<T> {
-    at: *mut T,
+    pointer: *mut T,
     size: usize,
 }
 
 /// Checks where an answer shall go, before anything is done for it.
 ///
 /// # Safety
-/// `at` is null or points to as many writable bytes as its first field says, until the place is gone.
-pub(crate) unsafe fn place<T: Grows>(at: *mut T) -> Result<Place<T>, Fault> {
+/// `pointer` is null or points to as many writable bytes as its first field says, until the place is gone.
+pub(crate) unsafe fn place<T: Grows>(pointer: *mut T) -> Result<Place<T>, Fault> {
     // SAFETY: the caller's promise.
-    let size = unsafe { claimed(at) }?;
-    Ok(Place { at, size })
+    let size = unsafe { claimed(pointer) }?;
+    Ok(Place { pointer, size })
 }
 
 /// The same where NULL means that nobody wants to know.
 ///
 /// # Safety
 /// As [`place`].
-pub(crate) unsafe fn place_if_any<T: Grows>(at: *mut T) -> Result<Option<Place<T>>, Fault> {
-    if at.is_null() {
+pub(crate) unsafe fn place_if_any<T: Grows>(pointer: *mut T) -> Result<Option<Place<T>>, Fault> {
+    if pointer.is_null() {
         return Ok(None);
     }
     // SAFETY: the caller's promise.
-    unsafe { place(at) }.map(Some)
+    unsafe { place(pointer) }.map(Some)
 }
 
 impl<T: Grows> Place<T> {
     /// Fills it in; `struct_size` stays as it is, and what this library does not know becomes zero.
     pub(crate) fn put(self, value: &T) {
         let (first, known) = (size_of::<u32>(), size_of::<T>());
-        let (to, from) = (self.at.cast::<u8>(), (&raw const *value).cast::<u8>());
+        let (to, from) = (self.pointer.cast::<u8>(), (&raw const *value).cast::<u8>());
         let end = self.size.min(known);
         // SAFETY: `place` was promised that `size` bytes are writable; `value` has `known` bytes; ours and theirs are apart.
         unsafe { to.add(first).copy_from_nonoverlapping(from.add(first), end - first) };
@@ -110,47 +110,50 @@ impl<T: Grows> Place<T> {
 /// Writes one number, where somebody wants it.
 ///
 /// # Safety
-/// `at` is null or writable.
-pub(crate) unsafe fn put_if_any<T>(at: *mut T, value: T) {
-    if !at.is_null() {
+/// `pointer` is null or writable.
+pub(crate) unsafe fn put_if_any<T>(pointer: *mut T, value: T) {
+    if !pointer.is_null() {
         // SAFETY: the caller's promise; whatever its address.
-        unsafe { at.write_unaligned(value) };
+        unsafe { pointer.write_unaligned(value) };
     }
 }
 
 /// Numbers of the program.
 ///
 /// # Safety
-/// `at` is null or points to `count` readable numbers that do not change until the slice is gone.
+/// `pointer` is null or points to `count` readable numbers that do not change until the slice is gone.
 pub(crate) unsafe fn numbers<'a, T>(
     what: &'static str,
-    at: *const T,
+    pointer: *const T,
     count: usize,
 ) -> Result<&'a [T], Fault> {
-    if at.is_null() {
+    if pointer.is_null() {
         return Err(Fault::Null(what));
     }
-    if !at.is_aligned() {
+    if !pointer.is_aligned() {
         return Err(Fault::Malformed { what, expected: "aligned for its type" });
     }
     // SAFETY: not null, aligned, and as long as the caller promises; callers bound `count`.
-    Ok(unsafe { core::slice::from_raw_parts(at, count) })
+    Ok(unsafe { core::slice::from_raw_parts(pointer, count) })
 }
 
 /// A text of the program, UTF-8.
 ///
 /// # Safety
-/// `at` is null or points to a text that ends with zero and does not change until the slice is gone.
-pub(crate) unsafe fn text<'a>(what: &'static str, at: *const c_char) -> Result<&'a str, Fault> {
-    if at.is_null() {
+/// `pointer` is null or points to a text that ends with zero and does not change until the slice is gone.
+pub(crate) unsafe fn text<'a>(
+    what: &'static str,
+    pointer: *const c_char,
+) -> Result<&'a str, Fault> {
+    if pointer.is_null() {
         return Err(Fault::Null(what));
     }
     // SAFETY: each byte up to the first zero is readable, and none is read beyond.
-    let length = (0..TEXT_BYTES_MAX).find(|i| unsafe { at.add(*i).read() } == 0);
+    let length = (0..TEXT_BYTES_MAX).find(|i| unsafe { pointer.add(*i).read() } == 0);
     let length =
         length.ok_or(Fault::Malformed { what, expected: "terminated within 4096 bytes" })?;
     // SAFETY: so many bytes were just read there.
-    let bytes = unsafe { core::slice::from_raw_parts(at.cast::<u8>(), length) };
+    let bytes = unsafe { core::slice::from_raw_parts(pointer.cast::<u8>(), length) };
     core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "a UTF-8 string" })
 }
 
@@ -158,12 +161,12 @@ pub(crate) unsafe fn text<'a>(what: &'static str, at: *const c_char) -> Result<&
 ///
 /// # Safety
 /// As [`text`].
-pub(crate) unsafe fn path_given<'a>(at: *const c_char) -> Result<Option<&'a Path>, Fault> {
-    if at.is_null() {
+pub(crate) unsafe fn path_given<'a>(pointer: *const c_char) -> Result<Option<&'a Path>, Fault> {
+    if pointer.is_null() {
         return Ok(None);
     }
     // SAFETY: the caller's promise.
-    unsafe { text("path", at) }.map(|text| Some(Path::new(text)))
+    unsafe { text("path", pointer) }.map(|text| Some(Path::new(text)))
 }
 
 /// A time limit, which every wait has.

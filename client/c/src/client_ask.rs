@@ -5,7 +5,7 @@ use core::ffi::c_char;
 use crate::border::{self, given, path_given};
 use crate::client::CLIENTS;
 use crate::code::guard;
-use crate::reply::ask;
+use crate::reply::request;
 use crate::structs::*;
 use crate::{translate, trued_code};
 
@@ -19,7 +19,7 @@ pub unsafe extern "C" fn trued_client_ping(
     guard(|| {
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.ping(limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -36,7 +36,7 @@ pub unsafe extern "C" fn trued_client_reload(
         let path = unsafe { path_given(path) }?;
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.reload(path, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -51,7 +51,7 @@ pub unsafe extern "C" fn trued_client_bypass(
     guard(|| {
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.bypass(on != 0, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -66,7 +66,7 @@ pub unsafe extern "C" fn trued_client_arm(
     guard(|| {
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.arm(on != 0, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -82,7 +82,7 @@ pub unsafe extern "C" fn trued_client_mode(
         let mode = translate::mode(mode)?;
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.mode(mode, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -99,7 +99,7 @@ pub unsafe extern "C" fn trued_client_mark(
         let text = unsafe { border::text("text", text) }?;
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.mark(text, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -115,7 +115,7 @@ pub unsafe extern "C" fn trued_client_record(
         let action = translate::recorder_action(action)?;
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.record(action, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn trued_client_process_state(
         let act =
             |limit| CLIENTS.with(client.addr(), |client| Ok(client.process_state(&process, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -152,6 +152,6 @@ pub unsafe extern "C" fn trued_client_measured(
         let act =
             |limit| CLIENTS.with(client.addr(), |client| Ok(client.measured(&measured, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }

@@ -178,10 +178,10 @@ thread_local! {
 }
 
 fn remember(fault: &Fault) {
-    WORDS.with_borrow_mut(|words| {
-        words.bytes.fill(0);
-        words.end = 0;
-        let _ = write!(words, "{fault}");
+    WORDS.with_borrow_mut(|message| {
+        message.bytes.fill(0);
+        message.end = 0;
+        let _ = write!(message, "{fault}");
     });
 }
 
@@ -189,7 +189,7 @@ fn remember(fault: &Fault) {
 pub(crate) fn guard(run: impl FnOnce() -> Result<trued_code, Fault>) -> trued_code {
     // What a panic leaves half done stands in a handle, which is broken from then on.
     let done = catch_unwind(AssertUnwindSafe(run));
-    match done.unwrap_or_else(|panic| Err(Fault::Panic(said(panic.as_ref())))) {
+    match done.unwrap_or_else(|panic| Err(Fault::Panic(panic_text(panic.as_ref())))) {
         Ok(code) => code,
         Err(fault) => {
             remember(&fault);
@@ -198,7 +198,7 @@ pub(crate) fn guard(run: impl FnOnce() -> Result<trued_code, Fault>) -> trued_co
     }
 }
 
-fn said(panic: &(dyn Any + Send)) -> String {
+fn panic_text(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default()
 }
@@ -207,7 +207,7 @@ fn said(panic: &(dyn Any + Send)) -> String {
 /// this thread.
 #[unsafe(no_mangle)]
 pub extern "C" fn trued_last_error() -> *const c_char {
-    WORDS.with_borrow(|words| words.bytes.as_ptr().cast())
+    WORDS.with_borrow(|message| message.bytes.as_ptr().cast())
 }
 
 /// The name of a code, such as "TRUED_OK"; "TRUED_UNKNOWN" for any other number. Never NULL; do not free.

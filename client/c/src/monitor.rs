@@ -8,7 +8,7 @@ use crate::border::{self, given, path_given, place};
 use crate::client::linked;
 use crate::code::guard;
 use crate::handle::Handles;
-use crate::reply::{ask, close, connect, put};
+use crate::reply::{close, connect, put, request};
 use crate::structs::*;
 use crate::{translate, trued_code};
 
@@ -101,7 +101,7 @@ pub unsafe extern "C" fn trued_monitor_ping(
     guard(|| {
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.ping(limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -118,7 +118,7 @@ pub unsafe extern "C" fn trued_monitor_reload(
         let path = unsafe { path_given(path) }?;
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.reload(path, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn trued_monitor_reload_other_robot(
             MONITORS.with(monitor.addr(), reload)
         };
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -154,7 +154,7 @@ pub unsafe extern "C" fn trued_monitor_bypass(
         let act =
             |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.bypass(on != 0, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -169,7 +169,7 @@ pub unsafe extern "C" fn trued_monitor_arm(
     guard(|| {
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.arm(on != 0, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -185,7 +185,7 @@ pub unsafe extern "C" fn trued_monitor_mode(
         let mode = translate::mode(mode)?;
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.mode(mode, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -202,7 +202,7 @@ pub unsafe extern "C" fn trued_monitor_mark(
         let text = unsafe { border::text("text", text) }?;
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.mark(text, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -219,7 +219,7 @@ pub unsafe extern "C" fn trued_monitor_record(
         let act =
             |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.record(action, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn trued_monitor_process_state(
             MONITORS.with(monitor.addr(), |monitor| Ok(monitor.process_state(&process, limit)))
         };
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }
 
@@ -257,6 +257,6 @@ pub unsafe extern "C" fn trued_monitor_measured(
         let act =
             |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.measured(&measured, limit)));
         // SAFETY: the rules of the header.
-        unsafe { ask(answer, limit_ns, act) }
+        unsafe { request(answer, limit_ns, act) }
     })
 }

@@ -70,14 +70,14 @@ pub(crate) fn put<T: Grows>(to: Place<T>, found: Option<T>) -> Result<trued_code
 ///
 /// # Safety
 /// `answer` is null or a struct with its size set.
-pub(crate) unsafe fn ask(
+pub(crate) unsafe fn request(
     answer: *mut trued_answer,
     limit_ns: u64,
-    ask: impl FnOnce(Duration) -> Result<Result<Response, RequestError>, Fault>,
+    request: impl FnOnce(Duration) -> Result<Result<Response, RequestError>, Fault>,
 ) -> Result<trued_code, Fault> {
     // SAFETY: the caller's promise.
     let answer = unsafe { place_if_any(answer) }?;
-    let response = ask(limit(limit_ns)?)??;
+    let response = request(limit(limit_ns)?)??;
     if let Some(answer) = answer {
         answer.put(&translate::answer(&response));
     }

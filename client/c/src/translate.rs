@@ -32,11 +32,11 @@ pub(crate) fn joints(count: u32) -> Result<usize, Fault> {
 fn within(
     what: &'static str,
     value: u32,
-    least: u32,
-    most: u32,
+    min: u32,
+    max: u32,
     expected: &'static str,
 ) -> Result<(), Fault> {
-    if (least..=most).contains(&value) {
+    if (min..=max).contains(&value) {
         return Ok(());
     }
     Err(Fault::Argument { what, value: u64::from(value), expected })
@@ -213,11 +213,11 @@ pub(crate) fn status(from: &Status) -> trued_status {
         correction_max: from.bounds.angle,
         correction_rate_max: from.bounds.rate,
         correction_jerk_max: from.bounds.jerk,
-        message: words(from.message.as_str()),
+        message: c_text(from.message.as_str()),
         reserved: 0,
-        robot_maker: words(from.robot_maker.as_str()),
-        robot_type: words(from.robot_type.as_str()),
-        robot_serial: words(from.robot_serial.as_str()),
+        robot_maker: c_text(from.robot_maker.as_str()),
+        robot_type: c_text(from.robot_type.as_str()),
+        robot_serial: c_text(from.robot_serial.as_str()),
     )
 }
 
@@ -249,7 +249,7 @@ pub(crate) fn vibration(from: &Verdict) -> trued_vibration {
         harmonic_distance_hz: from.harmonic_distance_hz,
         nearest_alias_hz: from.nearest_alias_hz,
         alias_distance_hz: from.alias_distance_hz,
-        sentence: words(&from.to_string()),
+        sentence: c_text(&from.to_string()),
     }
 }
 
@@ -271,28 +271,28 @@ pub(crate) fn event(from: &ConnectionEvent) -> trued_connection {
 
 fn linked(pid: u32, epoch: u64) -> trued_connection {
     let why = trued_code::TRUED_OK as i32;
-    trued_connection { struct_size: 0, is_connected: 1, pid, why, epoch, words: words("") }
+    trued_connection { struct_size: 0, is_connected: 1, pid, why, epoch, words: c_text("") }
 }
 
-fn severed(why: trued_code, said: &str) -> trued_connection {
-    let (why, words) = (why as i32, words(said));
+fn severed(why: trued_code, text: &str) -> trued_connection {
+    let (why, words) = (why as i32, c_text(text));
     trued_connection { struct_size: 0, is_connected: 0, pid: 0, why, epoch: 0, words }
 }
 
 pub(crate) fn answer(from: &Response) -> trued_answer {
-    let message = words(from.message.as_str());
+    let message = c_text(from.message.as_str());
     trued_answer { struct_size: 0, answer: from.answer, t_ns: from.t_ns, message }
 }
 
 /// A text in C's form, cut at a whole character where it is too long.
-fn words<const N: usize>(text: &str) -> [c_char; N] {
+fn c_text<const N: usize>(text: &str) -> [c_char; N] {
     let mut end = text.len().min(N - 1);
     while !text.is_char_boundary(end) {
         end -= 1;
     }
-    let mut words = [0; N];
-    for (to, from) in words.iter_mut().zip(&text.as_bytes()[..end]) {
+    let mut bytes = [0; N];
+    for (to, from) in bytes.iter_mut().zip(&text.as_bytes()[..end]) {
         *to = from.cast_signed() as c_char;
     }
-    words
+    bytes
 }

@@ -7,10 +7,10 @@
 use std::path::Path;
 
 fn generated() -> String {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let config = cbindgen::Config::from_file(here.join("cbindgen.toml")).unwrap();
+    let manifest_dir = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let config = cbindgen::Config::from_file(manifest_dir.join("cbindgen.toml")).unwrap();
     let bindings =
-        cbindgen::Builder::new().with_crate(here).with_config(config).generate().unwrap();
+        cbindgen::Builder::new().with_crate(manifest_dir).with_config(config).generate().unwrap();
     let mut text = Vec::new();
     bindings.write(&mut text);
     String::from_utf8(text).unwrap()

@@ -190,45 +190,45 @@ impl Client {
     /// Asks for a sign of life.
     #[pyo3(signature = (timeout = 1.0))]
     fn ping(&self, py: Python<'_>, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |client, limit| client.ping(limit))
+        self.held.request(py, timeout, |client, limit| client.ping(limit))
     }
 
     /// Asks to load a model file and to swap it in; None: the one loaded now, read again.
     #[pyo3(signature = (path = None, timeout = 10.0))]
     fn reload(&self, py: Python<'_>, path: Option<PathBuf>, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |client, limit| client.reload(path.as_deref(), limit))
+        self.held.request(py, timeout, |client, limit| client.reload(path.as_deref(), limit))
     }
 
     /// Asks to ramp the correction out, or in again.
     #[pyo3(signature = (on, timeout = 1.0))]
     fn bypass(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |client, limit| client.bypass(on, limit))
+        self.held.request(py, timeout, |client, limit| client.bypass(on, limit))
     }
 
     /// Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal.
     #[pyo3(signature = (on, timeout = 1.0))]
     fn arm(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |client, limit| client.arm(on, limit))
+        self.held.request(py, timeout, |client, limit| client.arm(on, limit))
     }
 
     /// Asks to go to a mode, `shadow`, `limited` or `full`; beyond what the configuration allows, the answer is a refusal.
     #[pyo3(signature = (mode, timeout = 1.0))]
     fn mode(&self, py: Python<'_>, mode: &str, timeout: f64) -> PyResult<Answer> {
         let mode = named("mode", trued_client::Mode::ALL, trued_client::Mode::name, mode)?;
-        self.held.ask(py, timeout, |client, limit| client.mode(mode, limit))
+        self.held.request(py, timeout, |client, limit| client.mode(mode, limit))
     }
 
     /// Writes a marker with this text into the recording; refused if nothing is being recorded.
     #[pyo3(signature = (text, timeout = 1.0))]
     fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |client, limit| client.mark(text, limit))
+        self.held.request(py, timeout, |client, limit| client.mark(text, limit))
     }
 
     /// Asks the recorder to `start`, to `stop`, or to `keep` the present recording.
     #[pyo3(signature = (action, timeout = 1.0))]
     fn record(&self, py: Python<'_>, action: &str, timeout: f64) -> PyResult<Answer> {
         let action = named("action", RecorderAction::ALL, RecorderAction::name, action)?;
-        self.held.ask(py, timeout, |client, limit| client.record(action, limit))
+        self.held.request(py, timeout, |client, limit| client.record(action, limit))
     }
 
     /// Reports the state of the process, replacing the previous one.
@@ -246,7 +246,7 @@ impl Client {
     ) -> PyResult<Answer> {
         let holds_for = holds_for.map(limit).transpose()?;
         let process = ProcessState { spindle_rpm, teeth, feed_mm_s, in_cut, holds_for };
-        self.held.ask(py, timeout, |client, limit| client.process_state(&process, limit))
+        self.held.request(py, timeout, |client, limit| client.process_state(&process, limit))
     }
 
     /// Reports a measurement of the tool; the answer says whether the model still holds.
@@ -263,7 +263,7 @@ impl Client {
         timeout: f64,
     ) -> PyResult<Answer> {
         let (joints, direction) = (joints("q", &q)?.to_vec(), sides(&direction));
-        self.held.ask(py, timeout, |client, limit| {
+        self.held.request(py, timeout, |client, limit| {
             let (joints, direction) = (&joints, &direction);
             client.measured(&Measured { joints, direction, point_m, sigma_m, ambient_c }, limit)
         })

@@ -5,14 +5,14 @@ use pyo3::prelude::*;
 use trued_client::{ConnectError, ErrorKind, InvalidTarget, RequestError, SendError};
 
 /// The exception of that name, with those words.
-pub(crate) fn raised(py: Python<'_>, class: &str, words: String) -> PyErr {
-    let made = py.import("trued.errors").and_then(|m| m.getattr(class)?.call1((words,)));
+pub(crate) fn raised(py: Python<'_>, class: &str, message: String) -> PyErr {
+    let made = py.import("trued.errors").and_then(|m| m.getattr(class)?.call1((message,)));
     made.map_or_else(|failed| failed, |error| PyErr::from_value(error))
 }
 
-fn of_kind(py: Python<'_>, kind: ErrorKind, words: String) -> PyErr {
+fn of_kind(py: Python<'_>, kind: ErrorKind, message: String) -> PyErr {
     let class = match kind {
-        ErrorKind::Argument => return PyValueError::new_err(words),
+        ErrorKind::Argument => return PyValueError::new_err(message),
         ErrorKind::NoDaemon => "NoDaemon",
         ErrorKind::DaemonLost => "DaemonLost",
         ErrorKind::DaemonRestarted => "DaemonRestarted",
@@ -25,7 +25,7 @@ fn of_kind(py: Python<'_>, kind: ErrorKind, words: String) -> PyErr {
         ErrorKind::Transport => "TransportFailed",
         ErrorKind::System => "SystemFailed",
     };
-    raised(py, class, words)
+    raised(py, class, message)
 }
 
 /// What the library answers an error with.

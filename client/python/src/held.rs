@@ -61,14 +61,14 @@ impl<T: Send> Held<T> {
     }
 
     /// Asks; what was not done is raised.
-    pub(crate) fn ask(
+    pub(crate) fn request(
         &self,
         py: Python<'_>,
         timeout: f64,
-        ask: impl FnOnce(&mut T, Duration) -> Result<Response, RequestError> + Send,
+        request: impl FnOnce(&mut T, Duration) -> Result<Response, RequestError> + Send,
     ) -> PyResult<Answer> {
         let limit = limit(timeout)?;
-        let response = self.wait(py, |held| ask(held, limit))?.map_err(|e| e.raise(py))?;
+        let response = self.wait(py, |held| request(held, limit))?.map_err(|e| e.raise(py))?;
         match response.answer() {
             Ok(Code::Done) => Ok(Answer::from(&response)),
             Ok(Code::Failed) => Err(raised(py, "Failed", response.message.to_string())),
@@ -101,22 +101,22 @@ enum No {
 
 impl No {
     fn raise(self, py: Python<'_>) -> PyErr {
-        let (class, words) = match self {
+        let (class, message) = match self {
             Self::Closed => ("Closed", "this object is closed; connect again"),
             Self::Busy => (
                 "Busy",
                 "another thread is in a call with this object; use one from one thread at a time",
             ),
         };
-        raised(py, class, words.to_owned())
+        raised(py, class, message.to_owned())
     }
 }
 
 /// A time limit, which every wait has.
 pub(crate) fn limit(seconds: f64) -> PyResult<Duration> {
     if !(0.0..=LONGEST_S).contains(&seconds) {
-        let words = format!("the time limit is {seconds} s, expected 0 to {LONGEST_S}");
-        return Err(PyValueError::new_err(words));
+        let message = format!("the time limit is {seconds} s, expected 0 to {LONGEST_S}");
+        return Err(PyValueError::new_err(message));
     }
     Ok(Duration::from_secs_f64(seconds))
 }
@@ -139,10 +139,10 @@ pub(crate) fn named<T: Copy>(
 
 /// An array as it lies in memory.
 pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
-    let words = || {
+    let error = || {
         PyValueError::new_err(format!("`{what}` is not contiguous; use numpy.ascontiguousarray()"))
     };
-    numbers.as_slice().map_err(|_| words())
+    numbers.as_slice().map_err(|_| error())
 }
 
 /// Row after row, and how many joints a row has: any number where there is no row. A copy, as an array may be stored column by column.
@@ -153,8 +153,8 @@ pub(crate) fn rows(what: &str, table: &Rows<'_>) -> PyResult<(Vec<f64>, usize)> 
         [_, joints] => joints,
         _ => {
             let shape = table.shape();
-            let words = format!("`{what}` has the shape {shape:?}, expected one row per point");
-            return Err(PyValueError::new_err(words));
+            let message = format!("`{what}` has the shape {shape:?}, expected one row per point");
+            return Err(PyValueError::new_err(message));
         }
     };
     Ok((table.iter().copied().collect(), joints))
@@ -164,8 +164,8 @@ pub(crate) fn rows(what: &str, table: &Rows<'_>) -> PyResult<(Vec<f64>, usize)> 
 pub(crate) fn joints<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
     let all = slice(what, numbers)?;
     if all.is_empty() || all.len() > JOINTS_MAX {
-        let words = format!("`{what}` has {} joints, expected 1 to {JOINTS_MAX}", all.len());
-        return Err(PyValueError::new_err(words));
+        let message = format!("`{what}` has {} joints, expected 1 to {JOINTS_MAX}", all.len());
+        return Err(PyValueError::new_err(message));
     }
     Ok(all)
 }

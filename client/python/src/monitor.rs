@@ -49,7 +49,7 @@ impl Monitor {
     /// Asks for a sign of life.
     #[pyo3(signature = (timeout = 1.0))]
     fn ping(&self, py: Python<'_>, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| monitor.ping(limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.ping(limit))
     }
 
     /// Asks to load a model file and to swap it in; None: the one loaded now, read again. A model of another robot, or one whose limits the arm
@@ -62,7 +62,7 @@ impl Monitor {
         timeout: f64,
         other_robot: bool,
     ) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| {
+        self.held.request(py, timeout, |monitor, limit| {
             if other_robot {
                 monitor.reload_other_robot(path.as_deref(), limit)
             } else {
@@ -74,33 +74,33 @@ impl Monitor {
     /// Asks to ramp the correction out, or in again.
     #[pyo3(signature = (on, timeout = 1.0))]
     fn bypass(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| monitor.bypass(on, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.bypass(on, limit))
     }
 
     /// Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal.
     #[pyo3(signature = (on, timeout = 1.0))]
     fn arm(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| monitor.arm(on, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.arm(on, limit))
     }
 
     /// Asks to go to a mode, `shadow`, `limited` or `full`; beyond what the configuration allows, the answer is a refusal.
     #[pyo3(signature = (mode, timeout = 1.0))]
     fn mode(&self, py: Python<'_>, mode: &str, timeout: f64) -> PyResult<Answer> {
         let mode = named("mode", trued_client::Mode::ALL, trued_client::Mode::name, mode)?;
-        self.held.ask(py, timeout, |monitor, limit| monitor.mode(mode, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.mode(mode, limit))
     }
 
     /// Writes a marker with this text into the recording; refused if nothing is being recorded.
     #[pyo3(signature = (text, timeout = 1.0))]
     fn mark(&self, py: Python<'_>, text: &str, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| monitor.mark(text, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.mark(text, limit))
     }
 
     /// Asks the recorder to `start`, to `stop`, or to `keep` the present recording.
     #[pyo3(signature = (action, timeout = 1.0))]
     fn record(&self, py: Python<'_>, action: &str, timeout: f64) -> PyResult<Answer> {
         let action = named("action", RecorderAction::ALL, RecorderAction::name, action)?;
-        self.held.ask(py, timeout, |monitor, limit| monitor.record(action, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.record(action, limit))
     }
 
     /// Reports the state of the process, replacing the previous one.
@@ -118,7 +118,7 @@ impl Monitor {
     ) -> PyResult<Answer> {
         let holds_for = holds_for.map(limit).transpose()?;
         let process = ProcessState { spindle_rpm, teeth, feed_mm_s, in_cut, holds_for };
-        self.held.ask(py, timeout, |monitor, limit| monitor.process_state(&process, limit))
+        self.held.request(py, timeout, |monitor, limit| monitor.process_state(&process, limit))
     }
 
     /// Reports a measurement of the tool; the answer says whether the model still holds.
@@ -135,7 +135,7 @@ impl Monitor {
         timeout: f64,
     ) -> PyResult<Answer> {
         let (joints, direction) = (joints("q", &q)?.to_vec(), sides(&direction));
-        self.held.ask(py, timeout, |monitor, limit| {
+        self.held.request(py, timeout, |monitor, limit| {
             let (joints, direction) = (&joints, &direction);
             monitor.measured(&Measured { joints, direction, point_m, sigma_m, ambient_c }, limit)
         })

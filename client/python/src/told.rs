@@ -19,7 +19,7 @@ fn array(py: Python<'_>, numbers: &[f64]) -> Array {
 }
 
 /// A code as its word; a later daemon's as its number.
-fn word<T: TryFrom<u32> + std::fmt::Display>(code: u32) -> String {
+fn code_name<T: TryFrom<u32> + std::fmt::Display>(code: u32) -> String {
     T::try_from(code).map_or_else(|_| format!("code {code}"), |known| known.to_string())
 }
 

@@ -56,11 +56,11 @@ impl Loop {
         Self { output: output(), seq: 0, now_ns: 10 * MS, sent: vec![0.0; 3] }
     }
 
-    fn tick(&mut self, asked: Option<f64>) -> Source {
+    fn tick(&mut self, correction: Option<f64>) -> Source {
         self.seq += 1;
         self.now_ns += MS;
         let q_cmd = [0.5; 6];
-        let answer = asked.map(|c| Corrected { made_ns: self.now_ns, ..answer(self.seq, c) });
+        let answer = correction.map(|c| Corrected { made_ns: self.now_ns, ..answer(self.seq, c) });
         let command = command(self.seq, &q_cmd);
         let target =
             self.output.target(&q_cmd, answer.as_ref(), Some(&command), self.now_ns).unwrap();
@@ -68,8 +68,8 @@ impl Loop {
         target.source()
     }
 
-    fn ticks(&mut self, count: usize, asked: Option<f64>) -> Source {
-        (0..count).map(|_| self.tick(asked)).last().unwrap()
+    fn ticks(&mut self, count: usize, correction: Option<f64>) -> Source {
+        (0..count).map(|_| self.tick(correction)).last().unwrap()
     }
 
     /// Holds all that was sent against limits, from the first tick on.
@@ -116,9 +116,9 @@ fn the_daemons_correction_is_reached_and_then_sent_bit_for_bit() {
     let mut daemon = Limiter::from_motion(0.003, 0.0, 0.0);
     let limits = Limits::new(ANGLE, RATE, JERK).unwrap();
     for k in 0..2000 {
-        let asked = daemon.step(if k < 800 { -0.006 } else { 0.01 }, &limits, DT_S);
-        assert_eq!(cell.tick(Some(asked)), Source::Corrected, "tick {k}");
-        assert_eq!(cell.output.correction()[5].to_bits(), asked.to_bits());
+        let correction = daemon.step(if k < 800 { -0.006 } else { 0.01 }, &limits, DT_S);
+        assert_eq!(cell.tick(Some(correction)), Source::Corrected, "tick {k}");
+        assert_eq!(cell.output.correction()[5].to_bits(), correction.to_bits());
     }
     cell.assert_within(ANGLE, RATE, JERK);
 }
@@ -226,7 +226,7 @@ proptest! {
     ) {
         let sets = [(ANGLE, RATE, JERK), (0.002, 0.005, 0.5), (0.01, 0.1, 50.0)];
         let mut cell = Loop::new();
-        for (act, asked, ticks) in acts {
+        for (act, correction, ticks) in acts {
             match act {
                 0 => { cell.ticks(ticks, None); }
                 1 => { cell.ticks(ticks, Some(f64::NAN)); }
@@ -234,10 +234,10 @@ proptest! {
                 3..6 => {
                     let (angle, rate, jerk) = sets[usize::from(act) - 3];
                     cell.output.set_bounds(&bounds(angle, rate, jerk));
-                    cell.ticks(ticks, Some(asked));
+                    cell.ticks(ticks, Some(correction));
                 }
-                6 => for k in 0..ticks { cell.tick((k % 3 == 0).then_some(asked)); },
-                _ => { cell.ticks(ticks, Some(asked)); }
+                6 => for k in 0..ticks { cell.tick((k % 3 == 0).then_some(correction)); },
+                _ => { cell.ticks(ticks, Some(correction)); }
             }
         }
         cell.assert_within(ANGLE, 0.1, 50.0);

@@ -76,8 +76,8 @@ impl Pair {
 
 #[test]
 fn the_others_continue_after_kill_9_at_any_time() {
-    let asked = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
-    let limit = if asked.is_some() { Duration::from_secs(1) } else { JAM };
+    let rounds = std::env::var("TRUED_SOAK_ROUNDS").ok().and_then(|n| n.parse().ok());
+    let limit = if rounds.is_some() { Duration::from_secs(1) } else { JAM };
     let strike = std::env::var("TRUED_SOAK_STRIKE").ok().and_then(|n| n.parse().ok());
     let seed = monotonic_ns() | 1;
     println!("seed {seed}");
@@ -86,7 +86,7 @@ fn the_others_continue_after_kill_9_at_any_time() {
     let mut pair = Pair::start(&runtime);
     pair.wait_until_it_corrects(JAM).expect("the pair never came to correct");
     let mut times = Vec::new();
-    for round in 0..asked.unwrap_or(ROUNDS) {
+    for round in 0..rounds.unwrap_or(ROUNDS) {
         // A victim falls in steady state, then up to three times in its first 30 ms.
         let what = strike.unwrap_or_else(|| chance.below(4));
         pair.strike(&runtime, what, &mut chance);
@@ -109,13 +109,13 @@ fn the_others_continue_after_kill_9_at_any_time() {
         std::thread::sleep(Duration::from_micros(chance.below(40_000)));
     }
     times.sort();
-    let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+    let quantile = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
     println!(
         "{} rounds: back after {:?} (middle), {:?} (90 %), {:?} (worst); {} new epochs on demand",
         times.len(),
-        at(0.5),
-        at(0.9),
-        at(1.0),
+        quantile(0.5),
+        quantile(0.9),
+        quantile(1.0),
         pair.renewals + pair.daemon.renewals()
     );
 

@@ -62,13 +62,13 @@ struct Said {
     answered_ns: u64,
     daemon: u32,
     renewals: usize,
-    words: String,
+    last_line: String,
 }
 
 /// A started process; killed when dropped.
 pub(crate) struct Process {
     child: Child,
-    said: Arc<Mutex<Said>>,
+    state: Arc<Mutex<Said>>,
 }
 
 impl Process {
@@ -81,25 +81,25 @@ impl Process {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let said = Arc::new(Mutex::new(Said::default()));
-        let (heard, lines) = (said.clone(), BufReader::new(child.stdout.take().unwrap()).lines());
+        let state = Arc::new(Mutex::new(Said::default()));
+        let (shared, lines) = (state.clone(), BufReader::new(child.stdout.take().unwrap()).lines());
         std::thread::spawn(move || {
             for line in lines.map_while(Result::ok) {
-                let mut said = heard.lock().unwrap();
+                let mut state = shared.lock().unwrap();
                 match line.strip_prefix("answered ").and_then(|rest| rest.split_once(" by ")) {
-                    Some((at, by)) => {
-                        if let (Ok(at), Ok(by)) = (at.parse(), by.parse()) {
-                            (said.answered_ns, said.daemon) = (at, by);
+                    Some((at_ns, by)) => {
+                        if let (Ok(at_ns), Ok(by)) = (at_ns.parse(), by.parse()) {
+                            (state.answered_ns, state.daemon) = (at_ns, by);
                         }
                     }
                     None => {
-                        said.renewals += usize::from(line == "renewed");
-                        said.words = line;
+                        state.renewals += usize::from(line == "renewed");
+                        state.last_line = line;
                     }
                 }
             }
         });
-        Self { child, said }
+        Self { child, state }
     }
 
     pub(crate) fn id(&self) -> u32 {
@@ -122,16 +122,16 @@ impl Process {
     }
 
     pub(crate) fn answered_since(&self, ns: u64, daemon: u32) -> bool {
-        let said = self.said.lock().unwrap();
-        said.answered_ns > ns && said.daemon == daemon
+        let state = self.state.lock().unwrap();
+        state.answered_ns > ns && state.daemon == daemon
     }
 
     pub(crate) fn renewals(&self) -> usize {
-        self.said.lock().unwrap().renewals
+        self.state.lock().unwrap().renewals
     }
 
     pub(crate) fn last_words(&self) -> String {
-        self.said.lock().unwrap().words.clone()
+        self.state.lock().unwrap().last_line.clone()
     }
 }
 

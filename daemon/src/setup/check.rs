@@ -149,10 +149,10 @@ mod tests {
     #[test]
     fn a_key_is_found_in_its_table_alone() {
         let text = "rate_mm_s = 1\n[wrench]\nrate_mm_s = 2\n[envelope] # x\n  rate_mm_s = 3\n";
-        let at = |path| place_of(text, path).map(|place| (place.line, place.column));
-        assert_eq!(at("envelope.rate_mm_s"), Some((5, 3)));
-        assert_eq!(at("rate_mm_s"), Some((1, 1)));
-        assert_eq!(at("envelope"), Some((4, 1)));
-        assert_eq!(at("envelope.rate"), None);
+        let place = |path| place_of(text, path).map(|place| (place.line, place.column));
+        assert_eq!(place("envelope.rate_mm_s"), Some((5, 3)));
+        assert_eq!(place("rate_mm_s"), Some((1, 1)));
+        assert_eq!(place("envelope"), Some((4, 1)));
+        assert_eq!(place("envelope.rate"), None);
     }
 }

@@ -142,9 +142,10 @@ fn throttling(texts: &KernelInfo) -> Check {
 fn fair_server(texts: &KernelInfo, name: &'static str) -> Check {
     let isolated = texts.isolated.as_deref().and_then(parse::list).unwrap_or_default();
     let is_off = |core: &Core| core.fair_runtime_ns.as_deref() == Some("0");
-    let off: Vec<_> = texts.cores.iter().filter(|core| is_off(core)).map(|c| c.number).collect();
-    if !off.is_empty() {
-        Check::pass(name, format!("the kernel's fair server is off on {off:?}"))
+    let disabled: Vec<_> =
+        texts.cores.iter().filter(|core| is_off(core)).map(|c| c.number).collect();
+    if !disabled.is_empty() {
+        Check::pass(name, format!("the kernel's fair server is off on {disabled:?}"))
     } else if !isolated.is_empty() {
         let found = format!(
             "no other thread runs on {isolated:?}, so the kernel's fair server stalls nothing there"

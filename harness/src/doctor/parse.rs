@@ -55,10 +55,12 @@ pub(crate) fn has_capability(status: &str, bit: u32) -> Option<bool> {
 
 /// Whether this kernel is `PREEMPT_RT`.
 pub(crate) fn is_preempt_rt(realtime: Option<&str>, version: Option<&str>) -> Option<bool> {
-    let words = |text: &str| text.split_whitespace().any(|word| word == "PREEMPT_RT");
+    let has_preempt_rt = |text: &str| text.split_whitespace().any(|token| token == "PREEMPT_RT");
     match (realtime.map(str::trim), version) {
         (Some("1"), _) => Some(true),
-        (_, Some(version)) if version.starts_with("Linux version ") => Some(words(version)),
+        (_, Some(version)) if version.starts_with("Linux version ") => {
+            Some(has_preempt_rt(version))
+        }
         _ => None,
     }
 }
@@ -96,8 +98,8 @@ pub(crate) fn swaps(swaps: &str) -> Option<usize> {
 /// The type of the file system mounted at this place.
 pub(crate) fn mounted_as<'a>(mounts: &'a str, place: &str) -> Option<&'a str> {
     mounts.lines().rev().find_map(|line| {
-        let mut words = line.split_whitespace().skip(1);
-        (words.next() == Some(place)).then(|| words.next()).flatten()
+        let mut fields = line.split_whitespace().skip(1);
+        (fields.next() == Some(place)).then(|| fields.next()).flatten()
     })
 }
 

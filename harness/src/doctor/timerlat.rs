@@ -58,9 +58,9 @@ pub(super) fn measure(settings: TimerlatSettings) -> Check {
         }
         Err(why) => Check::unknown(NAME, format!("rtla: {why}"), "run it manually"),
         Ok(done) => {
-            let said = String::from_utf8_lossy(&done.stdout);
+            let output = String::from_utf8_lossy(&done.stdout);
             let why = String::from_utf8_lossy(&done.stderr);
-            judge(&said, &why, settings)
+            judge(&output, &why, settings)
         }
     }
 }
@@ -169,10 +169,10 @@ fn total(line: &str) -> Option<f64> {
 
 /// Thread or interrupt of a part: a line with a name and a time without a share, such as `objtool:49256       3.79 us`.
 fn who(line: &str) -> Option<String> {
-    let mut words = line.split_whitespace();
-    let (name, us, unit) = (words.next()?, words.next()?, words.next()?);
+    let mut fields = line.split_whitespace();
+    let (name, us, unit) = (fields.next()?, fields.next()?, fields.next()?);
     let is_one = unit == "us" && us.parse::<f64>().is_ok() && !name.ends_with(':');
-    (is_one && words.next().is_none()).then(|| name.to_owned())
+    (is_one && fields.next().is_none()).then(|| name.to_owned())
 }
 
 #[cfg(test)]
@@ -246,8 +246,8 @@ The system has exit from idle latency!
 
     #[test]
     fn a_tool_that_may_not_measure_is_reported_as_unknown_with_its_own_words() {
-        for (said, why) in [("", "Sorry, you need to be root to use rtla timerlat"), ("", "")] {
-            let check = judge(said, why, settings(100));
+        for (output, why) in [("", "Sorry, you need to be root to use rtla timerlat"), ("", "")] {
+            let check = judge(output, why, settings(100));
             assert_eq!(check.state, State::Unknown);
             assert!(check.found.contains(why) && !check.fix.is_empty(), "{check:?}");
         }

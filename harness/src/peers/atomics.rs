@@ -33,7 +33,7 @@ const OVER: u32 = 4;
 #[repr(align(128))]
 struct Slot<const N: usize> {
     seq: CacheLine,
-    words: [AtomicU64; N],
+    values: [AtomicU64; N],
 }
 
 #[repr(align(128))]
@@ -41,21 +41,21 @@ struct CacheLine(AtomicU64);
 
 impl<const N: usize> Slot<N> {
     fn new() -> Self {
-        Self { seq: CacheLine(AtomicU64::new(0)), words: from_fn(|_| AtomicU64::new(0)) }
+        Self { seq: CacheLine(AtomicU64::new(0)), values: from_fn(|_| AtomicU64::new(0)) }
     }
 
     fn write(&self, payload: &[u64; N]) {
-        self.words.iter().zip(payload).for_each(|(word, value)| word.store(*value, Relaxed));
+        self.values.iter().zip(payload).for_each(|(slot, value)| slot.store(*value, Relaxed));
     }
 
     fn read(&self) -> [u64; N] {
-        from_fn(|i| self.words[i].load(Relaxed))
+        from_fn(|i| self.values[i].load(Relaxed))
     }
 }
 
 struct Shared {
-    there: Slot<COMMAND_WORDS>,
-    back: Slot<ANSWER_WORDS>,
+    command: Slot<COMMAND_WORDS>,
+    answer: Slot<ANSWER_WORDS>,
     task: AtomicU32,
 }
 
@@ -70,11 +70,11 @@ impl Atomics {
     /// Starts the other thread with these settings; the calling thread measures.
     pub(crate) fn start(thread_settings: ThreadSettings) -> Result<Self, BenchError> {
         let shared = Arc::new(Shared {
-            there: Slot::new(),
-            back: Slot::new(),
+            command: Slot::new(),
+            answer: Slot::new(),
             task: AtomicU32::new(PARKED),
         });
-        let (tell, told) = std::sync::mpsc::channel();
+        let (tell, started) = std::sync::mpsc::channel();
         let (other, asker) = (Arc::clone(&shared), std::thread::current());
         let thread = std::thread::Builder::new()
             .name("bench-atomics".to_owned())
@@ -88,7 +88,7 @@ impl Atomics {
                 }
             })
             .map_err(|e| BenchError::part("atomics", e.to_string()))?;
-        told.recv().map_err(|_| BenchError::Thread("atomics"))??;
+        started.recv().map_err(|_| BenchError::Thread("atomics"))??;
         Ok(Self { shared, thread: Some(thread), seq: 0 })
     }
 
@@ -141,26 +141,26 @@ impl RoundTrip for Chunk<'_> {
         let (shared, seq) = (&self.atomics.shared, self.atomics.seq);
         if self.task != BARE {
             self.payload[0] = seq;
-            shared.there.write(black_box(&self.payload));
+            shared.command.write(black_box(&self.payload));
         }
-        shared.there.seq.0.store(seq, Release);
-        let here = || (shared.back.seq.0.load(Acquire) == seq).then_some(());
+        shared.command.seq.0.store(seq, Release);
+        let is_answered = || (shared.answer.seq.0.load(Acquire) == seq).then_some(());
         if self.task == WOKEN {
-            self.atomics.unpark_and_park(here);
+            self.atomics.unpark_and_park(is_answered);
         } else {
-            poll(here)?;
+            poll(is_answered)?;
         }
         if self.task != BARE {
-            black_box(shared.back.read());
+            black_box(shared.answer.read());
         }
         Some(monotonic_ns() - since_ns)
     }
 }
 
 impl Atomics {
-    fn unpark_and_park(&self, here: impl Fn() -> Option<()>) {
+    fn unpark_and_park(&self, condition: impl Fn() -> Option<()>) {
         self.unpark();
-        while here().is_none() {
+        while condition().is_none() {
             std::thread::park_timeout(Duration::from_millis(100));
         }
     }
@@ -181,7 +181,7 @@ fn answer(shared: &Shared, asker: &Thread) {
             PARKED => std::thread::park(),
             OVER => return,
             task => {
-                let seq = shared.there.seq.0.load(Acquire);
+                let seq = shared.command.seq.0.load(Acquire);
                 if seq == last {
                     if task == WOKEN {
                         std::thread::park_timeout(Duration::from_millis(100));
@@ -192,10 +192,10 @@ fn answer(shared: &Shared, asker: &Thread) {
                 }
                 last = seq;
                 if task != BARE {
-                    black_box(shared.there.read());
-                    shared.back.write(black_box(&reply));
+                    black_box(shared.command.read());
+                    shared.answer.write(black_box(&reply));
                 }
-                shared.back.seq.0.store(seq, Release);
+                shared.answer.seq.0.store(seq, Release);
                 if task == WOKEN {
                     asker.unpark();
                 }

@@ -39,14 +39,14 @@ trait MessageEndpoint {
         found.filter(|()| !broken)
     }
 
-    fn ask(&mut self, seq: u64) -> Option<u64> {
-        let (mut there, mut back) = ([1; COMMAND_BYTES], [0; ANSWER_BYTES]);
-        there[..8].copy_from_slice(&seq.to_le_bytes());
+    fn exchange(&mut self, seq: u64) -> Option<u64> {
+        let (mut command, mut answer) = ([1; COMMAND_BYTES], [0; ANSWER_BYTES]);
+        command[..8].copy_from_slice(&seq.to_le_bytes());
         let since_ns = monotonic_ns();
-        self.send(&there).ok()?;
+        self.send(&command).ok()?;
         loop {
-            self.next(&mut back)?;
-            if seq_of(std::hint::black_box(&back)) == Some(seq) {
+            self.next(&mut answer)?;
+            if seq_of(std::hint::black_box(&answer)) == Some(seq) {
                 return Some(monotonic_ns() - since_ns);
             }
         }
@@ -54,17 +54,17 @@ trait MessageEndpoint {
 
     /// Answers each message until the last one; a pause of [`ANSWER_WITHIN`] does not end it.
     fn answer_all(&mut self) {
-        let (mut there, mut back) = ([0; COMMAND_BYTES], [2; ANSWER_BYTES]);
-        let mut silences = 0;
-        while silences < TIMEOUTS_MAX {
-            if self.next(&mut there).is_none() {
-                silences += 1;
+        let (mut command, mut answer) = ([0; COMMAND_BYTES], [2; ANSWER_BYTES]);
+        let mut timeouts = 0;
+        while timeouts < TIMEOUTS_MAX {
+            if self.next(&mut command).is_none() {
+                timeouts += 1;
                 continue;
             }
-            silences = 0;
-            let seq = seq_of(std::hint::black_box(&there)).unwrap_or(STOP);
-            back[..8].copy_from_slice(&seq.to_le_bytes());
-            let sent = self.send(&back);
+            timeouts = 0;
+            let seq = seq_of(std::hint::black_box(&command)).unwrap_or(STOP);
+            answer[..8].copy_from_slice(&seq.to_le_bytes());
+            let sent = self.send(&answer);
             if seq == STOP || sent.is_err() {
                 return;
             }
@@ -167,9 +167,9 @@ pub(crate) struct Pipes {
 impl Pipes {
     /// The bench's ends: standard input and output of the process.
     pub(crate) fn of(process: &mut ChildGuard) -> io::Result<Self> {
-        let gone = || io::Error::from(ErrorKind::BrokenPipe);
-        let out = OwnedFd::from(process.0.stdin.take().ok_or_else(gone)?);
-        let back = OwnedFd::from(process.0.stdout.take().ok_or_else(gone)?);
+        let broken_pipe = || io::Error::from(ErrorKind::BrokenPipe);
+        let out = OwnedFd::from(process.0.stdin.take().ok_or_else(broken_pipe)?);
+        let back = OwnedFd::from(process.0.stdout.take().ok_or_else(broken_pipe)?);
         Ok(Self { out: out.into(), back: back.into(), way: WakeMode::Wake })
     }
 
@@ -207,18 +207,18 @@ impl MessageEndpoint for Pipes {
 
 impl RoundTrip for Unix {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }
 
 impl RoundTrip for Udp {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }
 
 impl RoundTrip for Pipes {
     fn round_trip(&mut self, seq: u64) -> Option<u64> {
-        self.ask(seq)
+        self.exchange(seq)
     }
 }

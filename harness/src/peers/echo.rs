@@ -28,7 +28,7 @@ const WITHIN: Duration = Duration::from_secs(10);
 
 /// The bench's side.
 pub(crate) struct Echo {
-    words: BufReader<UnixStream>,
+    control: BufReader<UnixStream>,
     pipes: Pipes,
     unix: datagram::Unix,
     udp: datagram::Udp,
@@ -52,20 +52,20 @@ impl Echo {
         let ThreadSettings { core, policy, priority } = thread_settings;
         let dir = place.dir().to_string_lossy();
         let (core, priority) = (core.to_string(), priority.to_string());
-        let words = ["echo", &dir, &core, policy.name(), &priority].join(ARGUMENT_SEPARATOR);
-        let command = programs.part(&words).map_err(failed)?;
+        let arguments = ["echo", &dir, &core, policy.name(), &priority].join(ARGUMENT_SEPARATOR);
+        let command = programs.part(&arguments).map_err(failed)?;
         let mut process = ChildGuard::spawn_piped(command).map_err(failed)?;
         let pipes = Pipes::of(&mut process).map_err(failed)?;
-        let mut words = BufReader::new(accept(&listener, &mut process)?);
+        let mut control = BufReader::new(accept(&listener, &mut process)?);
         let unix = datagram::Unix::new(place.dir(), "here").map_err(failed)?;
         let udp = datagram::Udp::new().map_err(failed)?;
-        write_line(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
-        let told = read_line(&mut words)?;
-        let port = told.strip_prefix("port ").and_then(|port| port.parse().ok());
-        udp.connect(port.ok_or_else(|| failed(&told))?).map_err(failed)?;
+        write_line(&mut control, &format!("port {}", udp.port().map_err(failed)?))?;
+        let reply = read_line(&mut control)?;
+        let port = reply.strip_prefix("port ").and_then(|port| port.parse().ok());
+        udp.connect(port.ok_or_else(|| failed(&reply))?).map_err(failed)?;
         unix.connect(place.dir(), "there").map_err(failed)?;
         let plain = PlainIpc::open(place.dir())?;
-        Ok(Self { words, pipes, unix, udp, plain, _process: process })
+        Ok(Self { control, pipes, unix, udp, plain, _process: process })
     }
 
     /// Starts an answering endpoint, and returns the asking one.
@@ -75,10 +75,10 @@ impl Echo {
         way: WakeMode,
     ) -> Result<&mut dyn RoundTrip, BenchError> {
         let how = if way == WakeMode::Poll { "poll" } else { "wake" };
-        write_line(&mut self.words, &format!("{} {how}", kind.name()))?;
-        let told = read_line(&mut self.words)?;
-        if told != "ready" {
-            return Err(failed(told));
+        write_line(&mut self.control, &format!("{} {how}", kind.name()))?;
+        let reply = read_line(&mut self.control)?;
+        if reply != "ready" {
+            return Err(failed(reply));
         }
         match kind {
             Transport::Unix => self.unix.wait(way).map_err(failed)?,
@@ -109,8 +109,8 @@ impl Echo {
 impl Drop for Echo {
     fn drop(&mut self) {
         // A process that has ended does not read.
-        let _ = write_line(&mut self.words, "end");
-        let _ = read_line(&mut self.words);
+        let _ = write_line(&mut self.control, "end");
+        let _ = read_line(&mut self.control);
     }
 }
 
@@ -140,13 +140,13 @@ fn failed(why: impl std::fmt::Display) -> BenchError {
     BenchError::part("echo", format!("{why}"))
 }
 
-fn write_line(words: &mut BufReader<UnixStream>, line: &str) -> Result<(), BenchError> {
-    words.get_mut().write_all(format!("{line}\n").as_bytes()).map_err(failed)
+fn write_line(control: &mut BufReader<UnixStream>, line: &str) -> Result<(), BenchError> {
+    control.get_mut().write_all(format!("{line}\n").as_bytes()).map_err(failed)
 }
 
-fn read_line(words: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
+fn read_line(control: &mut BufReader<UnixStream>) -> Result<String, BenchError> {
     let mut line = String::new();
-    words.read_line(&mut line).map_err(failed)?;
+    control.read_line(&mut line).map_err(failed)?;
     if line.is_empty() {
         Err(failed("the connection was closed"))
     } else {
@@ -160,7 +160,7 @@ pub(crate) fn run_echo(arguments: &[&str]) -> Result<(), BenchError> {
     let _ = set_parent_process_death_signal(Some(Signal::KILL));
     let (dir, thread_settings) = parsed(arguments).ok_or_else(|| failed("arguments"))?;
     let stream = UnixStream::connect(dir.join("control")).map_err(failed)?;
-    let mut words = BufReader::new(stream);
+    let mut control = BufReader::new(stream);
     if thread_settings.policy == Policy::Fifo {
         daemon::realtime::lock_memory()?;
     }
@@ -169,12 +169,12 @@ pub(crate) fn run_echo(arguments: &[&str]) -> Result<(), BenchError> {
     let mut plain = PlainIpc::create(dir)?;
     let mut pipes = Pipes::inherited().map_err(failed)?;
     thread_settings.apply()?;
-    let told = read_line(&mut words)?;
-    let port = told.strip_prefix("port ").and_then(|port| port.parse().ok());
-    udp.connect(port.ok_or_else(|| failed(&told))?).map_err(failed)?;
-    write_line(&mut words, &format!("port {}", udp.port().map_err(failed)?))?;
+    let reply = read_line(&mut control)?;
+    let port = reply.strip_prefix("port ").and_then(|port| port.parse().ok());
+    udp.connect(port.ok_or_else(|| failed(&reply))?).map_err(failed)?;
+    write_line(&mut control, &format!("port {}", udp.port().map_err(failed)?))?;
     loop {
-        let task = read_line(&mut words)?;
+        let task = read_line(&mut control)?;
         let (kind, how) = task.split_once(' ').unwrap_or((task.as_str(), ""));
         let way = if how == "wake" { WakeMode::Wake } else { WakeMode::Poll };
         match kind {
@@ -182,9 +182,9 @@ pub(crate) fn run_echo(arguments: &[&str]) -> Result<(), BenchError> {
             "udp" => udp.wait(way).map_err(failed)?,
             "pipe" => pipes.wait(way).map_err(failed)?,
             "iceoryx2" => plain.wait(way),
-            _ => return write_line(&mut words, "gone"),
+            _ => return write_line(&mut control, "gone"),
         }
-        write_line(&mut words, "ready")?;
+        write_line(&mut control, "ready")?;
         match kind {
             "unix" => unix.answer(dir),
             "udp" => udp.answer(),

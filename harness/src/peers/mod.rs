@@ -113,11 +113,11 @@ pub(crate) trait RoundTrip {
 }
 
 /// Polls until there is a result; `None` after [`ANSWER_WITHIN`].
-pub(crate) fn poll<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
+pub(crate) fn poll<T>(mut poll_once: impl FnMut() -> Option<T>) -> Option<T> {
     let since_ns = monotonic_ns();
     loop {
         for _ in 0..POLLS_PER_CLOCK {
-            if let Some(found) = look() {
+            if let Some(found) = poll_once() {
                 return Some(found);
             }
             std::hint::spin_loop();

@@ -29,7 +29,7 @@ const SETTLING_INTERVAL: Duration = Duration::from_millis(1);
 /// The client's side.
 pub(crate) struct Trued {
     pub(crate) client: Client,
-    stands: Vec<(f64, f64)>,
+    ranges: Vec<(f64, f64)>,
     /// Time along the path, and the clock when it was reached, ns.
     path_ns: u64,
     there_ns: u64,
@@ -52,13 +52,13 @@ pub(crate) struct Answers {
 impl Trued {
     pub(crate) fn new(mut client: Client) -> Self {
         let bounds = client.status().map(|status| (status.joints as usize, status.bounds));
-        let stands = bounds.map_or_else(Vec::new, |(joints, bounds)| {
+        let ranges = bounds.map_or_else(Vec::new, |(joints, bounds)| {
             let range = |i: usize| (bounds.min[i], bounds.max[i] - bounds.min[i]);
             (0..joints).map(range).map(|(min, width)| (min + CENTRE * width, width)).collect()
         });
         Self {
             client,
-            stands,
+            ranges,
             path_ns: 0,
             there_ns: monotonic_ns(),
             answers: Answers::default(),
@@ -95,11 +95,11 @@ impl Trued {
         self.path_ns += t_ns.saturating_sub(self.there_ns);
         self.there_ns = t_ns;
         let phase = std::f64::consts::TAU * self.path_ns as f64 * 1e-9 / SWING_S;
-        for (i, (stands, width)) in self.stands.iter().enumerate() {
-            q[i] = stands + SWING * width * (phase + i as f64).sin();
+        for (i, (lower, width)) in self.ranges.iter().enumerate() {
+            q[i] = lower + SWING * width * (phase + i as f64).sin();
         }
         // The exact position on the path at this time; otherwise a trip's jitter would be a jerk.
-        Setpoint::new(&q[..self.stands.len()])
+        Setpoint::new(&q[..self.ranges.len()])
             .at_ns(t_ns)
             .wrench(WRENCH, WrenchFrame::Tool)
             .temperatures(AMBIENT_C, &[])
@@ -138,8 +138,8 @@ fn is_solved(answer: &Corrected) -> bool {
         CorrectionStatus::Shadow,
         CorrectionStatus::Limited,
     ];
-    let asked = answer.status().is_ok_and(|status| made.contains(&status));
-    asked
+    let is_expected = answer.status().is_ok_and(|status| made.contains(&status));
+    is_expected
         && answer
             .reason()
             .is_ok_and(|reason| ![Reason::NotConverged, Reason::Stale].contains(&reason))

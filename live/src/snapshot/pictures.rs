@@ -31,8 +31,8 @@ pub(super) fn spectrogram(
     let count = (-begin_s / step_s).round() as usize;
     let mut cells = vec![f64::NAN; rows * count];
     for column in columns {
-        let at = ((seconds_ago(column.t_ms, now_ms) - begin_s) / step_s).round();
-        if !(0.0..count as f64).contains(&at) {
+        let column_index = ((seconds_ago(column.t_ms, now_ms) - begin_s) / step_s).round();
+        if !(0.0..count as f64).contains(&column_index) {
             continue;
         }
         for (bin, amplitude) in column.amplitude_n.iter().enumerate() {
@@ -40,7 +40,7 @@ pub(super) fn spectrogram(
             let hz = column.first_hz + bin as f64 * column.bin_hz;
             let row = ((hz - newest.first_hz) / newest.bin_hz).round();
             if (0.0..rows as f64).contains(&row) {
-                let cell = &mut cells[row as usize * count + at as usize];
+                let cell = &mut cells[row as usize * count + column_index as usize];
                 *cell = cell.max(*amplitude);
             }
         }

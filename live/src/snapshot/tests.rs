@@ -8,8 +8,12 @@ const NOW_MS: u64 = 1_700_000_000_000;
 
 fn moment(status: Status, history: &History) -> SnapshotPage {
     let report = Report::new("mill", &status, None);
-    let seen = Arc::new(CellState { report, status, robot: None });
-    SnapshotPage { seen, entries: history.since(&mut HistoryPosition::default()), now_ms: NOW_MS }
+    let cell_state = Arc::new(CellState { report, status, robot: None });
+    SnapshotPage {
+        cell_state,
+        entries: history.since(&mut HistoryPosition::default()),
+        now_ms: NOW_MS,
+    }
 }
 
 /// A cell that corrects: joint 2 by a quarter of its limit.
@@ -49,15 +53,15 @@ fn a_page_says_what_the_status_says_and_is_named_by_cell_and_time() {
     let moment = moment(running(), &History::default());
     assert_eq!(moment.file_name(), "mill-20231114-221320.html");
     let page = moment.html();
-    for words in [
+    for part in [
         "Cell mill: running, mode full",
         "25 % of its limit (joint 2)",
         "12345",
         "No force samples",
         "2023-11-14 22:13:20 UTC",
-        &moment.seen.report.model.hash,
+        &moment.cell_state.report.model.hash,
     ] {
-        assert!(page.contains(words), "{words}");
+        assert!(page.contains(part), "{part}");
     }
     assert!(!page.contains("<script") && !page.contains("http://1") && !page.contains("https://"));
 }
@@ -83,30 +87,36 @@ fn a_vibration_alarm_is_the_verdict_while_it_lasts_and_a_remark_when_it_is_over(
 
 #[test]
 fn a_cell_that_does_not_correct_is_not_good_and_the_command_says_what_to_do() {
-    for (change, word, command) in [
+    for (change, label, command) in [
         (Status { bypassed: 1, ..running() }, "bypassed", "trued bypass off mill"),
         (Status { mode: 0, ..running() }, "idle", "trued mode limited mill"),
         (Status { health: 3, ..running() }, "degraded", "trued status mill"),
         (Status { health: 4, ..running() }, "fault", "trued status mill"),
         (Status { t_ns: 1, ..running() }, "no status", "trued status mill"),
     ] {
-        let status = if word == "idle" { Status { health: 1, ..change } } else { change };
+        let status = if label == "idle" { Status { health: 1, ..change } } else { change };
         let page = moment(status, &History::default()).html();
-        assert!(page.contains(&format!("Cell mill: {word}")), "{word}");
+        assert!(page.contains(&format!("Cell mill: {label}")), "{label}");
         assert!(page.contains(command), "{command}");
-        assert!(!page.contains("verdict good"), "{word}");
+        assert!(!page.contains("verdict good"), "{label}");
     }
 }
 
 #[test]
 fn the_period_is_that_of_moving_commands_and_a_new_daemon_does_not_disturb_it() {
-    let at = |t_ms: u64, commands: u64| Latency {
+    let latency = |t_ms: u64, commands: u64| Latency {
         t_ms,
         p99_us: 1.0,
         counted: (t_ms * 1_000_000, commands),
     };
-    let latency =
-        [at(0, 1000), at(500, 1125), at(1000, 1250), at(1500, 1250), at(2000, 0), at(2500, 125)];
+    let latency = [
+        latency(0, 1000),
+        latency(500, 1125),
+        latency(1000, 1250),
+        latency(1500, 1250),
+        latency(2000, 0),
+        latency(2500, 125),
+    ];
     assert!((period_s(&latency).expect("a period") - 0.004).abs() < 1e-9);
     assert_eq!(period_s(&latency[..1]), None);
 }

@@ -40,23 +40,23 @@ impl OperatorRequest {
 #[derive(Clone, Debug)]
 pub(super) struct AnsweredRequest {
     pub(super) request: OperatorRequest,
-    pub(super) says: String,
+    pub(super) message: String,
 }
 
 /// Answers requests until the sender is dropped.
 pub(super) fn run(
     mut monitor: Monitor,
-    asked: &Receiver<OperatorRequest>,
+    requests: &Receiver<OperatorRequest>,
     answers: &Sender<AnsweredRequest>,
 ) {
-    for request in asked {
+    for request in requests {
         let response = match request {
             OperatorRequest::Bypass(on) => monitor.bypass(on, ANSWER_TIMEOUT),
             OperatorRequest::Mode(mode) => monitor.mode(mode, ANSWER_TIMEOUT),
             OperatorRequest::Arm => monitor.arm(true, ANSWER_TIMEOUT),
             OperatorRequest::Reload => monitor.reload(None, ANSWER_TIMEOUT),
         };
-        let says = match response {
+        let message = match response {
             Ok(response) => match response.answer() {
                 Ok(Answer::Done) => response.message.to_string(),
                 Ok(answer) => format!("{answer}: {}", response.message),
@@ -64,7 +64,7 @@ pub(super) fn run(
             },
             Err(error) => error.to_string(),
         };
-        if answers.send(AnsweredRequest { request, says }).is_err() {
+        if answers.send(AnsweredRequest { request, message }).is_err() {
             return;
         }
     }

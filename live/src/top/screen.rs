@@ -29,7 +29,7 @@ pub(super) enum KeyAction {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ScreenEvent {
     pub(super) uptime_s: f64,
-    pub(super) says: String,
+    pub(super) text: String,
 }
 
 /// Number of commands at a time.
@@ -44,7 +44,7 @@ struct CommandCount {
 pub(super) struct Screen {
     pub(super) cell: String,
     /// The displayed state of the cell; `None` before its first status.
-    pub(super) seen: Option<Arc<CellState>>,
+    pub(super) cell_state: Option<Arc<CellState>>,
     /// The present state of the cell, while the display is frozen.
     waiting: Option<Arc<CellState>>,
     pub(super) frozen: bool,
@@ -64,7 +64,7 @@ impl Screen {
     pub(super) fn new(cell: &str) -> Self {
         Self {
             cell: cell.to_owned(),
-            seen: None,
+            cell_state: None,
             waiting: None,
             frozen: false,
             unconfirmed: None,
@@ -81,22 +81,22 @@ impl Screen {
         for verdict in news.verdicts {
             self.add_event(verdict.to_string());
         }
-        let Some(seen) = news.seen else { return };
-        self.count(&seen.status);
-        for says in self.changes.since_last(&seen.report) {
-            self.add_event(says);
+        let Some(cell_state) = news.cell_state else { return };
+        self.count(&cell_state.status);
+        for text in self.changes.since_last(&cell_state.report) {
+            self.add_event(text);
         }
         if self.frozen {
-            self.waiting = Some(seen);
+            self.waiting = Some(cell_state);
         } else {
-            self.seen = Some(seen);
+            self.cell_state = Some(cell_state);
         }
     }
 
     /// Processes an answer of the daemon.
     pub(super) fn add_answer(&mut self, answered: &AnsweredRequest) {
         self.pending = None;
-        self.add_event(format!("{}: {}", answered.request.description(), answered.says));
+        self.add_event(format!("{}: {}", answered.request.description(), answered.message));
     }
 
     /// Processes a key.
@@ -115,7 +115,7 @@ impl Screen {
         match key.code {
             KeyCode::Char('q') | KeyCode::Esc => KeyAction::Quit,
             KeyCode::Char('b') => {
-                let bypassed = self.now().is_some_and(|seen| seen.report.bypassed);
+                let bypassed = self.now().is_some_and(|cell_state| cell_state.report.bypassed);
                 self.ask(OperatorRequest::Bypass(!bypassed))
             }
             KeyCode::Char('s') => self.ask(OperatorRequest::Mode(Mode::Shadow)),
@@ -125,8 +125,8 @@ impl Screen {
             KeyCode::Char('r') => self.ask(OperatorRequest::Reload),
             KeyCode::Char(' ') => {
                 self.frozen = !self.frozen;
-                if let Some(seen) = self.waiting.take() {
-                    self.seen = Some(seen);
+                if let Some(cell_state) = self.waiting.take() {
+                    self.cell_state = Some(cell_state);
                 }
                 KeyAction::None
             }
@@ -136,7 +136,7 @@ impl Screen {
 
     /// The present state of the cell, displayed or not.
     fn now(&self) -> Option<&Arc<CellState>> {
-        self.waiting.as_ref().or(self.seen.as_ref())
+        self.waiting.as_ref().or(self.cell_state.as_ref())
     }
 
     fn ask(&mut self, request: OperatorRequest) -> KeyAction {
@@ -153,9 +153,9 @@ impl Screen {
         KeyAction::Ask(request)
     }
 
-    fn add_event(&mut self, says: String) {
-        let uptime_s = self.now().map_or(0.0, |seen| seen.report.uptime_s);
-        self.events.push_front(ScreenEvent { uptime_s, says });
+    fn add_event(&mut self, text: String) {
+        let uptime_s = self.now().map_or(0.0, |cell_state| cell_state.report.uptime_s);
+        self.events.push_front(ScreenEvent { uptime_s, text });
         self.events.truncate(EVENTS_KEPT);
     }
 
@@ -188,8 +188,8 @@ mod tests {
 
     fn status(screen: &mut Screen, status: Status) {
         let report = Report::new("cell", &status, None);
-        let seen = Some(Arc::new(CellState { report, status, robot: None }));
-        screen.update(CellUpdate { seen, verdicts: Vec::new() });
+        let cell_state = Some(Arc::new(CellState { report, status, robot: None }));
+        screen.update(CellUpdate { cell_state, verdicts: Vec::new() });
     }
 
     #[test]
@@ -230,12 +230,18 @@ mod tests {
         status(&mut screen, Status::default());
         assert_eq!(press(&mut screen, ' '), KeyAction::None);
         status(&mut screen, Status { bypassed: 1, commands: 9, ..Status::default() });
-        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(0));
+        assert_eq!(
+            screen.cell_state.as_ref().map(|cell_state| cell_state.report.counts.commands),
+            Some(0)
+        );
         assert_eq!(press(&mut screen, 'b'), KeyAction::None, "it is bypassed: a yes is needed");
         assert_eq!(screen.unconfirmed, Some(OperatorRequest::Bypass(false)));
         assert_eq!(press(&mut screen, 'n'), KeyAction::None);
         assert_eq!(press(&mut screen, ' '), KeyAction::None);
-        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(9));
+        assert_eq!(
+            screen.cell_state.as_ref().map(|cell_state| cell_state.report.counts.commands),
+            Some(9)
+        );
     }
 
     #[test]
@@ -246,11 +252,11 @@ mod tests {
         status(&mut screen, Status { health: 3, mode: 1, bypassed: 1, ..Status::default() });
         screen.add_answer(&AnsweredRequest {
             request: OperatorRequest::Arm,
-            says: "refused: no".to_owned(),
+            message: "refused: no".to_owned(),
         });
-        let says: Vec<&str> = screen.events.iter().map(|one| one.says.as_str()).collect();
-        assert_eq!(says[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
-        assert!(says[3].starts_with("running -> degraded"), "{says:?}");
+        let texts: Vec<&str> = screen.events.iter().map(|one| one.text.as_str()).collect();
+        assert_eq!(texts[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
+        assert!(texts[3].starts_with("running -> degraded"), "{texts:?}");
     }
 
     #[test]

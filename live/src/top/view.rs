@@ -34,12 +34,12 @@ pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     .areas(frame.area());
     draw_title(frame, title, screen);
     frame.render_widget(Paragraph::new(keys_line(screen)), keys);
-    let Some(seen) = &screen.seen else {
+    let Some(cell_state) = &screen.cell_state else {
         let text = Paragraph::new("waiting for the first status ...");
         frame.render_widget(text.alignment(Alignment::Center), state);
         return;
     };
-    let report = &seen.report;
+    let report = &cell_state.report;
     draw_state(frame, state, report, screen.frozen);
     let joints = u16::try_from(report.joints.len()).unwrap_or(u16::MAX).saturating_add(2);
     let (joint_rows, cycle_rows) = (joints.max(3), 7);
@@ -62,8 +62,8 @@ pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
 }
 
 fn draw_title(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
-    let robot = screen.seen.as_ref().map_or(String::new(), |seen| {
-        let robot = &seen.report.robot;
+    let robot = screen.cell_state.as_ref().map_or(String::new(), |cell_state| {
+        let robot = &cell_state.report.robot;
         let named = [robot.maker.as_str(), robot.kind.as_str(), robot.serial.as_str()];
         named.into_iter().filter(|name| !name.is_empty()).collect::<Vec<_>>().join(" ")
     });
@@ -92,9 +92,9 @@ fn state_word(report: &Report) -> (String, Color) {
 }
 
 fn draw_state(frame: &mut Frame<'_>, area: Rect, report: &Report, frozen: bool) {
-    let (word, colour) = state_word(report);
+    let (label, colour) = state_word(report);
     let mut first = vec![Span::styled(
-        format!("  {word}  "),
+        format!("  {label}  "),
         Style::new().fg(Color::Black).bg(colour).add_modifier(Modifier::BOLD),
     )];
     if frozen {
@@ -126,10 +126,10 @@ fn bar(share: f64) -> String {
 
 fn draw_joints(frame: &mut Frame<'_>, area: Rect, joints: &[Joint]) {
     let line = |(k, joint): (usize, &Joint)| {
-        let near = joint.share.abs() >= NEAR_LIMIT;
-        let style = if near { Style::new().fg(Color::Yellow) } else { Style::new() };
+        let is_near = joint.share.abs() >= NEAR_LIMIT;
+        let style = if is_near { Style::new().fg(Color::Yellow) } else { Style::new() };
         let text = format!("{:>2} [{}] {:>7.1} %", k + 1, bar(joint.share), 100.0 * joint.share);
-        Line::styled(format!("{text}{}", if near { " near" } else { "" }), style)
+        Line::styled(format!("{text}{}", if is_near { " near" } else { "" }), style)
     };
     let lines: Vec<Line<'_>> = joints.iter().enumerate().map(line).collect();
     let block = Block::new().borders(Borders::ALL).title(" correction relative to its limit ");
@@ -169,14 +169,14 @@ fn feed(report: &Report) -> String {
 }
 
 fn draw_events(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
-    let vibration = screen.seen.as_ref().map_or(String::new(), |seen| {
-        let vibration = &seen.report.vibration;
+    let vibration = screen.cell_state.as_ref().map_or(String::new(), |cell_state| {
+        let vibration = &cell_state.report.vibration;
         let line = vibration.line.as_ref().map_or(String::new(), |line| format!(": {line}"));
         format!("vibration {}{line}", vibration.watch)
     });
     let mut lines = vec![Line::styled(vibration, Style::new().add_modifier(Modifier::BOLD))];
     let event = |one: &super::screen::ScreenEvent| {
-        Line::from(format!("{:>8.1} s  {}", one.uptime_s, one.says))
+        Line::from(format!("{:>8.1} s  {}", one.uptime_s, one.text))
     };
     lines.extend(screen.events.iter().map(event));
     let block = Block::new().borders(Borders::TOP).title(" vibration, events, newest first ");
@@ -222,12 +222,12 @@ mod tests {
     fn shown(status: &Status, width: u16, height: u16) -> Vec<String> {
         let mut screen = Screen::new("cell");
         let report = Report::new("cell", status, None);
-        let seen = Some(Arc::new(CellState {
+        let cell_state = Some(Arc::new(CellState {
             report: Report { age_s: 0.0, ..report },
             status: *status,
             robot: None,
         }));
-        screen.update(CellUpdate { seen, verdicts: Vec::new() });
+        screen.update(CellUpdate { cell_state, verdicts: Vec::new() });
         let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a terminal");
         terminal.draw(|frame| draw(frame, &screen)).expect("drawn");
         let buffer = terminal.backend().buffer();

@@ -196,8 +196,8 @@ impl Acceptance {
         now_unix_ms: u64,
     ) -> Result<Checked<'a>, Refusal> {
         if self.accept == Accept::Never {
-            let words = "this cell accepts no models: `accept` is \"never\" in its owner's file";
-            return Err(Refusal::new(Reason::NotAccepted, words));
+            let message = "this cell accepts no models: `accept` is \"never\" in its owner's file";
+            return Err(Refusal::new(Reason::NotAccepted, message));
         }
         let statement = Statement::read(signature)?;
         let found = offer::sha256(model);
@@ -207,15 +207,15 @@ impl Acceptance {
         offer::verify(model, signature, &self.keys)?;
         if now_unix_ms >= statement.expires_unix_ms {
             let ago_s = (now_unix_ms - statement.expires_unix_ms) / 1000;
-            let words = format!("the offer expired {ago_s} s ago; sign it again");
-            return Err(Refusal::new(Reason::Expired, words));
+            let message = format!("the offer expired {ago_s} s ago; sign it again");
+            return Err(Refusal::new(Reason::Expired, message));
         }
         if statement.counter <= self.last_counter {
             let (counter, last) = (statement.counter, self.last_counter);
-            let words = format!(
+            let message = format!(
                 "counter {counter} is not above {last}, that of the last accepted offer; sign it again with a higher one"
             );
-            return Err(Refusal::new(Reason::Replayed, words));
+            return Err(Refusal::new(Reason::Replayed, message));
         }
         self.check_robot(model, &statement)?;
         Ok(Checked { statement, model, signature })
@@ -230,8 +230,8 @@ impl Acceptance {
         if differences.is_empty() {
             return Ok(());
         }
-        let words = format!("another robot: {}", differences.join("; "));
-        Err(Refusal::new(Reason::OtherRobot, words))
+        let message = format!("another robot: {}", differences.join("; "));
+        Err(Refusal::new(Reason::OtherRobot, message))
     }
 
     /// Writes the counter, then signature and model; returns the model's file. From then on the offer is used up.
@@ -276,8 +276,8 @@ fn read_counter(path: &Path) -> Result<u64, AcceptanceError> {
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(0),
         Err(why) => Err(error(path)(why)),
         Ok(text) => text.trim().parse().map_err(|_| {
-            let words = format!("is `{}`; expected a number: the counter of the last accepted offer (a higher one is safe)", text.trim());
-            error(path)(words)
+            let message = format!("is `{}`; expected a number: the counter of the last accepted offer (a higher one is safe)", text.trim());
+            error(path)(message)
         }),
     }
 }

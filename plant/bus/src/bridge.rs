@@ -156,7 +156,7 @@ impl Bridge {
         self.publish(Content::Event(Event::BridgeStarted { version, torn_bytes }))?;
         let period = Duration::from_secs_f64(1.0 / self.settings.summaries_hz);
         while !stop.load(Relaxed) {
-            self.look()?;
+            self.poll()?;
             self.judge_offer(log)?;
             if self.summarised.elapsed() >= period {
                 self.summarise()?;
@@ -196,8 +196,8 @@ impl Bridge {
     /// Checks an offered model, stages it, and has it loaded where the owner's file says so.
     fn take_model(&mut self, offered: &Offered) -> Result<Event, Refusal> {
         let Some(acceptance) = &mut self.acceptance else {
-            let words = "this cell accepts no models: its bridge runs without `--models`";
-            return Err(Refusal::new(Reason::NotAccepted, words));
+            let message = "this cell accepts no models: its bridge runs without `--models`";
+            return Err(Refusal::new(Reason::NotAccepted, message));
         };
         let checked = acceptance.check(&offered.model, &offered.signature, now_unix_ms())?;
         let (sha256, counter) = (checked.statement.sha256.clone(), checked.statement.counter);
@@ -246,7 +246,7 @@ impl Bridge {
     }
 
     /// Reads the daemon's messages and publishes what changed.
-    fn look(&mut self) -> Result<(), BridgeError> {
+    fn poll(&mut self) -> Result<(), BridgeError> {
         self.connect();
         let mut events = Vec::new();
         if let Some(monitor) = &mut self.monitor {

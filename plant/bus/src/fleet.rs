@@ -137,8 +137,8 @@ pub fn row(summary: &[u8]) -> Result<Row, String> {
     let Body { correction, status, .. } = &read.body;
     let since = read.body.model_since_unix_ms;
     let robot = status.as_ref().map_or(String::new(), |Status { robot, .. }| {
-        let words = [&robot.maker, &robot.kind, &robot.serial].map(String::as_str);
-        words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
+        let parts = [&robot.maker, &robot.kind, &robot.serial].map(String::as_str);
+        parts.into_iter().filter(|part| !part.is_empty()).collect::<Vec<_>>().join(" ")
     });
     let message = status.as_ref().map_or(String::new(), |status| status.message.clone());
     Ok(Row {
@@ -196,7 +196,7 @@ pub struct Question {
 ///
 /// # Errors
 /// See [`FleetError`].
-pub fn ask(endpoints: &Endpoints, question: &Question) -> Result<Fleet, FleetError> {
+pub fn query_fleet(endpoints: &Endpoints, question: &Question) -> Result<Fleet, FleetError> {
     for expected in &question.expected {
         let (group, cell) =
             expected.split_once('/').ok_or_else(|| FleetError::Expected(expected.clone()))?;
@@ -206,8 +206,8 @@ pub fn ask(endpoints: &Endpoints, question: &Question) -> Result<Fleet, FleetErr
     group.map_or(Ok(()), |group| keys::check("group", group))?;
     let session = endpoints.open(Part::Client)?;
     let selector = format!("{}/{}/*/{}", keys::ROOT, group.unwrap_or("*"), Kind::Summary.word());
-    let asked = session.get(selector).target(QueryTarget::All).timeout(question.within);
-    let replies = asked.wait().map_err(zenoh_error("ask"))?;
+    let query = session.get(selector).target(QueryTarget::All).timeout(question.within);
+    let replies = query.wait().map_err(zenoh_error("ask"))?;
     let mut fleet = Fleet {
         schema: "trued.plant-fleet/1",
         cells: Vec::new(),

@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use bus::acceptance::AcceptanceError;
-use bus::fleet::{Question, ask};
+use bus::fleet::{Question, query_fleet};
 use bus::offer::{OfferError, Statement};
 use bus::offering::{self, OfferingError};
 use bus::sparkplug::session::{Credentials, NoBroker};
@@ -266,9 +266,9 @@ fn credentials(user: String) -> Result<Credentials, Failure> {
 /// Delivers to the broker in a thread of its own, so that the bridge does not wait for it.
 fn deliver(mut node: Sparkplug, stop: Arc<AtomicBool>) -> JoinHandle<()> {
     std::thread::spawn(move || {
-        node.run(&stop, &mut |words| {
+        node.run(&stop, &mut |text| {
             // A log that nobody reads any more must not end the delivery.
-            let _ = writeln!(std::io::stdout(), "{words}");
+            let _ = writeln!(std::io::stdout(), "{text}");
         });
     })
 }
@@ -289,21 +289,21 @@ fn statement(options: &StatementOf) -> Result<u8, Failure> {
 fn offer(options: OfferOf) -> Result<u8, Failure> {
     let endpoints = Endpoints { connect: options.bus.connect, listen: Vec::new() };
     let within = Duration::from_secs(options.within_s);
-    let told = offering::offer(&endpoints, &options.cell, &options.model, within)?;
+    let result = offering::offer(&endpoints, &options.cell, &options.model, within)?;
     let mut out = std::io::stdout();
     if options.json {
-        writeln!(out, "{}", told.message)?;
+        writeln!(out, "{}", result.message)?;
     } else {
-        writeln!(out, "{}: {}", options.cell, told.words)?;
+        writeln!(out, "{}: {}", options.cell, result.words)?;
     }
-    Ok(u8::from(!told.is_taken))
+    Ok(u8::from(!result.is_taken))
 }
 
 fn fleet(options: FleetOf) -> Result<u8, Failure> {
     let endpoints = Endpoints { connect: options.bus.connect, listen: Vec::new() };
     let within = Duration::from_secs(options.within_s);
     let question = Question { group: options.group, expected: options.expect, within };
-    let fleet = ask(&endpoints, &question)?;
+    let fleet = query_fleet(&endpoints, &question)?;
     let mut out = std::io::stdout().lock();
     if options.json {
         serde_json::to_writer_pretty(&mut out, &fleet).map_err(std::io::Error::from)?;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub(crate) struct ModelSince {
     path: PathBuf,
-    seen: Option<(String, u64)>,
+    known: Option<(String, u64)>,
 }
 
 impl ModelSince {
@@ -15,10 +15,10 @@ impl ModelSince {
     pub(crate) fn read(folder: &Path) -> Self {
         let path = folder.join("model");
         let text = std::fs::read_to_string(&path).unwrap_or_default();
-        let mut words = text.split_whitespace();
-        let hash = words.next().map(str::to_owned);
-        let seen = hash.zip(words.next().and_then(|word| word.parse().ok()));
-        Self { path, seen }
+        let mut fields = text.split_whitespace();
+        let hash = fields.next().map(str::to_owned);
+        let known = hash.zip(fields.next().and_then(|field| field.parse().ok()));
+        Self { path, known }
     }
 
     /// When the model was first seen, ms since 1970-01-01 UTC; now, where it is another one than before.
@@ -26,13 +26,13 @@ impl ModelSince {
     /// # Errors
     /// The note cannot be written.
     pub(crate) fn of(&mut self, hash: &str, now_unix_ms: u64) -> std::io::Result<u64> {
-        if let Some((_, since)) = self.seen.as_ref().filter(|(seen, _)| seen == hash) {
+        if let Some((_, since)) = self.known.as_ref().filter(|(known, _)| known == hash) {
             return Ok(*since);
         }
         let beside = self.path.with_extension("part");
         std::fs::write(&beside, format!("{hash} {now_unix_ms}\n"))?;
         std::fs::rename(&beside, &self.path)?;
-        self.seen = Some((hash.to_owned(), now_unix_ms));
+        self.known = Some((hash.to_owned(), now_unix_ms));
         Ok(now_unix_ms)
     }
 }

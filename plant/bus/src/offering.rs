@@ -102,8 +102,8 @@ pub fn offer(
     };
     let (bytes, signature) = (read(model)?, read(&signature_of(model))?);
     let session = endpoints.open(Part::Client)?;
-    let asked = session.get(keys.offer()).payload(bytes).attachment(signature).timeout(within);
-    let replies = asked.wait().map_err(zenoh_error("offer"))?;
+    let query = session.get(keys.offer()).payload(bytes).attachment(signature).timeout(within);
+    let replies = query.wait().map_err(zenoh_error("offer"))?;
     let reply = replies.recv().map_err(|_| OfferingError::Nobody(name()))?;
     let message = match reply.result() {
         Ok(sample) => sample.payload().to_bytes().into_owned(),
@@ -120,12 +120,12 @@ pub fn offer(
     let body =
         serde_json::from_slice::<Read>(&message).map_err(|why| unreadable(why.to_string()))?;
     let message = String::from_utf8(message).map_err(|why| unreadable(why.to_string()))?;
-    let Body { event, path, message: said } = body.body;
-    let (path, said) = (path.unwrap_or_default(), said.unwrap_or_default());
+    let Body { event, path, message: detail } = body.body;
+    let (path, detail) = (path.unwrap_or_default(), detail.unwrap_or_default());
     let (words, is_taken) = match event.as_str() {
-        "model_loaded" => (format!("loaded by the daemon: {said}"), true),
+        "model_loaded" => (format!("loaded by the daemon: {detail}"), true),
         "model_staged" => (format!("staged as {path}; not loaded into the daemon"), true),
-        "model_refused" => (format!("rejected: {said}"), false),
+        "model_refused" => (format!("rejected: {detail}"), false),
         other => return Err(unreadable(format!("event `{other}`"))),
     };
     Ok(Told { message, words, is_taken })

@@ -285,11 +285,12 @@ fn scan(path: &Path, torn_bytes: &mut u64) -> Result<Option<(u64, Segment)>, Spo
     let length = file.metadata().map_err(error)?.len();
     let mut header = [0; HEADER_BYTES as usize];
     let is_whole = length >= HEADER_BYTES && file.read_exact(&mut header).is_ok();
-    let word = |at: usize| header.get(at..at + 8).and_then(|bytes| bytes.try_into().ok());
-    let words = word(16).map(u64::from_le_bytes).zip(word(24).map(u64::from_le_bytes));
+    let number_at =
+        |offset: usize| header.get(offset..offset + 8).and_then(|bytes| bytes.try_into().ok());
+    let numbers = number_at(16).map(u64::from_le_bytes).zip(number_at(24).map(u64::from_le_bytes));
     let named = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
-    let valid =
-        words.filter(|words| is_whole && header.starts_with(HEADER) && Some(words.1) == named);
+    let valid = numbers
+        .filter(|numbers| is_whole && header.starts_with(HEADER) && Some(numbers.1) == named);
     let Some((stream, first)) = valid else {
         *torn_bytes += length;
         remove(path)?;

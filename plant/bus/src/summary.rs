@@ -181,16 +181,16 @@ mod tests {
     fn an_alarm_is_told_once_when_it_begins_and_once_when_it_ends() {
         let mut changes = Changes::default();
         let bad = Status { health: Health::Degraded.code(), ..status() };
-        let told = changes.events(&alarms(Some(&bad), false), Some("a"));
-        assert_eq!(told, [Event::AlarmRaised { alarm: Alarm::Degraded }]);
+        let events = changes.events(&alarms(Some(&bad), false), Some("a"));
+        assert_eq!(events, [Event::AlarmRaised { alarm: Alarm::Degraded }]);
         assert_eq!(changes.events(&alarms(Some(&bad), false), Some("a")), []);
-        let told = changes.events(&alarms(Some(&status()), true), Some("b"));
+        let events = changes.events(&alarms(Some(&status()), true), Some("b"));
         let expected = [
             Event::AlarmCleared { alarm: Alarm::Degraded },
             Event::AlarmRaised { alarm: Alarm::DaemonAway },
             Event::ModelChanged { from: "a".to_owned(), to: "b".to_owned() },
         ];
-        assert_eq!(told, expected);
+        assert_eq!(events, expected);
     }
 
     #[test]
@@ -198,7 +198,7 @@ mod tests {
         let mut changes = Changes::default();
         let verdict =
             |state: VibrationState| Verdict { event: 7, state: state.code(), ..Verdict::default() };
-        let told: Vec<bool> = [
+        let is_event: Vec<bool> = [
             VibrationState::Warn,
             VibrationState::Warn,
             VibrationState::Alarm,
@@ -207,6 +207,6 @@ mod tests {
         ]
         .map(|state| changes.vibration(&verdict(state)).is_some())
         .to_vec();
-        assert_eq!(told, [true, false, true, true, true]);
+        assert_eq!(is_event, [true, false, true, true, true]);
     }
 }

@@ -30,7 +30,7 @@ pub fn text(fleet: &Fleet) -> String {
 }
 
 fn cells(row: &Row) -> [String; 8] {
-    let or_none = |word: Option<&str>| word.unwrap_or("-").to_owned();
+    let or_none = |text: Option<&str>| text.unwrap_or("-").to_owned();
     let state = if row.away.is_some() { Some("AWAY") } else { row.health.as_deref() };
     let mode = if row.bypassed { Some("bypassed") } else { row.mode.as_deref() };
     let share = row.correction_largest_share;
@@ -47,13 +47,13 @@ fn cells(row: &Row) -> [String; 8] {
 }
 
 /// Columns of fixed width; what is too long is cut.
-fn line(words: &[String]) -> String {
+fn line(cells: &[String]) -> String {
     const WIDTHS: [usize; 8] = [21, 9, 9, 8, 8, 6, 7, 5];
-    let cut = |(word, width): (&String, usize)| {
-        let word: String = word.chars().take(width).collect();
-        format!("{word:width$}")
+    let cut = |(cell, width): (&String, usize)| {
+        let cell: String = cell.chars().take(width).collect();
+        format!("{cell:width$}")
     };
-    words.iter().zip(WIDTHS).map(cut).collect::<Vec<_>>().join(" ").trim_end().to_owned()
+    cells.iter().zip(WIDTHS).map(cut).collect::<Vec<_>>().join(" ").trim_end().to_owned()
 }
 
 /// Words in lines that are set in.
@@ -118,8 +118,8 @@ mod tests {
         let fleet = Fleet { schema: "", cells: vec![row(), away], missing, unreadable: Vec::new() };
         let text = text(&fleet);
         assert!(text.lines().all(|line| line.chars().count() <= COLUMNS), "{text}");
-        for word in ["degraded, force_fault: the force", "34.1 %", "11d", "AWAY", "MISSING"] {
-            assert!(text.contains(word), "{word}: {text}");
+        for part in ["degraded, force_fault: the force", "34.1 %", "11d", "AWAY", "MISSING"] {
+            assert!(text.contains(part), "{part}: {text}");
         }
     }
 }

@@ -41,8 +41,8 @@ pub(crate) fn zenoh_error(what: &'static str) -> impl FnOnce(zenoh::Error) -> Bu
     // It appends the place in its own source.
     move |why| {
         let why = why.to_string();
-        let words = why.split(" at /").next().unwrap_or_default().trim_end().to_owned();
-        BusError::Zenoh { what, why: words }
+        let reason = why.split(" at /").next().unwrap_or_default().trim_end().to_owned();
+        BusError::Zenoh { what, why: reason }
     }
 }
 
@@ -79,13 +79,13 @@ impl Endpoints {
                 .filter(|(host, port)| !host.is_empty() && port.parse::<u16>().is_ok())
                 .ok_or_else(|| BusError::Endpoint(endpoint.clone()))?;
         }
-        let words = |list: &[String]| serde_json::to_string(list).unwrap_or_default();
+        let json_list = |list: &[String]| serde_json::to_string(list).unwrap_or_default();
         let mode = if part == Part::Peer { "\"peer\"" } else { "\"client\"" };
         let mut config = zenoh::Config::default();
         let values = [
             ("mode", mode),
-            ("connect/endpoints", &words(&self.connect)),
-            ("listen/endpoints", &words(&self.listen)),
+            ("connect/endpoints", &json_list(&self.connect)),
+            ("listen/endpoints", &json_list(&self.listen)),
             ("scouting/multicast/enabled", "false"),
             ("scouting/gossip/enabled", "false"),
             ("adminspace/enabled", "false"),
@@ -178,13 +178,13 @@ impl Bus {
     /// See [`BusError`].
     pub fn open(endpoints: &Endpoints, keys: Keys, kept: Arc<Kept>) -> Result<Self, BusError> {
         let session = endpoints.open(Part::Peer)?;
-        let (asked, answered_by) = (keys.clone(), Arc::clone(&kept));
+        let (answer_keys, answered_by) = (keys.clone(), Arc::clone(&kept));
         let (hand_over, offers) = sync_channel(1);
         let answers = session
             .declare_queryable(format!("{}/{}/{}/*", crate::keys::ROOT, keys.group, keys.cell))
             .callback(move |query| match query.payload() {
-                None => answer(&query, &asked, &answered_by),
-                Some(_) => take_offer(&query, &asked, &hand_over),
+                None => answer(&query, &answer_keys, &answered_by),
+                Some(_) => take_offer(&query, &answer_keys, &hand_over),
             })
             .wait()
             .map_err(zenoh_error("declare its queryable"))?;
@@ -225,9 +225,9 @@ fn take_offer(query: &Query, keys: &Keys, hand_over: &SyncSender<Offered>) {
     let signature = query.attachment().filter(|attached| attached.len() <= SIGNATURE_BYTES_MAX);
     let signature = signature.and_then(|attached| attached.try_to_string().ok());
     let Some(signature) = signature else {
-        let words =
+        let message =
             format!("the attachment is not a signature of up to {SIGNATURE_BYTES_MAX} bytes");
-        return refuse(words);
+        return refuse(message);
     };
     let signature = signature.into_owned();
     let model = query.payload().map_or(Vec::new(), |bytes| bytes.to_bytes().into_owned());

@@ -177,8 +177,8 @@ fn tried(
         };
         let rows = rows(observations, kelvins, changed);
         let active = [true, true, kelvins.is_some()];
-        let near = fits.last().map_or(constant, |one| &one.fit);
-        let warm = fit(&rows, active, settings.missed_share, Some(near));
+        let start = fits.last().map_or(constant, |one| &one.fit);
+        let warm = fit(&rows, active, settings.missed_share, Some(start));
         // With bounds the likelihood may have two maxima: the other is searched from a new start.
         let cold = is_bounded.then(|| fit(&rows, active, settings.missed_share, None));
         let better = cold.filter(|cold| cold.log_likelihood > warm.log_likelihood).unwrap_or(warm);

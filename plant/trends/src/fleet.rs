@@ -258,16 +258,16 @@ fn summary(
     searched: &[SearchedSeries],
     alerts: &[Alert],
 ) -> RobotSummary {
-    let own = results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
+    let of_robot = results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
     let times: Vec<i64> =
-        own.flat_map(|(_, recordings)| recordings.iter().map(|one| one.at_us)).collect();
+        of_robot.flat_map(|(_, recordings)| recordings.iter().map(|one| one.at_us)).collect();
     RobotSummary {
         robot: count.robot.clone(),
         recordings: count.recordings,
         refused: count.refused,
         without_time: count.without_time,
-        from: times.iter().min().map(|at| day(*at)),
-        to: times.iter().max().map(|at| day(*at)),
+        from: times.iter().min().map(|time| day(*time)),
+        to: times.iter().max().map(|time| day(*time)),
         series: searched.iter().filter(|one| one.series.number.robot == count.robot).count(),
         alerts: alerts.iter().filter(|alert| alert.robot == count.robot).count(),
     }
@@ -368,14 +368,14 @@ fn tolerance_forecast(one: &SearchedSeries, settings: &Settings) -> Option<Reach
     let rate = &one.change.change;
     let mut ends = [rate.low * sign, rate.high * sign];
     ends.sort_unstable_by(f64::total_cmp);
-    let at = |rate: f64| (rate > 0.0).then(|| after(last, to_go / rate)).flatten();
-    let mut days = [at(ends[1]), at(ends[0])];
+    let time_at = |rate: f64| (rate > 0.0).then(|| after(last, to_go / rate)).flatten();
+    let mut days = [time_at(ends[1]), time_at(ends[0])];
     if to_go < 0.0 {
         days.reverse();
     }
     Some(Reaches {
         is_reached: to_go <= 0.0,
-        day: at(rate.value * sign).map(day),
-        day_ci95: days.map(|at| at.map(day)),
+        day: time_at(rate.value * sign).map(day),
+        day_ci95: days.map(|time| time.map(day)),
     })
 }

@@ -178,14 +178,14 @@ fn upper_tail(z: f64) -> f64 {
 /// Newton step of the coefficients, and the inverse of the curvature.
 fn newton_step(
     rows: &[Row],
-    at: &[f64; TERMS],
+    parameters: &[f64; TERMS],
     active: [bool; TERMS],
     scatter: f64,
     missed: f64,
 ) -> ([f64; TERMS], [[f64; TERMS]; TERMS]) {
     let (mut slope, mut curvature) = ([0.0; TERMS], [[0.0; TERMS]; TERMS]);
     for row in rows {
-        let mean = dot(at, &row.columns);
+        let mean = dot(parameters, &row.columns);
         let (first, second) = match row.reading {
             Reading::Value { value, sigma } => {
                 let variance = variance(sigma, scatter);
@@ -212,7 +212,7 @@ fn newton_step(
         }
     }
     let mut covariance = inverse(&curvature);
-    let mut wanted = *at;
+    let mut wanted = *parameters;
     for (i, wanted) in wanted.iter_mut().enumerate() {
         *wanted += dot(&covariance[i], &slope);
     }
@@ -258,11 +258,11 @@ fn scatter_estimate(rows: &[Row], coefficients: &[f64; TERMS], largest: f64) -> 
         })
         .collect();
     let slope = |between: f64| -> f64 {
-        let of = |(square, own): &(f64, f64)| {
-            let variance = (own + between).max(f64::MIN_POSITIVE);
+        let derivative = |(square, variance_own): &(f64, f64)| {
+            let variance = (variance_own + between).max(f64::MIN_POSITIVE);
             (square / variance - 1.0) / variance
         };
-        squares.iter().map(of).sum()
+        squares.iter().map(derivative).sum()
     };
     if squares.is_empty() || slope(largest * largest * 1e-12) <= 0.0 {
         return largest * 1e-6;

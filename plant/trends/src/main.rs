@@ -36,8 +36,8 @@ struct Options {
     probability: f64,
 }
 
-fn positive(word: &str) -> Result<f64, String> {
-    let value: f64 = word.parse().map_err(|_| "expected a number".to_owned())?;
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     if value > 0.0 && value.is_finite() {
         Ok(value)
     } else {
@@ -45,8 +45,8 @@ fn positive(word: &str) -> Result<f64, String> {
     }
 }
 
-fn probability(word: &str) -> Result<f64, String> {
-    let value = positive(word)?;
+fn probability(text: &str) -> Result<f64, String> {
+    let value = positive(text)?;
     if (0.5..=1.0).contains(&value) { Ok(value) } else { Err("expected 0.5 to 1".to_owned()) }
 }
 
@@ -105,14 +105,15 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 
 /// When and by what the page is made. `SOURCE_DATE_EPOCH` fixes the time, so that the same results give the same bytes.
 fn provenance() -> Provenance {
-    let fixed = std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|word| word.parse::<i64>().ok());
+    let fixed =
+        std::env::var("SOURCE_DATE_EPOCH").ok().and_then(|seconds| seconds.parse::<i64>().ok());
     let now =
         || SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs() as i64);
-    let words = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+    let arguments = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
     Provenance {
         files: Vec::new(),
         date_utc: time::day(fixed.unwrap_or_else(now).saturating_mul(1_000_000)),
         version: format!("trued-trends {}", env!("CARGO_PKG_VERSION")),
-        command: format!("trued-trends {words}"),
+        command: format!("trued-trends {arguments}"),
     }
 }

@@ -16,12 +16,12 @@ const UNCHANGED: usize = 60;
 /// The page.
 #[must_use]
 pub fn page(answer: &Answer, provenance: Provenance) -> String {
-    let (tone, word) = match answer.alerts.len() {
+    let (tone, label) = match answer.alerts.len() {
         0 => (Tone::Good, "No effect is growing"),
         _ => (Tone::Bad, "An effect is growing"),
     };
     let mut page = Page::new("Trends of a fleet").kicker("trued trends").provenance(provenance);
-    page = page.verdict(tone, word, &headline(answer)).numbers(numbers(answer));
+    page = page.verdict(tone, label, &headline(answer)).numbers(numbers(answer));
     page = answer.alerts.iter().fold(page, |page, alert| {
         page.note(Tone::Bad, &format!("{}: {}", alert.robot, place(alert)), &sentence(alert))
     });
@@ -94,14 +94,14 @@ fn plot(one: &SearchedSeries) -> Plot {
         number.effect.replace('_', " ")
     );
     let start = observations.first().map_or(0, |one| one.at_us);
-    let at = |at_us: i64| months(start, at_us);
+    let month_of = |at_us: i64| months(start, at_us);
     let found = observations.iter().filter_map(|one| match one.reading {
-        Reading::Value { value, .. } => Some((at(one.at_us), value)),
+        Reading::Value { value, .. } => Some((month_of(one.at_us), value)),
         Reading::Below { .. } => None,
     });
     let sign = one.change.now.value.signum();
     let below = observations.iter().filter_map(|one| match one.reading {
-        Reading::Below { limit, .. } => Some((at(one.at_us), sign * limit)),
+        Reading::Below { limit, .. } => Some((month_of(one.at_us), sign * limit)),
         Reading::Value { .. } => None,
     });
     let plot = Plot::new(title, Axis::new("Time", "months"), Axis::new(name, unit))
@@ -118,14 +118,15 @@ fn plot(one: &SearchedSeries) -> Plot {
 fn mean(one: &SearchedSeries) -> Vec<(f64, f64)> {
     let (change, observations) = (&one.change, &one.series.observations);
     let start = observations.first().map_or(0, |one| one.at_us);
-    let at = |index: usize| observations.get(index).map_or(0.0, |one| months(start, one.at_us));
-    let end = at(observations.len().saturating_sub(1));
+    let month_of =
+        |index: usize| observations.get(index).map_or(0.0, |one| months(start, one.at_us));
+    let end = month_of(observations.len().saturating_sub(1));
     let before = change.before.value;
     let corner = match change.kind {
         ChangeKind::Step => {
-            vec![(at(change.first[0]), before), (at(change.first[0]), change.now.value)]
+            vec![(month_of(change.first[0]), before), (month_of(change.first[0]), change.now.value)]
         }
-        ChangeKind::Growth => vec![(at(change.first[0].saturating_sub(1)), before)],
+        ChangeKind::Growth => vec![(month_of(change.first[0].saturating_sub(1)), before)],
     };
     let (first, last) = ((0.0, before), (end, change.now.value));
     std::iter::once(first).chain(corner).chain(std::iter::once(last)).collect()

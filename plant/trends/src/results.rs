@@ -345,9 +345,9 @@ impl Table {
 
 /// Checks that no recording has two results.
 fn check_unique(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError> {
-    let mut seen: BTreeMap<(i64, &str), &str> = BTreeMap::new();
+    let mut known: BTreeMap<(i64, &str), &str> = BTreeMap::new();
     for recording in recordings {
-        if let Some(first) = seen.insert((recording.at_us, &recording.files), &recording.key) {
+        if let Some(first) = known.insert((recording.at_us, &recording.files), &recording.key) {
             return Err(TrendsError::DiagnosedTwice {
                 robot: robot.to_owned(),
                 files: recording.files.clone(),

@@ -81,15 +81,15 @@ fn of(
     recordings: &[Recording],
     settings: &Settings,
 ) -> Series {
-    let own = Own::of(found, settings);
+    let spread = Own::of(found, settings);
     let instead = substitutes(number, found, recordings, settings);
     let observation = |(place, recording): (usize, &Recording)| {
         let reading = match found.get(&recording.key) {
             Some(found) => {
-                Reading::Value { value: found.value, sigma: found.sigma.unwrap_or(own.sigma) }
+                Reading::Value { value: found.value, sigma: found.sigma.unwrap_or(spread.sigma) }
             }
             None if recording.named.iter().any(|name| instead.contains(&name)) => return None,
-            None => Reading::Below { limit: own.limit, sigma: own.sigma },
+            None => Reading::Below { limit: spread.limit, sigma: spread.sigma },
         };
         Some(Observation { at_us: recording.at_us, place, reading, ambient_c: recording.ambient_c })
     };
@@ -100,7 +100,7 @@ fn of(
         recordings: recordings.len(),
         unknown: recordings.len() - observations.len(),
         observations,
-        per_unit: own.per_unit,
+        per_unit: spread.per_unit,
     }
 }
 

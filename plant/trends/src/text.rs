@@ -84,10 +84,10 @@ pub fn sentence(alert: &Alert) -> String {
         with_unit(alert.now.value)
     );
     if let Some(size) = &alert.size_now {
-        let at = if alert.domain == "position" { " at the tool" } else { "" };
+        let place = if alert.domain == "position" { " at the tool" } else { "" };
         let _ = write!(
             text,
-            ", {}{at} (largest {})",
+            ", {}{place} (largest {})",
             spaced(significant(size.rms, 3), &size.unit),
             spaced(significant(size.max, 3), &size.unit)
         );
@@ -141,11 +141,11 @@ fn name(alert: &Alert) -> String {
 pub fn number_and_unit(parameter: &str) -> (String, String) {
     const UNITS: [&str; 12] =
         ["mrad", "mm", "um", "Nm", "N", "kg", "deg", "ms", "s", "rad", "kgm", "kgm2"];
-    let words: Vec<&str> = parameter.split('_').collect();
-    let is_unit = |i: usize| i > 0 && UNITS.contains(&words[i]);
-    match (0..words.len()).find(|i| is_unit(*i)) {
-        Some(at) => (words[..at].join(" "), words[at..].join(" ").replace(" per ", "/")),
-        None => (words.join(" "), String::new()),
+    let parts: Vec<&str> = parameter.split('_').collect();
+    let is_unit = |i: usize| i > 0 && UNITS.contains(&parts[i]);
+    match (0..parts.len()).find(|i| is_unit(*i)) {
+        Some(index) => (parts[..index].join(" "), parts[index..].join(" ").replace(" per ", "/")),
+        None => (parts.join(" "), String::new()),
     }
 }
 

@@ -58,8 +58,8 @@ impl EthernetConfig {
         let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
         let relaxed = xml::relaxed(text);
         let document = Document::parse_with_options(&relaxed, options).map_err(|error| {
-            let at = error.pos();
-            let row = usize::try_from(at.row).unwrap_or(1).max(1);
+            let position = error.pos();
+            let row = usize::try_from(position.row).unwrap_or(1).max(1);
             let line = text.lines().nth(row - 1).unwrap_or_default();
             let mut faults = Faults::new(name);
             let fault = Fault::new("", format!("is not valid XML: {error}"));
@@ -97,22 +97,22 @@ impl Source<'_> {
 
     fn read(&mut self, name: &str, root: Node<'_, '_>) -> Option<EthernetConfig> {
         let config = child(root, "CONFIG");
-        let port = self.word(root, config, "PORT").and_then(|(word, span)| {
-            let port = word.parse().ok().filter(|port| *port != 0);
+        let port = self.text(root, config, "PORT").and_then(|(text, span)| {
+            let port = text.parse().ok().filter(|port| *port != 0);
             if port.is_none() {
-                self.fault(&span, "PORT", format!("is \"{word}\""), "a port, 1 to 65535");
+                self.fault(&span, "PORT", format!("is \"{text}\""), "a port, 1 to 65535");
             }
             port
         });
-        let sentype = self.word(root, config, "SENTYPE").map(|(word, _)| word);
-        if let Some(word) = &sentype
-            && !(word.len() <= WORD_MAX
-                && word.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c)))
+        let sentype = self.text(root, config, "SENTYPE").map(|(text, _)| text);
+        if let Some(text) = &sentype
+            && !(text.len() <= WORD_MAX
+                && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c)))
         {
             self.fault(
                 &root.range(),
                 "SENTYPE",
-                format!("is \"{word}\""),
+                format!("is \"{text}\""),
                 "up to 64 letters, digits, _ - .",
             );
         }
@@ -137,20 +137,20 @@ impl Source<'_> {
         })
     }
 
-    fn word(
+    fn text(
         &mut self,
         root: Node<'_, '_>,
         config: Option<Node<'_, '_>>,
         tag: &str,
     ) -> Option<(String, Range<usize>)> {
         let found = config.and_then(|config| child(config, tag));
-        let word =
-            found.and_then(|node| node.text()).map(str::trim).filter(|word| !word.is_empty());
-        if word.is_none() {
+        let text =
+            found.and_then(|node| node.text()).map(str::trim).filter(|text| !text.is_empty());
+        if text.is_none() {
             let span = found.or(config).unwrap_or(root).range();
             self.fault(&span, tag, "is missing".to_owned(), "CONFIG with PORT and SENTYPE");
         }
-        word.map(|word| (word.to_owned(), found.map_or(0..0, |node| node.range())))
+        text.map(|text| (text.to_owned(), found.map_or(0..0, |node| node.range())))
     }
 
     fn elements(&mut self, root: Node<'_, '_>, section: &str) -> Vec<Element> {
@@ -198,12 +198,12 @@ impl Source<'_> {
 }
 
 fn is_tag(tag: &str) -> bool {
-    let word = |word: &str| {
-        !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    let is_identifier = |text: &str| {
+        !text.is_empty() && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
     };
     let is_form = match tag.split_once('.') {
-        Some((group, name)) => word(group) && word(name),
-        None => word(tag),
+        Some((group, name)) => is_identifier(group) && is_identifier(name),
+        None => is_identifier(tag),
     };
     is_form && tag.len() <= WORD_MAX
 }

@@ -61,9 +61,9 @@ fn read(root: &Table<'_, '_>, ethernet: EthernetConfig) -> Option<RsiConfig> {
     }
     let setpoint = root.table("setpoint").map(|table| setpoint(&table, &ethernet));
     let correction = root.table("correction").map(|table| correction(&table, &ethernet));
-    let own = correction.as_ref().and_then(|(group, _)| group.as_ref()).map(group_of);
+    let own_group = correction.as_ref().and_then(|(group, _)| group.as_ref()).map(group_of);
     let feed = root.table("feed").and_then(|table| feed(&table, &ethernet));
-    let others = others(root, &ethernet, own, feed.as_ref());
+    let others = others(root, &ethernet, own_group, feed.as_ref());
     root.close();
     let (setpoint, setpoint_holds_correction) = setpoint?;
     let (correction, sums) = correction?;
@@ -233,16 +233,16 @@ fn feed(table: &Table<'_, '_>, ethernet: &EthernetConfig) -> Option<Element> {
 fn others(
     root: &Table<'_, '_>,
     ethernet: &EthernetConfig,
-    own: Option<&Group>,
+    own_group: Option<&Group>,
     feed: Option<&Element>,
 ) -> Vec<(Element, f64)> {
     let table = root.table("others");
     let mut others = Vec::new();
     let is_own = |tag: &str| {
         feed.is_some_and(|feed| feed.tag == tag)
-            || own.is_some_and(|own| {
+            || own_group.is_some_and(|own_group| {
                 tag.split_once('.').is_some_and(|(group, name)| {
-                    group == own.tag && own.names.iter().any(|one| one == name)
+                    group == own_group.tag && own_group.names.iter().any(|one| one == name)
                 })
             })
     };

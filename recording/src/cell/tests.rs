@@ -180,14 +180,14 @@ fn a_list_per_joint_must_fit_the_robot() {
 
 proptest! {
     #[test]
-    fn no_text_makes_the_reader_panic(at in any::<usize>(), byte in any::<u8>(), noise in "[ -~\n]{0,40}") {
+    fn no_text_makes_the_reader_panic(offset in any::<usize>(), byte in any::<u8>(), noise in "[ -~\n]{0,40}") {
         let mut text = WHOLE.as_bytes().to_vec();
-        let at = at % text.len();
-        text[at] = byte;
+        let offset = offset % text.len();
+        text[offset] = byte;
         let mut text = String::from_utf8_lossy(&text).into_owned();
         let _ = parse(&text).map_err(|faults| faults.plain());
-        if text.is_char_boundary(at) {
-            text.insert_str(at, &noise);
+        if text.is_char_boundary(offset) {
+            text.insert_str(offset, &noise);
         }
         let _ = parse(&text).map_err(|faults| faults.styled());
     }
@@ -204,8 +204,8 @@ fn an_instrument_is_only_watched_by_default_and_its_registration_moves_points_to
     );
     let measured = parse(&text).unwrap().measured.expect("an instrument");
     assert_eq!(measured.mode, MeasuredMode::Observe);
-    let seen = measured.base_from_instrument.point(DVec3::X);
-    assert!((seen - DVec3::new(1.0, 1.0, 0.5)).length() < 1e-15, "{seen}");
+    let transformed = measured.base_from_instrument.point(DVec3::X);
+    assert!((transformed - DVec3::new(1.0, 1.0, 0.5)).length() < 1e-15, "{transformed}");
     assert_eq!(measured.point_in_tool_m, DVec3::Z * 0.04);
     assert_eq!((measured.interval_s, measured.latency_s, measured.reaction_s), (0.01, 0.02, 0.01));
     assert_eq!((measured.time_constant_s, measured.hold_s), (None, 0.5));
@@ -218,8 +218,8 @@ fn a_time_constant_too_short_for_the_delay_is_refused_and_so_is_what_is_no_rotat
     assert!(parse(&format!("{MEASURED}time_constant_ms = 81\n")).is_ok());
     let skewed = format!("{MEASURED}base_from_instrument = [[1, 0, 0], [0, 1, 0], [0, 0.1, 1]]\n");
     assert!(parse(&skewed).unwrap_err().to_string().contains("is not a rotation"));
-    let bare = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n[measured]\n";
-    let faults = parse(bare).unwrap_err().to_string();
+    let incomplete = "schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n[measured]\n";
+    let faults = parse(incomplete).unwrap_err().to_string();
     assert!(
         ["rate_Hz", "latency_ms", "noise_mm"].iter().all(|key| faults.contains(key)),
         "{faults}"

@@ -154,8 +154,8 @@ mod tests {
         ] {
             let found = findings(name, content);
             assert_eq!(found.kind, kind, "{name}");
-            let said = found.faults.iter().map(Faults::plain).collect::<String>();
-            assert!(!said.is_empty() && !said.contains("t_s"), "{name}: {said}");
+            let messages = found.faults.iter().map(Faults::plain).collect::<String>();
+            assert!(!messages.is_empty() && !messages.contains("t_s"), "{name}: {messages}");
         }
     }
 }

@@ -43,10 +43,10 @@ impl Mapping {
 
     fn keep_rows(&self, table: &mut RawTable<'_>, faults: &mut Faults) {
         for (name, wanted) in &self.keep {
-            let Some(at) = table.column(name, faults) else { continue };
+            let Some(column) = table.column(name, faults) else { continue };
             let before = table.len();
             table.keep(|row, table| {
-                table.cell(row, at).is_some_and(|cell| wanted.iter().any(|w| *w == cell))
+                table.cell(row, column).is_some_and(|cell| wanted.iter().any(|w| *w == cell))
             });
             let kept = table.len();
             table.notes.push(format!("kept {kept} of {before} rows by `{name}`"));
@@ -80,7 +80,7 @@ impl Mapping {
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();
         table.keep(|row, table| {
-            let cell = |at: &usize| table.cell(row, *at).unwrap_or_default().into_owned();
+            let cell = |column: &usize| table.cell(row, *column).unwrap_or_default().into_owned();
             let key = segment.iter().map(cell).collect();
             let t = times.get(row).copied().unwrap_or(f64::NAN);
             let repeated = last.get(&key).is_some_and(|last| t <= *last);
@@ -145,22 +145,22 @@ impl MappedColumn {
         let first = places.first().copied();
         if matches!(self.from, Source::Column(_) | Source::Sum(_) | Source::Times(..)) {
             let stated = self.unit.is_some() || matches!(self.from, Source::Times(_, Some(_)));
-            places.iter().for_each(|at| builder.check_unit(*at, self.read_in(), stated));
+            places.iter().for_each(|column| builder.check_unit(*column, self.read_in(), stated));
         }
         let values = match (&self.from, first) {
             (Source::Labels(_), _) => labels(table, &places),
             (Source::Sum(_), _) => {
                 let mut sum = vec![0.0; rows];
-                for at in &places {
-                    sum.iter_mut().zip(builder.numbers(*at)).for_each(|(sum, x)| *sum += x);
+                for column in &places {
+                    sum.iter_mut().zip(builder.numbers(*column)).for_each(|(sum, x)| *sum += x);
                 }
                 sum
             }
             (Source::Times(_, clock), _) => builder.times(&places, clock.as_ref()),
-            (Source::Numbers(_, numbers), Some(at)) => {
-                numbers_of_labels(table, at, numbers, builder)
+            (Source::Numbers(_, numbers), Some(column)) => {
+                numbers_of_labels(table, column, numbers, builder)
             }
-            (Source::Column(_), Some(at)) => builder.numbers(at),
+            (Source::Column(_), Some(column)) => builder.numbers(column),
             (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),
             (Source::Constant(value), _) => vec![*value; rows],
             (Source::Column(_) | Source::Numbers(..), None) => return,
@@ -205,7 +205,8 @@ fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
     let mut known: BTreeMap<Vec<Cow<'_, str>>, usize> = BTreeMap::new();
     let mut numbers = Vec::with_capacity(table.len());
     for row in 0..table.len() {
-        let texts = places.iter().map(|at| table.cell(row, *at).unwrap_or_default()).collect();
+        let texts =
+            places.iter().map(|column| table.cell(row, *column).unwrap_or_default()).collect();
         let next = known.len();
         numbers.push(*known.entry(texts).or_insert(next) as f64);
     }
@@ -215,21 +216,21 @@ fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
 /// The numbers assigned to texts; the first text without a number is a fault.
 fn numbers_of_labels(
     table: &RawTable<'_>,
-    at: usize,
+    column: usize,
     numbers: &[(String, f64)],
     builder: &mut Builder<'_, '_>,
 ) -> Vec<f64> {
     let known: BTreeMap<&str, f64> = numbers.iter().map(|(text, x)| (text.as_str(), *x)).collect();
-    let number = |row: usize| known.get(table.cell(row, at)?.as_ref()).copied();
+    let number = |row: usize| known.get(table.cell(row, column)?.as_ref()).copied();
     let rows = 0..table.len();
     if let Some(row) = rows.clone().find(|row| number(*row).is_none()) {
-        let name = table.header.get(at).cloned().unwrap_or_default();
-        let cell = table.cell(row, at).unwrap_or_default();
+        let name = table.header.get(column).cloned().unwrap_or_default();
+        let cell = table.cell(row, column).unwrap_or_default();
         let texts: Vec<&str> = known.keys().copied().collect();
         let fault = Fault::new(name, format!("no number is defined for \"{cell}\""))
             .expected(format!("one of: {}", texts.join(", ")))
             .help("add it to `numbers`, or exclude its rows with `keep`");
-        builder.fault(table.cell_fault(row, at, fault));
+        builder.fault(table.cell_fault(row, column, fault));
     }
     rows.map(|row| number(row).unwrap_or(0.0)).collect()
 }

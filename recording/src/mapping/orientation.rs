@@ -97,8 +97,8 @@ impl Convention {
             Self::Matrix { by_rows } => {
                 let read = DMat3::from_cols_slice(numbers);
                 let error = (read * read.transpose() - DMat3::IDENTITY).to_cols_array();
-                let off = error.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-                if off > MATRIX_TOLERANCE || read.determinant() < 0.0 {
+                let deviation = error.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                if deviation > MATRIX_TOLERANCE || read.determinant() < 0.0 {
                     return None;
                 }
                 if by_rows { read.transpose() } else { read }
@@ -137,7 +137,7 @@ impl Orientation {
             let found = format!("has {} columns", theirs.len());
             entry.fault("from", found, format!("{}, like `{name}`", form.count()));
         }
-        let twice = theirs.iter().enumerate().find(|(at, name)| theirs[..*at].contains(name));
+        let twice = theirs.iter().enumerate().find(|(index, name)| theirs[..*index].contains(name));
         if let Some((_, name)) = twice {
             entry.fault("from", format!("lists `{name}` twice"), "a different column for each");
         }
@@ -156,9 +156,9 @@ impl Orientation {
         };
         let si = |value: f64| self.unit.map_or(value, |unit| unit.to_si(value));
         let mut columns = Vec::new();
-        for at in &places {
-            builder.check_unit(*at, self.unit, true);
-            columns.push(builder.numbers(*at).into_iter().map(si).collect::<Vec<f64>>());
+        for column in &places {
+            builder.check_unit(*column, self.unit, true);
+            columns.push(builder.numbers(*column).into_iter().map(si).collect::<Vec<f64>>());
         }
         let mut parts: [Vec<f64>; 4] = Default::default();
         let mut no_rotation = None;

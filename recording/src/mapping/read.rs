@@ -119,20 +119,20 @@ fn column(
         return None;
     }
     let mut found = Vec::new();
-    for at in 0..count {
-        let name = pattern.replacen('*', &(at + 1).to_string(), 1);
-        let theirs = order.as_ref().and_then(|order| order.get(at).copied());
-        let theirs = theirs.unwrap_or(at as i64 + 1);
+    for joint in 0..count {
+        let name = pattern.replacen('*', &(joint + 1).to_string(), 1);
+        let theirs = order.as_ref().and_then(|order| order.get(joint).copied());
+        let theirs = theirs.unwrap_or(joint as i64 + 1);
         if !fits(table, pattern, &name, entry, unit) {
             return None;
         }
-        let from = names.source(at, theirs)?;
+        let from = names.source(joint, theirs)?;
         found.push(MappedColumn {
             name,
             from,
             unit,
-            scale: scale[at] * sign[at],
-            offset: offset[at],
+            scale: scale[joint] * sign[joint],
+            offset: offset[joint],
         });
     }
     Some(found)
@@ -222,11 +222,11 @@ impl SourceTemplate {
         }
     }
 
-    /// The source of joint `at` (from 0), which has the number `theirs` in the source table.
-    fn source(&self, at: usize, theirs: i64) -> Option<Source> {
+    /// The source of a joint (from 0), which has the number `theirs` in the source table.
+    fn source(&self, joint: usize, theirs: i64) -> Option<Source> {
         Some(match self {
             Self::Pattern(name) => Source::Column(name.replacen('*', &theirs.to_string(), 1)),
-            Self::List(names) => Source::Column(names.get(at)?.clone()),
+            Self::List(names) => Source::Column(names.get(joint)?.clone()),
             Self::Labels(names) => Source::Labels(names.clone()),
             Self::Sum(names) => Source::Sum(names.clone()),
             Self::Times(names, clock) => Source::Times(names.clone(), clock.clone()),
@@ -247,14 +247,14 @@ fn sources(entry: &Table<'_, '_>) -> Option<SourceTemplate> {
         None => None,
         Some(DeValue::Array(_)) => {
             let names = names_of(entry);
-            let of = if labels {
+            let origin = if labels {
                 SourceTemplate::Labels
             } else if sum {
                 SourceTemplate::Sum
             } else {
                 SourceTemplate::List
             };
-            names.map(of)
+            names.map(origin)
         }
         Some(value) => name_of(value).map(|name| match numbers {
             Some(numbers) => SourceTemplate::Numbers(name, numbers),

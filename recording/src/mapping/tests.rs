@@ -109,8 +109,8 @@ fn texts_become_numbers_as_said_or_as_their_combinations_appear() {
     assert_eq!(recording.column(Channel::Command(0)).unwrap()[1], -4.0);
     assert_eq!(recording.column(Channel::Station).unwrap(), [7.0, 7.0, 8.0, 7.0, 7.0]);
     let missing = apply(&mapping("a = 7, b = 8"), text).unwrap_err().to_string();
-    for says in ["`run`: no number is defined for \"c\"", "x.csv:6:1", "one of: a, b", "`keep`"] {
-        assert!(missing.contains(says), "{says} in\n{missing}");
+    for part in ["`run`: no number is defined for \"c\"", "x.csv:6:1", "one of: a, b", "`keep`"] {
+        assert!(missing.contains(part), "{part} in\n{missing}");
     }
     let half = apply(&mapping("a = 7.5, b = 8, c = 7"), text).unwrap_err().to_string();
     assert!(half.contains("`station`: is 7.5") && half.contains("a whole number"), "{half}");
@@ -188,10 +188,10 @@ fn a_name_that_appears_twice_in_the_header_is_refused_where_it_is_used() {
             "orientation = { from = [\"t_s\", \"J1\", \"x\"], convention = \"xyz\", unit = \"deg\" }",
         ),
     ] {
-        let told = apply(&mapping, table).unwrap_err().to_string();
+        let message = apply(&mapping, table).unwrap_err().to_string();
         assert!(
-            told.contains("`x`: appears twice in the header") && told.contains("x.csv:1:10"),
-            "{mapping}\n{told}"
+            message.contains("`x`: appears twice in the header") && message.contains("x.csv:1:10"),
+            "{mapping}\n{message}"
         );
     }
     assert!(apply(&mapping("", ""), table).is_ok());
@@ -200,8 +200,8 @@ fn a_name_that_appears_twice_in_the_header_is_refused_where_it_is_used() {
 #[test]
 fn a_time_that_runs_back_is_reported_with_the_place_in_their_column() {
     let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"time\" }\nq1_deg = { from = \"q\" }";
-    let told = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
-    assert!(told.contains("decreases: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
+    let message = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
+    assert!(message.contains("decreases: 4 after 5") && message.contains("x.csv:3:3"), "{message}");
 }
 
 fn real(mapping: &str, data: &str, need: RequiredData) -> Option<Recording> {
@@ -291,8 +291,8 @@ proptest! {
     fn no_mapping_makes_the_reader_panic(cut in 0_usize..400, byte in any::<u8>(), text in "[ -~\n]{0,80}") {
         let mut mapping = include_str!("../../../deploy/mappings/kuka-link-encoder.mapping.toml")
             .to_owned().into_bytes();
-        let at = cut % mapping.len();
-        mapping[at] = byte;
+        let offset = cut % mapping.len();
+        mapping[offset] = byte;
         let _ = apply(&String::from_utf8_lossy(&mapping), &text);
         let _ = apply(&text, "t,q\n1,2\n");
     }

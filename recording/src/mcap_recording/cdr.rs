@@ -33,25 +33,25 @@ impl CdrWriter {
 #[derive(Debug)]
 pub(crate) struct CdrReader<'b> {
     bytes: &'b [u8],
-    at: usize,
+    offset: usize,
 }
 
 impl<'b> CdrReader<'b> {
     pub(crate) fn new(message: &'b [u8]) -> Option<Self> {
         let bytes = message.strip_prefix(&LITTLE_ENDIAN)?;
-        Some(Self { bytes, at: 0 })
+        Some(Self { bytes, offset: 0 })
     }
 
     /// Whether the message ends here; fields that later versions added are then missing.
     pub(crate) fn is_at_end(&self) -> bool {
-        self.at >= self.bytes.len()
+        self.offset >= self.bytes.len()
     }
 
     fn take(&mut self, count: usize, align: usize) -> Option<&'b [u8]> {
-        let start = self.at.checked_next_multiple_of(align)?;
+        let start = self.offset.checked_next_multiple_of(align)?;
         let end = start.checked_add(count)?;
         let taken = self.bytes.get(start..end)?;
-        self.at = end;
+        self.offset = end;
         Some(taken)
     }
 }

@@ -113,7 +113,7 @@ fn cycles_of(contents: &Contents, cycles: &[&CycleRecord], start_ns: u64) -> Rec
         &mut recording,
         cycles,
         |c| c.temperature_c.as_slice(),
-        |at| at.checked_sub(1).map_or(Channel::Ambient, Channel::JointTemperature),
+        |index| index.checked_sub(1).map_or(Channel::Ambient, Channel::JointTemperature),
     );
     for (value, channel) in [
         ((|c| c.spindle_rpm) as fn(&CycleRecord) -> f64, Channel::Spindle),
@@ -133,8 +133,8 @@ fn cycles_of(contents: &Contents, cycles: &[&CycleRecord], start_ns: u64) -> Rec
 
 fn segments(cycles: &[&CycleRecord]) -> Vec<i64> {
     let (mut segment, mut segments) = (0, Vec::with_capacity(cycles.len()));
-    for (at, cycle) in cycles.iter().enumerate() {
-        let before = at.checked_sub(1).and_then(|before| cycles.get(before));
+    for (index, cycle) in cycles.iter().enumerate() {
+        let before = index.checked_sub(1).and_then(|before| cycles.get(before));
         let anew = before.is_some_and(|before| {
             (before.session, before.segment) != (cycle.session, cycle.segment)
         });
@@ -151,16 +151,16 @@ fn put_group(
     channel: impl Fn(usize) -> Channel,
 ) {
     let width = cycles.iter().map(|cycle| numbers(cycle).len()).max().unwrap_or(0);
-    for at in 0..width {
-        let value = |cycle: &&CycleRecord| numbers(cycle).get(at).copied().unwrap_or(f64::NAN);
-        recording.set(channel(at), cycles.iter().map(value).collect());
+    for index in 0..width {
+        let value = |cycle: &&CycleRecord| numbers(cycle).get(index).copied().unwrap_or(f64::NAN);
+        recording.set(channel(index), cycles.iter().map(value).collect());
     }
 }
 
 fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
-    let word = |words: &[String], code: u32| {
-        let word = usize::try_from(code).ok().and_then(|code| words.get(code));
-        word.cloned().unwrap_or_else(|| code.to_string())
+    let name_of = |names: &[String], code: u32| {
+        let name = usize::try_from(code).ok().and_then(|code| names.get(code));
+        name.cloned().unwrap_or_else(|| code.to_string())
     };
     let header = &contents.header;
     let column = |name: &str, text: &dyn Fn(&CycleRecord) -> String| {
@@ -190,8 +190,8 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
     if cycles.iter().any(|cycle| cycle.feed_override != 0.0 && cycle.feed_override != 1.0) {
         columns.push(column("feed_override", &|c| format!("{:?}", c.feed_override)));
     }
-    columns.push(column("status", &|c| word(&header.status_words, c.status)));
-    columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
+    columns.push(column("status", &|c| name_of(&header.status_words, c.status)));
+    columns.push(column("reason", &|c| name_of(&header.reason_words, c.reason)));
     columns.push(column("model_epoch", &|c| c.model_epoch.to_string()));
     columns.push(column("steps", &|c| c.steps.to_string()));
     columns.push(column("residual_m", &|c| number_text(c.residual_m)));
@@ -208,9 +208,10 @@ fn trim_columns(cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
     let of_axis: [(&str, Numbers); 2] =
         [("trim", |c| c.trim_m.as_slice()), ("measured", |c| c.measured_m.as_slice())];
     for (name, numbers) in of_axis {
-        for (at, axis) in ["x", "y", "z"].into_iter().enumerate() {
-            let text =
-                |c: &&CycleRecord| numbers(c).get(at).copied().map(number_text).unwrap_or_default();
+        for (index, axis) in ["x", "y", "z"].into_iter().enumerate() {
+            let text = |c: &&CycleRecord| {
+                numbers(c).get(index).copied().map(number_text).unwrap_or_default()
+            };
             columns.push((format!("{name}_{axis}_m"), cycles.iter().map(text).collect()));
         }
     }
@@ -227,8 +228,8 @@ fn forces_of(blocks: &[&ForceRecord]) -> Recording {
     let (mut t_s, mut segment) = (Vec::new(), Vec::new());
     let mut channels: [Vec<f64>; 6] = Default::default();
     let mut run = 0;
-    for (at, block) in blocks.iter().enumerate() {
-        let before = at.checked_sub(1).and_then(|before| blocks.get(before));
+    for (index, block) in blocks.iter().enumerate() {
+        let before = index.checked_sub(1).and_then(|before| blocks.get(before));
         // A lost block or a new sender starts a segment, so that filters are not applied across the
         // gap.
         run += i64::from(before.is_some_and(|before| {
@@ -239,17 +240,19 @@ fn forces_of(blocks: &[&ForceRecord]) -> Recording {
         for sample in 0..samples {
             t_s.push(seconds(block.t_ns, start) + sample as f64 / block.rate_hz);
             segment.push(run);
-            for (at, channel) in channels.iter_mut().enumerate() {
-                let value = (at < count).then(|| block.data.get(at * samples + sample)).flatten();
+            for (channel_index, channel) in channels.iter_mut().enumerate() {
+                let value = (channel_index < count)
+                    .then(|| block.data.get(channel_index * samples + sample))
+                    .flatten();
                 channel.push(value.copied().unwrap_or(f64::NAN));
             }
         }
     }
     let mut recording = Recording::new(t_s);
     recording.segment = segment;
-    for (at, samples) in channels.into_iter().enumerate() {
+    for (index, samples) in channels.into_iter().enumerate() {
         if samples.iter().any(|sample| !sample.is_nan()) {
-            recording.set(Channel::Wrench(at), samples);
+            recording.set(Channel::Wrench(index), samples);
         }
     }
     recording

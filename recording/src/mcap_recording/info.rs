@@ -174,12 +174,12 @@ impl Tally {
     /// Whether there is a chunk at every position of the index.
     fn index_is_right(&self, mut file: &File) -> std::io::Result<bool> {
         let length = file.metadata()?.len();
-        for at in &self.chunks_at {
+        for chunk_at in &self.chunks_at {
             let mut opcode = [0];
-            if *at >= length {
+            if *chunk_at >= length {
                 return Ok(false);
             }
-            file.seek(SeekFrom::Start(*at))?;
+            file.seek(SeekFrom::Start(*chunk_at))?;
             file.read_exact(&mut opcode)?;
             if opcode != [op::CHUNK] {
                 return Ok(false);

@@ -166,9 +166,9 @@ pub(super) fn header(pairs: &BTreeMap<String, String>) -> Header {
     let text = |key: &str| pairs.get(key).cloned().unwrap_or_default();
     let joint =
         |letter: char| if letter == 'P' { JointKind::Prismatic } else { JointKind::Revolute };
-    let words = |key: &str| match pairs.get(key).map(String::as_str) {
+    let lines = |key: &str| match pairs.get(key).map(String::as_str) {
         None | Some("") => Vec::new(),
-        Some(words) => words.split('\n').map(str::to_owned).collect(),
+        Some(lines) => lines.split('\n').map(str::to_owned).collect(),
     };
     let hash = |key: &str| u64::from_str_radix(&text(key), 16).unwrap_or(0);
     Header {
@@ -184,7 +184,7 @@ pub(super) fn header(pairs: &BTreeMap<String, String>) -> Header {
         model: text("model"),
         config: text("config"),
         joints: text("joints").chars().map(joint).collect(),
-        status_words: words("status_words"),
-        reason_words: words("reason_words"),
+        status_words: lines("status_words"),
+        reason_words: lines("reason_words"),
     }
 }

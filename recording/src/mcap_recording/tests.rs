@@ -273,11 +273,12 @@ fn a_file_that_was_not_closed_is_made_whole_with_all_that_can_be_read() {
 
 /// Where the first chunk begins.
 fn first_chunk(bytes: &[u8]) -> u64 {
-    let mut at = mcap::MAGIC.len();
-    while bytes[at] != mcap::records::op::CHUNK {
-        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+    let mut offset = mcap::MAGIC.len();
+    while bytes[offset] != mcap::records::op::CHUNK {
+        offset +=
+            9 + u64::from_le_bytes(bytes[offset + 1..offset + 9].try_into().unwrap()) as usize;
     }
-    at as u64
+    offset as u64
 }
 
 #[test]
@@ -333,9 +334,9 @@ proptest! {
             std::fs::read(scratch.file()).unwrap()
         });
         let mut bytes = whole.clone();
-        for (at, byte) in places {
-            let at = at % bytes.len();
-            bytes[at] = byte;
+        for (offset, byte) in places {
+            let offset = offset % bytes.len();
+            bytes[offset] = byte;
         }
         let _ = read_bytes("x", &bytes).map(|contents| convert(&contents));
         let scratch = Scratch::new("fuzzed");

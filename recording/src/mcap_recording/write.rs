@@ -337,10 +337,10 @@ impl Write for CountingFile {
 /// know it while its opening is buffered.
 impl Seek for CountingFile {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let at = self.bytes.load(Ordering::Relaxed);
+        let position = self.bytes.load(Ordering::Relaxed);
         match to {
-            SeekFrom::Current(0) | SeekFrom::End(0) => Ok(at),
-            SeekFrom::Start(start) if start == at => Ok(at),
+            SeekFrom::Current(0) | SeekFrom::End(0) => Ok(position),
+            SeekFrom::Start(start) if start == position => Ok(position),
             _ => Err(io::Error::other("a recording can only be written sequentially")),
         }
     }

@@ -33,36 +33,36 @@ pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
         hash,
     };
     let mut faults = Vec::new();
-    for at in 0..model.file.effects.len() {
-        if let Err(fault) = model.take_effect(at) {
-            faults.push((Some(at), *fault));
+    for index in 0..model.file.effects.len() {
+        if let Err(fault) = model.take_effect(index) {
+            faults.push((Some(index), *fault));
         }
     }
     if faults.is_empty() { Ok(model) } else { Err(faults) }
 }
 
 impl RobotModel {
-    fn take_effect(&mut self, at: usize) -> Result<(), Box<Fault>> {
-        let entry = &self.file.effects[at];
-        check_beside(&self.file, at)?;
-        let fault = |message: String| Box::new(Fault::new(path_of(at, entry), message));
+    fn take_effect(&mut self, index: usize) -> Result<(), Box<Fault>> {
+        let entry = &self.file.effects[index];
+        check_beside(&self.file, index)?;
+        let fault = |message: String| Box::new(Fault::new(path_of(index, entry), message));
         let arm = self.physics.arm;
         let has = |key: &str| entry.parameters.iter().any(|p| p.key == key);
         let Some(kind) = kinds::find(&entry.kind, kind_at(entry, &arm), has) else {
             return Err(fault("is not a known effect".to_owned()));
         };
         let Some(spec) = kind.spec else {
-            self.not_compensated.push(at);
+            self.not_compensated.push(index);
             return Ok(());
         };
         let effect = effect(entry, spec, &arm).map_err(fault)?;
         let sigma = entry.sigma_si(spec, kind_at(entry, &arm), effect.values().len());
         if compensated(spec) {
             self.physics.push(effect).map_err(|error| fault(error.to_string()))?;
-            self.entry_of.push(at);
+            self.entry_of.push(index);
             self.sigma.push(sigma);
         } else {
-            self.not_compensated.push(at);
+            self.not_compensated.push(index);
             match spec.acts_on {
                 ActsOn::DriveTorque => {
                     self.drives.push(effect);
@@ -79,8 +79,8 @@ impl RobotModel {
     }
 }
 
-fn path_of(at: usize, entry: &EffectEntry) -> String {
-    format!("effect[{}]: {}", at + 1, entry.title())
+fn path_of(index: usize, entry: &EffectEntry) -> String {
+    format!("effect[{}]: {}", index + 1, entry.title())
 }
 
 /// Effects that can be compensated: static in position, wrench, direction and temperature.
@@ -92,16 +92,16 @@ fn compensated(spec: &Spec) -> bool {
 
 /// Checks the combination of effects of a joint: a hardening without a linear compliance would
 /// refuse every command.
-fn check_beside(file: &ModelFile, at: usize) -> Result<(), Box<Fault>> {
-    match file.effects.get(at) {
-        Some(entry) if entry.kind == "joint_compliance" => check_stands_alone(file, at, entry),
-        Some(entry) if entry.kind == "stiffness_hardening" => check_hardens(file, at, entry),
+fn check_beside(file: &ModelFile, index: usize) -> Result<(), Box<Fault>> {
+    match file.effects.get(index) {
+        Some(entry) if entry.kind == "joint_compliance" => check_stands_alone(file, index, entry),
+        Some(entry) if entry.kind == "stiffness_hardening" => check_hardens(file, index, entry),
         _ => Ok(()),
     }
 }
 
 /// The hardening `C τ − D τ³` needs the linear compliance C of its joint.
-fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
+fn check_hardens(file: &ModelFile, index: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
     let linear = ["joint_compliance", "gravity_compliance", "load_compliance"];
     let hardened =
         |other: &EffectEntry| other.joint == entry.joint && linear.contains(&other.kind.as_str());
@@ -109,7 +109,7 @@ fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(),
         return Ok(());
     }
     let message = "has no effect without a linear compliance of the joint";
-    let fault = Fault::new(path_of(at, entry), message.to_owned());
+    let fault = Fault::new(path_of(index, entry), message.to_owned());
     Err(Box::new(
         fault.expected("joint_compliance, gravity_compliance or load_compliance of the same joint"),
     ))
@@ -117,7 +117,11 @@ fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(),
 
 /// `joint_compliance` is both others with one C: in addition to them on one joint it would count
 /// twice.
-fn check_stands_alone(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
+fn check_stands_alone(
+    file: &ModelFile,
+    index: usize,
+    entry: &EffectEntry,
+) -> Result<(), Box<Fault>> {
     let part = |other: &&EffectEntry| {
         let parts = ["gravity_compliance", "load_compliance", "gravity_sag"];
         other.joint == entry.joint && parts.contains(&other.kind.as_str())
@@ -126,7 +130,7 @@ fn check_stands_alone(file: &ModelFile, at: usize, entry: &EffectEntry) -> Resul
         None => Ok(()),
         Some(other) => {
             let message = format!("cannot be combined with {} of the same joint", other.kind);
-            let fault = Fault::new(path_of(at, entry), message);
+            let fault = Fault::new(path_of(index, entry), message);
             Err(Box::new(
                 fault.expected("one of the two; joint_compliance covers gravity and load"),
             ))

@@ -7,11 +7,11 @@ use super::{EffectEntry, SiParameter};
 fn drive_effects_are_built_and_listed_as_not_compensated() {
     let torques: Vec<_> =
         EVERY_KIND.iter().skip_while(|(kind, _)| *kind != "coulomb_friction").take(13).collect();
-    let bare = parse(TWO_JOINTS).unwrap();
+    let without_effects = parse(TWO_JOINTS).unwrap();
     for (kind, entries) in torques {
         let text = format!("{TWO_JOINTS}\n[[effect]]\nkind = \"{kind}\"\n{entries}\n");
         let model = parse(&text).unwrap();
-        assert_eq!(model.physics, bare.physics, "{kind} takes part in the correction");
+        assert_eq!(model.physics, without_effects.physics, "{kind} takes part in the correction");
         assert_eq!(model.not_compensated_names().last(), Some(&format!("{kind} of joint 2")));
         let [effect] = model.drives[..] else { panic!("{kind} is not built") };
         assert_eq!((effect.spec().kind, effect.joint()), (*kind, Some(1)));
@@ -54,11 +54,11 @@ fn inertias_of_links_reach_the_drives() {
 #[test]
 fn cutting_effects_are_built_and_listed_as_not_compensated() {
     let cuts = EVERY_KIND.iter().skip_while(|(kind, _)| *kind != "edge_force").take(6);
-    let bare = parse(TWO_JOINTS).unwrap();
+    let without_effects = parse(TWO_JOINTS).unwrap();
     for (kind, entries) in cuts {
         let text = format!("{TWO_JOINTS}\n[[effect]]\nkind = \"{kind}\"\n{entries}\n");
         let model = parse(&text).unwrap();
-        assert_eq!(model.physics, bare.physics, "{kind} takes part in the correction");
+        assert_eq!(model.physics, without_effects.physics, "{kind} takes part in the correction");
         assert_eq!(model.not_compensated_names().last().map(String::as_str), Some(*kind));
         let [effect] = model.cutting[..] else { panic!("{kind} is not built") };
         assert_eq!((effect.spec().kind, effect.joint()), (*kind, None));

@@ -46,11 +46,15 @@ fn kind(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<Kind> {
     let joint = joints.get((number as usize).wrapping_sub(1)).copied().unwrap_or_default();
     let found = kinds::find(name, joint, |key| table.keys().any(|found| found == key));
     if found.is_none() {
-        let near = nearest(name, kinds::names());
-        let expected = near
-            .map_or("the name of an effect (docs/reference/effects.md)".to_owned(), |near| {
-                format!("\"{near}\", or the name of another effect (docs/reference/effects.md)")
-            });
+        let nearest_name = nearest(name, kinds::names());
+        let expected = nearest_name.map_or(
+            "the name of an effect (docs/reference/effects.md)".to_owned(),
+            |nearest_name| {
+                format!(
+                    "\"{nearest_name}\", or the name of another effect (docs/reference/effects.md)"
+                )
+            },
+        );
         table.fault("kind", format!("is \"{name}\", which is not a known effect"), expected);
     }
     found

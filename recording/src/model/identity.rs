@@ -108,7 +108,11 @@ impl Axis {
     /// How it differs from the axis of the same joint in another model.
     fn difference(&self, other: &Self) -> Option<String> {
         if self.kind != other.kind {
-            return Some(format!("is {} instead of {}", word(self.kind), word(other.kind)));
+            return Some(format!(
+                "is {} instead of {}",
+                kind_name(self.kind),
+                kind_name(other.kind)
+            ));
         }
         if self.direction != other.direction {
             let [a, b] = [self.direction, other.direction].map(off_grid);
@@ -168,7 +172,7 @@ impl Identity {
         }
         let axes = self.axes.iter().zip(&other.axes).zip(1..);
         let differ = |((a, b), joint): ((&Axis, &Axis), u32)| {
-            a.difference(b).map(|words| format!("the axis of joint {joint} {words}"))
+            a.difference(b).map(|difference| format!("the axis of joint {joint} {difference}"))
         };
         let mut geometry: Vec<String> = axes.filter_map(differ).collect();
         let more = geometry.len().saturating_sub(NAMED_MAX);
@@ -198,11 +202,11 @@ impl ModelFile {
 
 /// Compares names without case and spacing.
 fn is_same_name(a: &str, b: &str) -> bool {
-    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
-    words(a).to_lowercase() == words(b).to_lowercase()
+    let normalised = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    normalised(a).to_lowercase() == normalised(b).to_lowercase()
 }
 
-fn word(kind: JointKind) -> &'static str {
+fn kind_name(kind: JointKind) -> &'static str {
     match kind {
         JointKind::Revolute => "revolute",
         JointKind::Prismatic => "prismatic",
@@ -297,8 +301,8 @@ mod tests {
         this.robot.serial = None;
         assert_eq!(this.differences(&that), Vec::<String>::new());
         this.robot.serial = Some("20215509999".to_owned());
-        let said = this.differences(&that);
-        assert_eq!(said, ["serial \"20215509999\" instead of \"20215501234\""]);
+        let differences = this.differences(&that);
+        assert_eq!(differences, ["serial \"20215509999\" instead of \"20215501234\""]);
         this.robot =
             RobotEntry { maker: Some("universal  ROBOTS".to_owned()), ..that.robot.clone() };
         assert_eq!(this.differences(&that), Vec::<String>::new());
@@ -306,15 +310,15 @@ mod tests {
 
     #[test]
     fn every_preset_states_maker_and_type_and_no_two_robots_share_a_geometry() {
-        let mut seen: Vec<(Identity, &str)> = Vec::new();
+        let mut identities: Vec<(Identity, &str)> = Vec::new();
         for preset in PRESETS {
             let identity = model(preset.name).identity();
             assert!(identity.robot.maker.is_some() && identity.robot.kind.is_some());
-            for (other, name) in &seen {
+            for (other, name) in &identities {
                 let same = identity.geometry_hash() == other.geometry_hash();
                 assert_eq!(same, identity.robot == other.robot, "{} and {name}", preset.name);
             }
-            seen.push((identity, preset.name));
+            identities.push((identity, preset.name));
         }
     }
 
@@ -331,8 +335,8 @@ mod tests {
             RobotModel::parse("refused.toml", &text).unwrap_err().to_string()
         };
         for line in ["maker = \"\"", "type = \"a\\nb\"", "serial = 5", "model = \"IRB\""] {
-            let said = refused(line);
-            assert!(said.contains("robot."), "{line}: {said}");
+            let message = refused(line);
+            assert!(message.contains("robot."), "{line}: {message}");
         }
         assert!(refused(&format!("type = \"{}\"", "x".repeat(65))).contains("1 to 64 bytes"));
     }

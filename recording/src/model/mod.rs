@@ -226,8 +226,8 @@ impl RobotModel {
         let read::Parsed { file, effect_places } = read::parse(name, text)?;
         build::build(file).map_err(|found| {
             let mut faults = Faults::new(name);
-            for (at, fault) in found {
-                let location = at.and_then(|at| effect_places.get(at).cloned());
+            for (entry, fault) in found {
+                let location = entry.and_then(|entry| effect_places.get(entry).cloned());
                 faults.push(Fault { location, ..fault });
             }
             faults
@@ -273,7 +273,7 @@ impl RobotModel {
     /// Names of the effects that are not compensated, as `servo_lag of joint 2`.
     #[must_use]
     pub fn not_compensated_names(&self) -> Vec<String> {
-        let entries = self.not_compensated.iter().filter_map(|at| self.file.effects.get(*at));
+        let entries = self.not_compensated.iter().filter_map(|index| self.file.effects.get(*index));
         entries.map(EffectEntry::title).collect()
     }
 }

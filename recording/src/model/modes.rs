@@ -26,17 +26,20 @@ impl ModelFile {
         let mut model = self.clone();
         let mut taken = vec![false; self.modes.len()];
         let change = |mode: &ModeEntry| {
-            let near = |at: &usize| same(mode, &self.modes[*at]) && !taken[*at];
-            let off = |at: usize| (self.modes[at].frequency_hz - mode.frequency_hz).abs();
-            let found =
-                (0..self.modes.len()).filter(near).min_by(|a, b| off(*a).total_cmp(&off(*b)));
-            let Some(at) = found else {
+            let is_candidate = |index: &usize| same(mode, &self.modes[*index]) && !taken[*index];
+            let frequency_distance =
+                |index: usize| (self.modes[index].frequency_hz - mode.frequency_hz).abs();
+            let found = (0..self.modes.len())
+                .filter(is_candidate)
+                .min_by(|a, b| frequency_distance(*a).total_cmp(&frequency_distance(*b)));
+            let Some(index) = found else {
                 model.modes.push(*mode);
                 return ModeChange::Added;
             };
-            taken[at] = true;
-            let before = self.modes[at];
-            model.modes[at] = ModeEntry { direction: mode.direction.or(before.direction), ..*mode };
+            taken[index] = true;
+            let before = self.modes[index];
+            model.modes[index] =
+                ModeEntry { direction: mode.direction.or(before.direction), ..*mode };
             ModeChange::Replaced(before)
         };
         let changes = measured.iter().map(change).collect();
@@ -73,11 +76,11 @@ mod tests {
     fn a_measured_mode_takes_the_nearest_ones_place_and_a_new_one_is_added() {
         let mut model = thesis();
         model.modes = vec![mode(20.0, None), mode(67.0, Some([0.0, 1.0, 0.0])), mode(70.0, None)];
-        let (changed, said) =
+        let (changed, changes) =
             model.with_modes(&[mode(66.1, None), mode(69.3, None), mode(120.0, None)]);
-        assert_eq!(said[0], ModeChange::Replaced(model.modes[1]));
-        assert_eq!(said[1], ModeChange::Replaced(model.modes[2]));
-        assert_eq!(said[2], ModeChange::Added);
+        assert_eq!(changes[0], ModeChange::Replaced(model.modes[1]));
+        assert_eq!(changes[1], ModeChange::Replaced(model.modes[2]));
+        assert_eq!(changes[2], ModeChange::Added);
         let hz: Vec<f64> = changed.modes.iter().map(|m| m.frequency_hz).collect();
         assert_eq!(hz, [20.0, 66.1, 69.3, 120.0]);
         assert_eq!(changed.modes[1].direction, Some([0.0, 1.0, 0.0]), "not measured, so kept");
@@ -87,8 +90,8 @@ mod tests {
     fn modes_that_move_across_each_other_are_two() {
         let mut model = thesis();
         model.modes = vec![mode(67.0, Some([0.0, 1.0, 0.0]))];
-        let (changed, said) = model.with_modes(&[mode(67.5, Some([2.0, 0.0, 0.0]))]);
-        assert_eq!((said, changed.modes.len()), (vec![ModeChange::Added], 2));
+        let (changed, changes) = model.with_modes(&[mode(67.5, Some([2.0, 0.0, 0.0]))]);
+        assert_eq!((changes, changed.modes.len()), (vec![ModeChange::Added], 2));
     }
 
     #[test]

@@ -191,7 +191,7 @@ fn the_thesis_robot_errs_as_published() {
 #[test]
 fn the_thesis_presets_transmission_errors_come_back_with_shafts_that_its_teeth_give() {
     let file = preset("irb1600-6-145-thesis").expect("preset").model().expect("model").file;
-    let mut seen = 0;
+    let mut errors = 0;
     for effect in file.effects.iter().filter(|effect| effect.kind == "transmission_error") {
         let parameter = effect.parameters.iter().find(|p| p.key == "cycles_per_rev");
         let Numbers::One(cycles) = parameter.expect("cycles").value else { panic!("one number") };
@@ -200,7 +200,7 @@ fn the_thesis_presets_transmission_errors_come_back_with_shafts_that_its_teeth_g
         // The last wheel turns with the joint itself.
         let known = turns.chain([1.0]).any(|turns| (cycles / turns - 1.0).abs() < 1e-9);
         assert!(known, "joint {}: {cycles} cycles per revolution", joint + 1);
-        seen += 1;
+        errors += 1;
     }
-    assert_eq!(seen, 12);
+    assert_eq!(errors, 12);
 }

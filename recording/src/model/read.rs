@@ -65,8 +65,8 @@ const KINDS: [(&str, JointKind); 2] =
 
 /// The kind of a joint, without a fault: reading the joint itself reports it.
 fn kind_of(table: &Table<'_, '_>) -> JointKind {
-    let word = table.raw("kind").and_then(|value| value.get_ref().as_str());
-    if word == Some("prismatic") { JointKind::Prismatic } else { JointKind::Revolute }
+    let kind = table.raw("kind").and_then(|value| value.get_ref().as_str());
+    if kind == Some("prismatic") { JointKind::Prismatic } else { JointKind::Revolute }
 }
 
 fn joint(table: &Table<'_, '_>) -> Option<JointEntry> {
@@ -197,12 +197,12 @@ pub(crate) fn rotation(table: &Table<'_, '_>, key: &str) -> Option<[[f64; 3]; 3]
 fn is_rotation([x, y, z]: &[[f64; 3]; 3]) -> bool {
     let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-    let near = |found: f64, wanted: f64| (found - wanted).abs() <= 1e-6;
-    let unit = [x, y, z].iter().all(|row| near(dot(row, row), 1.0));
-    unit && near(dot(x, y), 0.0)
-        && near(dot(y, z), 0.0)
-        && near(dot(x, z), 0.0)
-        && near(dot(&cross, z), 1.0)
+    let is_close = |found: f64, wanted: f64| (found - wanted).abs() <= 1e-6;
+    let unit = [x, y, z].iter().all(|row| is_close(dot(row, row), 1.0));
+    unit && is_close(dot(x, y), 0.0)
+        && is_close(dot(y, z), 0.0)
+        && is_close(dot(x, z), 0.0)
+        && is_close(dot(&cross, z), 1.0)
 }
 
 fn mode(table: &Table<'_, '_>) -> Option<ModeEntry> {

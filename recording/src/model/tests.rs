@@ -380,12 +380,12 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_reader_panic(at in any::<usize>(), byte in any::<u8>(), cut in any::<usize>()) {
+    fn no_text_makes_the_reader_panic(offset in any::<usize>(), byte in any::<u8>(), cut in any::<usize>()) {
         let mut text = TWO_JOINTS.as_bytes().to_vec();
         let length = text.len();
-        text[at % length] = byte;
+        text[offset % length] = byte;
         let _ = parse(&String::from_utf8_lossy(&text)).map_err(|faults| faults.plain());
-        text.drain(cut % length..(cut % length + at % 40).min(length));
+        text.drain(cut % length..(cut % length + offset % 40).min(length));
         let _ = parse(&String::from_utf8_lossy(&text)).map_err(|faults| faults.styled());
     }
 }

@@ -41,44 +41,44 @@ pub struct UnknownAxis(String);
 impl FromStr for Axis {
     type Err = UnknownAxis;
 
-    fn from_str(word: &str) -> Result<Self, UnknownAxis> {
+    fn from_str(name: &str) -> Result<Self, UnknownAxis> {
         let all = (1..=AXES).flat_map(|number| [Self::Robot(number), Self::External(number)]);
-        let mut named = all.filter(|axis| axis.to_string().eq_ignore_ascii_case(word.trim()));
-        named.next().ok_or_else(|| UnknownAxis(word.to_owned()))
+        let mut named = all.filter(|axis| axis.to_string().eq_ignore_ascii_case(name.trim()));
+        named.next().ok_or_else(|| UnknownAxis(name.to_owned()))
     }
 }
 
 /// The axis of each joint, as stated or by default.
-pub(super) fn of_joints(faults: &mut Faults, said: &[Axis], joints: &[JointEntry]) -> Vec<Axis> {
-    if said.is_empty() {
+pub(super) fn of_joints(faults: &mut Faults, stated: &[Axis], joints: &[JointEntry]) -> Vec<Axis> {
+    if stated.is_empty() {
         return plain(faults, joints);
     }
-    if said.len() != joints.len() {
-        let fault = Fault::new("axes", format!("are {}", said.len()));
+    if stated.len() != joints.len() {
+        let fault = Fault::new("axes", format!("are {}", stated.len()));
         faults.push(
             fault.expected(format!("one axis for each of the model's {} joints", joints.len())),
         );
     }
-    for (at, axis) in said.iter().enumerate() {
+    for (index, axis) in stated.iter().enumerate() {
         let (Axis::Robot(number) | Axis::External(number)) = axis;
         if !(1..=AXES).contains(number) {
             faults
                 .push(Fault::new("axes", format!("include {axis}")).expected("A1 to A6, E1 to E6"));
-        } else if said[..at].contains(axis) {
+        } else if stated[..index].contains(axis) {
             faults.push(
                 Fault::new("axes", format!("include {axis} twice")).expected("each axis once"),
             );
         }
     }
-    said.to_vec()
+    stated.to_vec()
 }
 
 fn plain(faults: &mut Faults, joints: &[JointEntry]) -> Vec<Axis> {
     let help = "state the axis of each joint, such as E1,A1,A2,A3,A4,A5,A6 for a robot on a track";
-    if let Some(at) = joints.iter().position(|joint| joint.kind == JointKind::Prismatic) {
+    if let Some(joint) = joints.iter().position(|joint| joint.kind == JointKind::Prismatic) {
         let message = format!(
             "are not given, and joint {} is linear: it could be a robot axis or an external axis",
-            at + 1
+            joint + 1
         );
         faults.push(Fault::new("axes", message).help(help));
     } else if joints.len() > AXES {

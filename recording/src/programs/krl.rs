@@ -57,9 +57,9 @@ impl Program {
         src.push("PTP XREST".to_owned());
         dat.push(format!("DEFDAT {}", self.name));
         dat.push(self.declaration("XREST", &self.home));
-        for (at, stop) in self.stops.iter().enumerate() {
-            let number = at + 1;
-            src.push(format!("; {}", self.words(at, stop)));
+        for (index, stop) in self.stops.iter().enumerate() {
+            let number = index + 1;
+            src.push(format!("; {}", self.description(index, stop)));
             if let Some(via) = &stop.via {
                 src.push(format!("PTP XVIA{number}"));
                 dat.push(self.declaration(&format!("XVIA{number}"), via));

@@ -111,8 +111,8 @@ impl Program {
         let axes = axes::of_joints(&mut faults, &tour.axes, joints);
         let home = position(&mut faults, "home", joints, &tour.home, 0.0, &[]);
         let mut stops = Vec::new();
-        for (at, pose) in tour.poses.iter().enumerate() {
-            let name = format!("pose {}", at + 1);
+        for (index, pose) in tour.poses.iter().enumerate() {
+            let name = format!("pose {}", index + 1);
             let sides: &[f64] = if away.is_empty() { &[0.0] } else { &[-1.0, 1.0] };
             let rest = position(&mut faults, &name, joints, pose, 0.0, &[]);
             for side in sides {
@@ -120,7 +120,7 @@ impl Program {
                 let from = || format!("{name}, coming {whence}");
                 let via = (*side != 0.0 && !rest.is_empty())
                     .then(|| position(&mut faults, &from(), joints, pose, *side, &away));
-                stops.push(Stop { pose: at + 1, via, at: rest.clone(), direction: Vec::new() });
+                stops.push(Stop { pose: index + 1, via, at: rest.clone(), direction: Vec::new() });
             }
         }
         let kinds = joints.iter().map(|joint| joint.kind).collect();
@@ -195,13 +195,13 @@ impl Program {
     }
 
     /// A sentence about a stop, for a comment.
-    fn words(&self, at: usize, stop: &Stop) -> String {
+    fn description(&self, index: usize, stop: &Stop) -> String {
         let way = match &stop.via {
             None => "",
             Some(_) if stop.direction.first() == Some(&1) => ", all joints from below",
             Some(_) => ", all joints from above",
         };
-        format!("stop {} of {}: pose {}{way}", at + 1, self.stops.len(), stop.pose)
+        format!("stop {} of {}: pose {}{way}", index + 1, self.stops.len(), stop.pose)
     }
 }
 
@@ -213,10 +213,10 @@ fn away(faults: &mut Faults, approach: Approach, joints: &[JointEntry]) -> Vec<f
         JointKind::Prismatic => in_file(slide_m, joint.kind),
     };
     let sizes: Vec<f64> = joints.iter().map(size).collect();
-    let Some(at) = sizes.iter().position(|size| !(*size >= AWAY_MIN && size.is_finite())) else {
+    let Some(joint) = sizes.iter().position(|size| !(*size >= AWAY_MIN && size.is_finite())) else {
         return sizes;
     };
-    let fault = Fault::new("approach", format!("joint {} begins {} away", at + 1, sizes[at]));
+    let fault = Fault::new("approach", format!("joint {} begins {} away", joint + 1, sizes[joint]));
     faults.push(fault.expected(format!("a distance of {AWAY_MIN} deg (mm) or more")));
     Vec::new()
 }
@@ -260,11 +260,11 @@ fn position(
 /// Rounds to the decimals of a program, within the limits.
 fn rounded(value: f64, low: f64, high: f64) -> f64 {
     let digits = 10.0_f64.powi(DECIMALS as i32);
-    let near = (value * digits).round();
-    let near = if near / digits > high { near - 1.0 } else { near };
-    let near = if near / digits < low { near + 1.0 } else { near };
+    let rounded = (value * digits).round();
+    let rounded = if rounded / digits > high { rounded - 1.0 } else { rounded };
+    let rounded = if rounded / digits < low { rounded + 1.0 } else { rounded };
     // No minus before a zero.
-    near / digits + 0.0
+    rounded / digits + 0.0
 }
 
 fn unit(kind: JointKind) -> Option<Unit> {

@@ -57,14 +57,14 @@ impl Program {
         };
         let pause = figure(self.pause_s);
         say(go(&self.home));
-        for (at, stop) in self.stops.iter().enumerate() {
-            let words = self.words(at, stop);
-            say(format!("! {words}"));
+        for (index, stop) in self.stops.iter().enumerate() {
+            let description = self.description(index, stop);
+            say(format!("! {description}"));
             if let Some(via) = &stop.via {
                 say(go(via));
             }
             say(go(&stop.at));
-            say(format!("TPWrite \"{words}\";"));
+            say(format!("TPWrite \"{description}\";"));
             match &options.output {
                 None => say(format!("WaitTime \\InPos, {pause};")),
                 Some(output) => {

@@ -21,8 +21,8 @@ fn on_a_track() -> ModelFile {
     file
 }
 
-fn axes(words: &str) -> Vec<Axis> {
-    words.split(',').map(|word| word.parse().unwrap()).collect()
+fn axes(list: &str) -> Vec<Axis> {
+    list.split(',').map(|name| name.parse().unwrap()).collect()
 }
 
 fn tour(joints: usize) -> ProgramRequest {
@@ -145,10 +145,10 @@ fn all_reasons_against_a_tour_are_reported_at_once() {
     let seven = Program::new(&tour(7), &seven).unwrap_err().plain();
     let few = ProgramRequest { axes: axes("A1,A2,A2"), ..tour(6) };
     let few = Program::new(&few, &robot("ur10e")).unwrap_err().plain();
-    let near =
+    let tiny_approach =
         ProgramRequest { approach: Approach::BothWays { turn_rad: 1e-9, slide_m: 1.0 }, ..tour(6) };
-    let near = Program::new(&near, &robot("ur10e")).unwrap_err().plain();
-    insta::assert_snapshot!([limits, slides, seven, few, near].join("\n---\n"), @r#"
+    let tiny_approach = Program::new(&tiny_approach, &robot("ur10e")).unwrap_err().plain();
+    insta::assert_snapshot!([limits, slides, seven, few, tiny_approach].join("\n---\n"), @r#"
         error: `name`: is "1st", which no controller takes
         --> 1st
          = note: expected a letter, then letters, digits or _: at most 24
@@ -208,8 +208,8 @@ fn programs_that_no_controller_accepts_are_refused() {
     let odd = ModelFile { name: "Größe\nPTP XREST".to_owned(), ..robot("ur10e") };
     let src = Program::new(&tour(6), &odd).unwrap().krl(&Krl::default()).unwrap().src;
     assert!(src.contains("Gr??e?PTP XREST"), "a name is no line of a program:\n{src}");
-    for word in ["A0", "A7", "E", "X1", ""] {
-        assert!(word.parse::<Axis>().is_err(), "{word}");
+    for name in ["A0", "A7", "E", "X1", ""] {
+        assert!(name.parse::<Axis>().is_err(), "{name}");
     }
     assert_eq!(" e3".parse::<Axis>(), Ok(Axis::External(3)));
 }
@@ -217,8 +217,9 @@ fn programs_that_no_controller_accepts_are_refused() {
 /// Positions in the order of the model's joints, as a RAPID controller would be sent to them.
 fn by_rapid(text: &str, axes: &[Axis]) -> Vec<Vec<f64>> {
     let moves = text.lines().filter_map(|line| line.trim().strip_prefix("MoveAbsJ [["));
-    let numbers =
-        |list: &str| -> Vec<f64> { list.split(',').map(|word| word.parse().unwrap()).collect() };
+    let numbers = |list: &str| -> Vec<f64> {
+        list.split(',').map(|number| number.parse().unwrap()).collect()
+    };
     moves
         .map(|line| {
             let (robot, rest) = line.split_once("],[").unwrap();
@@ -250,8 +251,9 @@ fn by_krl(src: &str, dat: &str, axes: &[Axis]) -> Vec<Vec<f64>> {
             .map(|pair| pair.split_once(' ').unwrap());
         let pairs: Vec<(String, f64)> =
             pairs.map(|(axis, value)| (axis.to_owned(), value.parse().unwrap())).collect();
-        let of = |axis: &Axis| pairs.iter().find(|(name, _)| *name == axis.to_string()).unwrap().1;
-        axes.iter().map(of).collect()
+        let text_of =
+            |axis: &Axis| pairs.iter().find(|(name, _)| *name == axis.to_string()).unwrap().1;
+        axes.iter().map(text_of).collect()
     };
     src.lines().filter_map(|line| line.strip_prefix("PTP ")).map(point).collect()
 }
@@ -317,15 +319,15 @@ proptest! {
         // The list for the measurements has the same values, and the direction of the last step.
         let csv = program.recording(&[Channel::Position(0)]).to_csv();
         let list = read_text("poses.csv", &String::from_utf8(csv).unwrap(), None, None, RequiredData::Path).unwrap();
-        let mut stops = rapid.iter().enumerate().filter(|(at, _)| if both { at % 4 != 1 && at % 4 != 3 } else { true });
+        let mut stops = rapid.iter().enumerate().filter(|(index, _)| if both { index % 4 != 1 && index % 4 != 3 } else { true });
         stops.next();
-        for (row, (at, stop)) in stops.take(list.len()).enumerate() {
+        for (row, (index, stop)) in stops.take(list.len()).enumerate() {
             for (joint, value) in stop.iter().enumerate() {
                 let si = if kinds[joint] == JointKind::Prismatic { value * 1e-3 } else { value.to_radians() };
                 prop_assert!((list.input(joint).unwrap()[row] - si).abs() < 1e-12);
-                let came = (value - rapid[at - 1][joint]).total_cmp(&0.0) as i8;
-                let said = list.column(Channel::Direction(joint)).unwrap()[row];
-                prop_assert!(came == 0 || f64::from(came) == said);
+                let came = (value - rapid[index - 1][joint]).total_cmp(&0.0) as i8;
+                let direction = list.column(Channel::Direction(joint)).unwrap()[row];
+                prop_assert!(came == 0 || f64::from(came) == direction);
             }
         }
     }

@@ -57,13 +57,13 @@ pub fn from_daemon_recording(contents: &Contents) -> Result<Bag, McapError> {
         while let Some(next) = clocks.next_if(|next| next.monotonic_ns <= stamp_ns) {
             clock = next;
         }
-        let at = |stamp_ns| Time(clock.wall_ns(stamp_ns));
+        let time = |stamp_ns| Time(clock.wall_ns(stamp_ns));
         match record {
             Record::Cycle(cycle) => bag.cycle(cycle, clock)?,
             Record::Force(block) => bag.forces(block, clock)?,
-            Record::Verdict(verdict) => bag.verdict(verdict, at(stamp_ns), cell)?,
-            Record::Status(status) => bag.status(status, at(stamp_ns), cell)?,
-            Record::Log(line) => bag.log(line, at(stamp_ns), cell)?,
+            Record::Verdict(verdict) => bag.verdict(verdict, time(stamp_ns), cell)?,
+            Record::Status(status) => bag.status(status, time(stamp_ns), cell)?,
+            Record::Log(line) => bag.log(line, time(stamp_ns), cell)?,
         }
     }
     bag.end(Vec::new())

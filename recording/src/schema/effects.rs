@@ -117,7 +117,7 @@ fn number(parameter: &Parameter, joint: JointKind) -> Value {
 }
 
 fn shaped(parameter: &Parameter, number: &Value) -> Value {
-    let list = |least: usize, most: usize| json!({ "type": "array", "items": number, "minItems": least, "maxItems": most });
+    let list = |min: usize, max: usize| json!({ "type": "array", "items": number, "minItems": min, "maxItems": max });
     match parameter.count {
         Count::One => number.clone(),
         Count::Exactly(count) => list(count, count),

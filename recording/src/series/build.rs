@@ -83,29 +83,29 @@ impl<'t, 's> Builder<'t, 's> {
 
     /// Takes the columns with names of the format, and keeps the others.
     pub(crate) fn take_own_columns(&mut self) {
-        let mut known = BTreeSet::new();
-        for (at, name) in self.table.header.iter().enumerate() {
-            if !known.insert(name) {
-                self.fault(self.table.duplicate_name_fault(at));
+        let mut names = BTreeSet::new();
+        for (column, name) in self.table.header.iter().enumerate() {
+            if !names.insert(name) {
+                self.fault(self.table.duplicate_name_fault(column));
                 continue;
             }
             match Column::named(name) {
-                Ok(Column::Unknown) => self.keep(at),
+                Ok(Column::Unknown) => self.keep(column),
                 Ok(Column::Time) => {
-                    let times = self.times(&[at], None);
-                    self.check_unit(at, Unit::from_name("s"), false);
-                    self.take(name, Some(at), times);
+                    let times = self.times(&[column], None);
+                    self.check_unit(column, Unit::from_name("s"), false);
+                    self.take(name, Some(column), times);
                 }
-                Ok(column) => {
-                    let numbers = self.numbers(at);
-                    if let Column::Channel(_, unit) = column {
-                        self.check_unit(at, unit, false);
+                Ok(known) => {
+                    let numbers = self.numbers(column);
+                    if let Column::Channel(_, unit) = known {
+                        self.check_unit(column, unit, false);
                     }
-                    self.take(name, Some(at), numbers);
+                    self.take(name, Some(column), numbers);
                 }
                 Err(expected) => {
                     let fault = Fault::new(name, "has a unit that does not fit").expected(expected);
-                    self.fault(self.table.header_fault(at, fault));
+                    self.fault(self.table.header_fault(column, fault));
                 }
             }
         }
@@ -194,10 +194,10 @@ impl<'t, 's> Builder<'t, 's> {
     /// Adds a fault at the first value that is infinite though its cell is not: infinite cells were
     /// already reported.
     fn judge_finite(&mut self, name: &str, from: Option<usize>, values: &[f64]) {
-        let told = |row: usize| {
-            from.is_some_and(|at| self.table.number_in(row, at).is_ok_and(f64::is_infinite))
+        let is_infinite_in_file = |row: usize| {
+            from.is_some_and(|column| self.table.number_in(row, column).is_ok_and(f64::is_infinite))
         };
-        let overflows = |row: &usize| values[*row].is_infinite() && !told(*row);
+        let overflows = |row: &usize| values[*row].is_infinite() && !is_infinite_in_file(*row);
         if let Some(row) = (0..values.len()).find(overflows) {
             let fault = Fault::new(name, "is too large: infinite after unit conversion")
                 .expected("a finite number")
@@ -272,8 +272,9 @@ impl<'t, 's> Builder<'t, 's> {
 
     fn judge_time(&mut self, rows: usize) {
         let Some(time) = self.time.clone() else {
-            let near = nearest("t_s", self.table.header.iter().map(String::as_str));
-            let help = near.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
+            let nearest_name = nearest("t_s", self.table.header.iter().map(String::as_str));
+            let help =
+                nearest_name.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
             let help = format!("{help}rename the column, or use a mapping");
             self.faults.push(Fault::new("t_s", "is missing").expected("time in s").help(help));
             return;
@@ -285,7 +286,7 @@ impl<'t, 's> Builder<'t, 's> {
             let before = last.get(&segment).copied();
             if !t.is_finite() {
                 // Unreadable and infinite times were already reported.
-                let unread = from.is_some_and(|at| self.table.number_in(row, at).is_err());
+                let unread = from.is_some_and(|column| self.table.number_in(row, column).is_err());
                 if unread || t.is_infinite() {
                     continue;
                 }
@@ -376,8 +377,8 @@ impl<'t, 's> Builder<'t, 's> {
             );
         }
         if let (HeldOut::Segments(wanted), segments) = (&about.heldout, &self.segment) {
-            let there: BTreeSet<i64> = segments.iter().flatten().copied().collect();
-            for segment in wanted.iter().filter(|s| !there.contains(s)) {
+            let existing: BTreeSet<i64> = segments.iter().flatten().copied().collect();
+            for segment in wanted.iter().filter(|s| !existing.contains(s)) {
                 let fault = Fault::new("heldout", format!("segment {segment} does not exist"));
                 self.faults.push(fault.expected("segments of this recording"));
             }

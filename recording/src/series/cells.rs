@@ -27,13 +27,13 @@ impl Texts {
         self.ends.push(self.text.len());
     }
 
-    fn get(&self, at: usize) -> Option<&str> {
-        let start = at.checked_sub(1).and_then(|before| self.ends.get(before)).copied();
-        self.text.get(start.unwrap_or(0)..*self.ends.get(at)?)
+    fn get(&self, index: usize) -> Option<&str> {
+        let start = index.checked_sub(1).and_then(|before| self.ends.get(before)).copied();
+        self.text.get(start.unwrap_or(0)..*self.ends.get(index)?)
     }
 
     fn iter(&self) -> impl Iterator<Item = &str> {
-        (0..self.ends.len()).filter_map(|at| self.get(at))
+        (0..self.ends.len()).filter_map(|index| self.get(index))
     }
 }
 

@@ -184,9 +184,9 @@ impl Channel {
             return None;
         }
         let mut underscores = name.rmatch_indices('_');
-        underscores.find_map(|(at, _)| {
-            let channel = Self::with_base(name.get(..at)?)?;
-            let suffix = name.get(at + 1..).filter(|suffix| !suffix.is_empty())?;
+        underscores.find_map(|(underscore, _)| {
+            let channel = Self::with_base(name.get(..underscore)?)?;
+            let suffix = name.get(underscore + 1..).filter(|suffix| !suffix.is_empty())?;
             (!channel.units().is_empty()).then_some((channel, suffix))
         })
     }
@@ -201,17 +201,17 @@ impl Channel {
     }
 
     fn with_base(base: &str) -> Option<Self> {
-        let at = |list: &[&str]| list.iter().position(|name| *name == base);
-        if let Some(axis) = at(&AXES) {
+        let index_in = |list: &[&str]| list.iter().position(|name| *name == base);
+        if let Some(axis) = index_in(&AXES) {
             return Some(Self::Position(axis));
         }
-        if let Some(part) = at(&WRENCH) {
+        if let Some(part) = index_in(&WRENCH) {
             return Some(Self::Wrench(part));
         }
-        if let Some(part) = at(&QUATERNION) {
+        if let Some(part) = index_in(&QUATERNION) {
             return Some(Self::Orientation(part));
         }
-        if let Some(axis) = at(&ACCELERATION) {
+        if let Some(axis) = index_in(&ACCELERATION) {
             return Some(Self::Acceleration(axis));
         }
         match base {

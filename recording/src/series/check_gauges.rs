@@ -22,18 +22,18 @@ impl Builder<'_, '_> {
             let expected = format!("[plane{number}] with normal = [x, y, z], towards the probe");
             self.faults.push(fault.expected(expected));
         }
-        for at in gauges.planes.keys().filter(|at| !planes.contains(&(**at + 1))) {
-            self.untouched(&format!("plane{}", at + 1), "touch_plane");
+        for number in gauges.planes.keys().filter(|number| !planes.contains(&(**number + 1))) {
+            self.untouched(&format!("plane{}", number + 1), "touch_plane");
         }
-        for at in gauges.spheres.keys().filter(|at| !spheres.contains(&(**at + 1))) {
-            self.untouched(&format!("sphere{}", at + 1), "touch_sphere");
+        for number in gauges.spheres.keys().filter(|number| !spheres.contains(&(**number + 1))) {
+            self.untouched(&format!("sphere{}", number + 1), "touch_sphere");
         }
     }
 
     fn judge_lengths(&mut self, gauges: &Gauges) {
-        for at in gauges.distances.keys() {
-            if !self.columns.contains_key(&Channel::Distance(*at)) {
-                let key = format!("distance{}", at + 1);
+        for number in gauges.distances.keys() {
+            if !self.columns.contains_key(&Channel::Distance(*number)) {
+                let key = format!("distance{}", number + 1);
                 let fault = Fault::new(&key, "has no such column");
                 self.faults.push(fault.expected(format!("a column `{key}_mm`")));
             }

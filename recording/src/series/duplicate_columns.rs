@@ -42,7 +42,9 @@ impl Recording {
     /// Constant columns are ignored: parked joints and placeholders are equal without being one
     /// measurement.
     pub(super) fn twins(&self) -> Vec<DuplicateColumns> {
-        let point = |name: String, of: &dyn Fn(usize) -> Channel| (name, vec![of(0), of(1), of(2)]);
+        let point = |name: String, channel: &dyn Fn(usize) -> Channel| {
+            (name, vec![channel(0), channel(1), channel(2)])
+        };
         let mut points = vec![point("x, y, z".to_owned(), &Channel::Position)];
         points.extend((0..TARGETS_MAX).map(|target| {
             point(format!("target{}", target + 1), &move |axis| Channel::Target(target, axis))
@@ -55,8 +57,9 @@ impl Recording {
             (JOINTS_MAX, Channel::Torque),
             (JOINTS_MAX, Channel::Current),
         ];
-        for (count, of) in kinds {
-            twins.extend(self.twins_among(&(0..count).map(of).map(single).collect::<Vec<_>>()));
+        for (count, channel) in kinds {
+            twins
+                .extend(self.twins_among(&(0..count).map(channel).map(single).collect::<Vec<_>>()));
         }
         twins
     }
@@ -68,8 +71,8 @@ impl Recording {
         let found: Vec<(&String, Vec<&[f64]>)> =
             kind.iter().filter_map(|(name, channels)| Some((name, read(channels)?))).collect();
         let mut twins = Vec::new();
-        for (at, (first, a)) in found.iter().enumerate() {
-            for (second, b) in found.iter().skip(at + 1) {
+        for (index, (first, a)) in found.iter().enumerate() {
+            for (second, b) in found.iter().skip(index + 1) {
                 if is_duplicate(a, b) {
                     twins.push(DuplicateColumns {
                         first: (*first).clone(),
@@ -122,8 +125,8 @@ mod tests {
     #[test]
     fn readings_under_two_names_are_found_and_refused_by_a_fit() {
         let head = "t_s,q1_deg,target1_x_mm,target1_y_mm,target1_z_mm,target3_x_mm,target3_y_mm,target3_z_mm,tau1_Nm,tau2_Nm";
-        let alike = "0,1,1,2,3,1,2,3,5,5\n1,2,,,,7,8,9,6,6\n2,3,4,5,6,4,5,6,7,7\n";
-        let found = twins(&format!("{head}\n{alike}"));
+        let equal_columns = "0,1,1,2,3,1,2,3,5,5\n1,2,,,,7,8,9,6,6\n2,3,4,5,6,4,5,6,7,7\n";
+        let found = twins(&format!("{head}\n{equal_columns}"));
         assert_eq!(found, [pair("target1", "target3"), pair("tau1", "tau2")]);
         let apart = "0,1,1,2,3,1,2,3,5,5\n1,2,4,5,6,4,5,6.001,6,5\n";
         assert_eq!(twins(&format!("{head}\n{apart}")), []);

@@ -18,7 +18,7 @@ fn rows(mapping: &str, text: &str) -> Vec<(f64, f64)> {
     recording.t_s.iter().copied().zip(x.map(|m| (m * 1e9).round() / 1e6)).collect()
 }
 
-fn told(mapping: &str, text: &str) -> String {
+fn message(mapping: &str, text: &str) -> String {
     match read(mapping, text) {
         Ok(recording) => panic!("{text} is read as {:?}", recording.column(Channel::Position(0))),
         Err(faults) => faults.to_string(),
@@ -27,10 +27,10 @@ fn told(mapping: &str, text: &str) -> String {
 
 /// Asserts that a table is refused with these words.
 #[track_caller]
-fn assert_told(mapping: &str, text: &str, says: &str) {
+fn assert_refused(mapping: &str, text: &str, part: &str) {
     match read(mapping, text) {
         Ok(recording) => panic!("{text} is read as {recording:?}"),
-        Err(faults) => faults.assert_say(says),
+        Err(faults) => faults.assert_say(part),
     }
 }
 
@@ -64,7 +64,7 @@ fn numbers_of_many_notations_are_read_right() {
 #[test]
 fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
     let mixed = "t_s;q1_deg;x_mm\n0;5,5;1.042\n1;7,5;88,5\n";
-    insta::assert_snapshot!(told("", mixed), @r#"
+    insta::assert_snapshot!(message("", mixed), @r#"
         error: `x_mm`: `1.042` is ambiguous: 1042 or 1.042
          --> x.csv:2:7
           |
@@ -73,7 +73,7 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
           |
           = help: state it in a mapping: `decimal = ","` and `thousands = "."` for 1042, `decimal = "."` for 1.042
         "#);
-    for (mapping, text, says) in [
+    for (mapping, text, part) in [
         ("decimal = \",\"", mixed, "`1.042` is ambiguous: 1042 or 1.042"),
         ("", "t_s;q1_deg;x_mm\n0;1.125;1.042\n1;2;88\n", "`1.042` is ambiguous: 1042 or 1.042"),
         ("", "t_s\tq1_deg\tx_mm\n0\t1\t1,042\n1\t2\t88\n", "`1,042` is ambiguous: 1042 or 1.042"),
@@ -96,7 +96,7 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
         ("decimal = \".\"\nthousands = \".\"", "t_s,q1_deg,x_mm\n0,1,1\n", "is the decimal mark"),
         ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is not a number"),
     ] {
-        assert_told(mapping, text, says);
+        assert_refused(mapping, text, part);
     }
 }
 
@@ -107,13 +107,13 @@ fn columns_that_are_not_read_as_numbers_tell_no_decimal_mark() {
     let firmware = "t_s;q1_deg;x_mm;fw\n0;1;5;10.120.130.140\n1;2;88.5;10.120.130.140\n";
     let labels = columns_with_x(" }\nsegment = { from = \"remark\", labels = true");
     for mapping in ["", &columns_with_x(""), &labels] {
-        assert_told(mapping, remark, two_ways);
+        assert_refused(mapping, remark, two_ways);
     }
     for mapping in ["", &columns_with_x("")] {
         assert_eq!(rows(mapping, firmware), [(0.0, 5.0), (1.0, 88.5)], "{mapping}");
     }
     let grouped = "t_s\tq1_deg\tx_mm\n0\t1\t1.042.075\n";
-    assert_told("", grouped, "only if its point separates thousands");
+    assert_refused("", grouped, "only if its point separates thousands");
     assert_eq!(rows("thousands = \".\"", grouped), [(0.0, 1_042_075.0)]);
 }
 
@@ -138,7 +138,7 @@ fn the_first_lines_of_spreadsheets_are_understood() {
 #[test]
 fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() {
     let kept = "the last line (3) has no line break: it was kept because it has all 3 fields, but its last field may be truncated";
-    for (text, rows, says) in [
+    for (text, rows, part) in [
         ("t_s,q1_deg,note\n0,1,\n1,2,ok", 2, kept),
         ("t_s,q1_deg,note\n0,1,5\n1,2,7", 2, kept),
         ("t_s,q1_deg,note\n0,1,a\n1,2,", 2, kept),
@@ -158,7 +158,7 @@ fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() 
     ] {
         let recording = read("", text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
         let notes = recording.notes.join("\n");
-        assert!(recording.len() == rows && notes.contains(says), "{text}\n{notes}");
+        assert!(recording.len() == rows && notes.contains(part), "{text}\n{notes}");
     }
     for text in ["t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n  ", "t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n# made by"] {
         let mapping = if text.contains('#') { "comment = \"#\"" } else { "" };
@@ -177,7 +177,7 @@ fn columns_with_x(more: &str) -> String {
 #[test]
 fn a_line_of_units_that_contradicts_the_names_is_refused() {
     let text = "t_s,q1_deg,x_mm\ns,deg,m\n0,1,1.5\n";
-    insta::assert_snapshot!(told("", text), @r#"
+    insta::assert_snapshot!(message("", text), @r#"
         error: `x_mm`: has the unit m, expected mm
          --> x.csv:2:7
           |
@@ -187,14 +187,14 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
           = help: rename the column, or state `unit = "m"` in a mapping
         "#);
     let columns = columns_with_x;
-    assert!(told(&columns(""), text).contains("`x_mm`: has the unit m, expected mm"));
+    assert!(message(&columns(""), text).contains("`x_mm`: has the unit m, expected mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
     // A row of data is not a line of units, whatever text it contains.
     let data = read("", "t_s,q1_deg,x_mm,note\n1,,,mm\n2,,,mm\n").unwrap();
     assert_eq!(data.t_s, [1.0, 2.0]);
-    let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
-    assert!(told("", words).contains("`Sek` is not a number"));
+    let spelled_units = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
+    assert!(message("", spelled_units).contains("`Sek` is not a number"));
 }
 
 #[test]
@@ -202,20 +202,20 @@ fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_
     let table = |unit: &str, column: &str| {
         format!("t_s,q1_deg,x_mm,{column}\ns,deg,mm,{unit}\n0,1,1.5,294.15\n")
     };
-    for (text, says) in [
+    for (text, part) in [
         (table("K", "temp_C"), "`temp_C`: has the unit K, which is not supported"),
         (table("K", "temp_C"), "`offset = -273.15`"),
         (table("V", "fx_N"), "`fx_N`: has the unit V, which is not supported"),
         (table("g", "ax_m_s2"), "state `scale = 9.80665` in a mapping"),
     ] {
-        assert_told("", &text, says);
+        assert_refused("", &text, part);
     }
     let inches = "t_s,q1_deg,x_mm\ns,deg,inch\n0,1,1\n";
     let mapped = |more: &str| format!("units_row = true\n{}", columns_with_x(more));
     for mapping in ["units_row = true", &mapped("")] {
-        assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not supported");
+        assert_refused(mapping, inches, "`x_mm`: has the unit inch, which is not supported");
     }
-    assert_told(&mapped(""), inches, "the factor from inch to mm in a mapping (`scale`)");
+    assert_refused(&mapped(""), inches, "the factor from inch to mm in a mapping (`scale`)");
     assert_eq!(rows(&mapped(", scale = 25.4"), inches), [(0.0, 25.4)]);
     assert_eq!(rows(&mapped(", unit = \"m\""), inches), [(0.0, 1000.0)]);
     let kelvin = columns_with_x(" }\ntemp_C = { from = \"temp\", unit = \"C\", offset = -273.15");
@@ -270,7 +270,7 @@ fn a_time_that_is_not_understood_is_refused() {
     let text =
         |first: &str, second: &str| format!("t_s;q1_deg;x_mm\n{first};1;1,5\n{second};2;2,5\n");
     let german = text("26.11.2026 14:03:05", "26.11.2026 14:03:06");
-    insta::assert_snapshot!(told("", &german), @r#"
+    insta::assert_snapshot!(message("", &german), @r#"
         error: `t_s`: `26.11.2026 14:03:05` has an unknown time format
          --> x.csv:2:1
           |
@@ -282,7 +282,7 @@ fn a_time_that_is_not_understood_is_refused() {
     let stated = |more: &str| {
         format!("[columns]\nt_s = {{ from = \"t_s\"{more} }}\nq1_deg = {{ from = \"q1_deg\" }}")
     };
-    for (mapping, text, says) in [
+    for (mapping, text, part) in [
         (
             stated(", format = \"%m/%d/%Y\""),
             text("11/26/2026", "26/11/2026"),
@@ -310,7 +310,7 @@ fn a_time_that_is_not_understood_is_refused() {
             "does not match this time format",
         ),
     ] {
-        assert_told(&mapping, &text, says);
+        assert_refused(&mapping, &text, part);
     }
 }
 
@@ -335,10 +335,10 @@ fn a_time_that_is_not_read_is_one_fault() {
 fn a_value_that_becomes_infinite_once_it_is_converted_is_refused_with_its_line() {
     let text = "t_s,q1_deg,x_mm\n0,1,1\n1,2,5\n";
     let scaled = columns_with_x(", scale = 1e308, offset = 1e308");
-    assert_told(&scaled, text, "`x_mm`: is too large");
-    assert_told(&scaled, text, "x.csv:2:5");
+    assert_refused(&scaled, text, "`x_mm`: is too large");
+    assert_refused(&scaled, text, "x.csv:2:5");
     let time = "[columns]\nt_s = { from = \"t_s\", scale = 1e308 }\nq1_deg = { from = \"q1_deg\" }";
-    assert_told(time, "t_s,q1_deg\n0,1\n2,2\n", "x.csv:3:1");
+    assert_refused(time, "t_s,q1_deg\n0,1\n2,2\n", "x.csv:3:1");
     let infinite = read("", "t_s,q1_deg,x_mm\n0,1,inf\n").unwrap_err();
     assert_eq!(infinite.len(), 1, "{infinite}");
 }
@@ -347,10 +347,10 @@ fn a_value_that_becomes_infinite_once_it_is_converted_is_refused_with_its_line()
 fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
     let commented = "t_s,q1_deg\n# c1\n0,1\n# c2\n\n# c3\n1,x\n2,3\n";
     for end in ["\n", "\r\n", "\r"] {
-        assert_told("comment = \"#\"", &commented.replace('\n', end), "x.csv:7:3");
+        assert_refused("comment = \"#\"", &commented.replace('\n', end), "x.csv:7:3");
     }
     let text = "t_s,q1_deg\r0,1\r1,x\r";
-    insta::assert_snapshot!(told("", text), @r#"
+    insta::assert_snapshot!(message("", text), @r#"
         error: `q1_deg`: `x` is not a number
          --> x.csv:3:3
           |
@@ -364,5 +364,5 @@ fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
 fn several_columns_for_one_are_refused_without_a_rule() {
     let mapping = "[columns]\nt_s = { from = \"t_s\" }\nq1_deg = { from = [\"q1_deg\", \"x_mm\"] }";
     let text = "t_s,q1_deg,x_mm\n0,1,2\n";
-    assert!(told(mapping, text).contains("has 2 columns for one quantity"));
+    assert!(message(mapping, text).contains("has 2 columns for one quantity"));
 }

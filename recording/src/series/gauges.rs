@@ -100,8 +100,8 @@ impl Gauges {
     /// The tables as TOML.
     pub(super) fn toml(&self) -> String {
         let mut out = String::new();
-        for (at, distance) in &self.distances {
-            head(&mut out, "distance", *at);
+        for (index, distance) in &self.distances {
+            head(&mut out, "distance", *index);
             vector(&mut out, "anchor_mm", distance.anchor_m);
             target(&mut out, distance.target);
             match distance.offset_m {
@@ -116,13 +116,13 @@ impl Gauges {
             target(&mut out, probe.target);
             length(&mut out, "sigma_mm", probe.sigma_m);
         }
-        for (at, plane) in &self.planes {
-            head(&mut out, "plane", *at);
+        for (index, plane) in &self.planes {
+            head(&mut out, "plane", *index);
             line(&mut out, "normal", &list(&plane.normal));
             length(&mut out, "offset_mm", plane.offset_m);
         }
-        for (at, sphere) in &self.spheres {
-            head(&mut out, "sphere", *at);
+        for (index, sphere) in &self.spheres {
+            head(&mut out, "sphere", *index);
             vector(&mut out, "centre_mm", sphere.centre_m);
             length(&mut out, "radius_mm", sphere.radius_m);
         }
@@ -140,12 +140,12 @@ fn numbered<T>(
     read: impl Fn(&Table<'_, '_>) -> Option<T>,
 ) -> BTreeMap<usize, T> {
     let mut found = BTreeMap::new();
-    for at in 0..GAUGES_MAX {
-        let key = format!("{stem}{}", at + 1);
+    for index in 0..GAUGES_MAX {
+        let key = format!("{stem}{}", index + 1);
         if table.keys().any(|name| name == key)
             && let Some(inner) = table.table(&key)
         {
-            found.extend(read(&inner).map(|value| (at, value)));
+            found.extend(read(&inner).map(|value| (index, value)));
             inner.close();
         }
     }
@@ -153,19 +153,19 @@ fn numbered<T>(
 }
 
 fn target_of(table: &Table<'_, '_>) -> Option<usize> {
-    let most = i64::try_from(TARGETS_MAX).unwrap_or(i64::MAX);
-    let target = table.whole("target", 1..most + 1)?;
+    let targets_max = i64::try_from(TARGETS_MAX).unwrap_or(i64::MAX);
+    let target = table.whole("target", 1..targets_max + 1)?;
     usize::try_from(target - 1).ok()
 }
 
 fn distance_of(table: &Table<'_, '_>) -> Distance {
-    let fitted = |value: &toml::Spanned<DeValue<'_>>| matches!(value.get_ref(), DeValue::String(word) if word == FITTED);
+    let fitted = |value: &toml::Spanned<DeValue<'_>>| matches!(value.get_ref(), DeValue::String(keyword) if keyword == FITTED);
     let offset_m = if table.raw("offset_mm").is_some_and(fitted) {
         None
     } else {
         Some(table.number("offset_mm", ..).unwrap_or(0.0) * MM)
     };
-    let anchor_m = table.vector::<3>("anchor_mm").map(|at| at.map(|x| x * MM));
+    let anchor_m = table.vector::<3>("anchor_mm").map(|point| point.map(|x| x * MM));
     Distance { anchor_m, target: target_of(table), offset_m }
 }
 
@@ -192,13 +192,13 @@ fn plane_of(table: &Table<'_, '_>) -> Option<TouchedPlane> {
 
 fn sphere_of(table: &Table<'_, '_>) -> TouchedSphere {
     TouchedSphere {
-        centre_m: table.vector::<3>("centre_mm").map(|at| at.map(|x| x * MM)),
+        centre_m: table.vector::<3>("centre_mm").map(|point| point.map(|x| x * MM)),
         radius_m: table.number("radius_mm", POSITIVE).map(|radius| radius * MM),
     }
 }
 
-fn head(out: &mut String, stem: &str, at: usize) {
-    let _ = writeln!(out, "\n[{stem}{}]", at + 1);
+fn head(out: &mut String, stem: &str, index: usize) {
+    let _ = writeln!(out, "\n[{stem}{}]", index + 1);
 }
 
 fn target(out: &mut String, target: Option<usize>) {

@@ -243,7 +243,7 @@ fn links_of(table: &Table<'_, '_>) -> BTreeMap<usize, usize> {
 fn heldout_of(table: &Table<'_, '_>) -> HeldOut {
     match table.raw("heldout").map(toml::Spanned::get_ref) {
         None => HeldOut::Unspecified,
-        Some(DeValue::String(word)) if word == "all" => HeldOut::All,
+        Some(DeValue::String(keyword)) if keyword == "all" => HeldOut::All,
         Some(DeValue::Array(_)) => table
             .wholes("heldout", i64::from(i32::MIN)..i64::from(i32::MAX))
             .map_or(HeldOut::Unspecified, HeldOut::Segments),

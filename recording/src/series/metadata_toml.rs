@@ -16,7 +16,7 @@ impl Recording {
         if let Some(model) = &about.model {
             line(&mut out, "model", &string(model));
         }
-        let words = [
+        let keywords = [
             ("kind", (about.kind == RecordingKind::Poses).then_some("poses")),
             ("input", about.input.map(|i| if i == InputKind::Motor { "qa" } else { "q" })),
             ("measuring_frame", about.measured_in_base.then_some("base")),
@@ -28,9 +28,9 @@ impl Recording {
             ),
             ("approach", approach(about.approach)),
         ];
-        for (key, word) in words {
-            if let Some(word) = word {
-                line(&mut out, key, &string(word));
+        for (key, keyword) in keywords {
+            if let Some(keyword) = keyword {
+                line(&mut out, key, &string(keyword));
             }
         }
         if !about.torque_per_ampere.is_empty() {

@@ -174,7 +174,8 @@ impl<'c> Parts<'c> {
     fn of(cell: &'c str, decimal: char) -> Option<Self> {
         let negative = cell.strip_prefix(['-', MINUS]);
         let rest = negative.or_else(|| cell.strip_prefix('+')).unwrap_or(cell);
-        let (mantissa, exponent) = rest.find(['e', 'E']).map_or((rest, ""), |at| rest.split_at(at));
+        let (mantissa, exponent) =
+            rest.find(['e', 'E']).map_or((rest, ""), |exponent_at| rest.split_at(exponent_at));
         let (whole, decimals) = match mantissa.rsplit_once(decimal) {
             Some((whole, decimals)) => (whole, Some(decimals)),
             None => (mantissa, None),
@@ -365,8 +366,8 @@ mod tests {
             let digits = value.unsigned_abs().to_string();
             for mark in ['.', '\'', '\u{202f}'] {
                 let mut text = String::new();
-                for (at, digit) in digits.chars().enumerate() {
-                    if at > 0 && (digits.len() - at) % 3 == 0 { text.push(mark); }
+                for (index, digit) in digits.chars().enumerate() {
+                    if index > 0 && (digits.len() - index) % 3 == 0 { text.push(mark); }
                     text.push(digit);
                 }
                 let text = format!("{}{text},25", if value < 0 { "\u{2212}" } else { "" });

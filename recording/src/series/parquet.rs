@@ -145,8 +145,8 @@ fn all<T: DataType, V>(
         if nullable == 0 {
             all.extend(found.map(Some));
         } else {
-            let there = |level| if level == nullable { found.next() } else { None };
-            all.extend(levels.into_iter().map(there));
+            let value_at = |level| if level == nullable { found.next() } else { None };
+            all.extend(levels.into_iter().map(value_at));
         }
         all.resize_with(whole, || None);
     }

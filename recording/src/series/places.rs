@@ -56,20 +56,20 @@ impl<'s> RawTable<'s> {
     fn field_span(&self, text: &str, column: usize) -> Range<usize> {
         let mut start = 0;
         if self.separator == b' ' {
-            let mut words = text.split_inclusive(char::is_whitespace).map(|word| {
-                start += word.len();
-                (start - word.len(), word.trim_end())
+            let mut fields = text.split_inclusive(char::is_whitespace).map(|field| {
+                start += field.len();
+                (start - field.len(), field.trim_end())
             });
-            let field = words.by_ref().filter(|(_, word)| !word.is_empty()).nth(column);
-            return field.map_or(0..text.len(), |(from, word)| from..from + word.len());
+            let field = fields.by_ref().filter(|(_, field)| !field.is_empty()).nth(column);
+            return field.map_or(0..text.len(), |(from, field)| from..from + field.len());
         }
         let mut quoted = false;
         let separates = |c: char| {
             quoted ^= c == '"';
             !quoted && c == char::from(self.separator)
         };
-        for (at, field) in text.split(separates).enumerate() {
-            if at == column {
+        for (index, field) in text.split(separates).enumerate() {
+            if index == column {
                 return start..start + field.len();
             }
             start += field.len() + 1;

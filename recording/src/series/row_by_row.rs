@@ -75,21 +75,21 @@ fn of_text(mut source: impl BufRead, dialect: &Dialect) -> Option<RawTable<'stat
     };
     let first = next()??;
     let header = header_of(first.iter(), dialect);
-    let mut told = Vec::new();
+    let mut sample = Vec::new();
     if dialect.no_header {
-        told.push(first);
+        sample.push(first);
     }
-    while told.len() < ROWS_TOLD
+    while sample.len() < ROWS_TOLD
         && let Some(record) = next()?
     {
-        told.push(record);
+        sample.push(record);
     }
-    let notation = notation(separator, &header, &told, dialect)?;
-    let mut columns = Columns::of(header, notation, dialect, told.first()?)?;
-    for record in &told {
+    let notation = notation(separator, &header, &sample, dialect)?;
+    let mut columns = Columns::of(header, notation, dialect, sample.first()?)?;
+    for record in &sample {
         columns.take(record)?;
     }
-    drop(told);
+    drop(sample);
     while let Some(record) = next()? {
         columns.take(&record)?;
     }
@@ -116,9 +116,10 @@ fn notation(
     dialect: &Dialect,
 ) -> Option<Notation> {
     let columns: Vec<usize> =
-        (0..header.len()).filter(|at| dialect.reads.has(&header[*at])).collect();
-    let cells =
-        rows.iter().flat_map(|row| columns.iter().filter_map(|at| row.get(*at)).map(str::trim));
+        (0..header.len()).filter(|column| dialect.reads.has(&header[*column])).collect();
+    let cells = rows
+        .iter()
+        .flat_map(|row| columns.iter().filter_map(|column| row.get(*column)).map(str::trim));
     let found = match dialect.stated_decimal() {
         Some(decimal) => Notation::of(decimal, None),
         None => Notation::proven(separator, cells)?,

@@ -50,9 +50,9 @@ impl Rows {
     /// The content of a cell; `None` if the row is too short.
     pub(super) fn cell(&self, row: usize, column: usize) -> Option<&str> {
         let Row { first, fields, .. } = *self.rows.get(row)?;
-        let at = first as usize + column;
-        let start = at.checked_sub(1).and_then(|before| self.ends.get(before)).copied();
-        let range = start.unwrap_or(0) as usize..*self.ends.get(at)? as usize;
+        let cell = first as usize + column;
+        let start = cell.checked_sub(1).and_then(|before| self.ends.get(before)).copied();
+        let range = start.unwrap_or(0) as usize..*self.ends.get(cell)? as usize;
         self.text.get(range).filter(|_| column < fields as usize)
     }
 

@@ -138,16 +138,17 @@ impl Builder<'_, '_> {
 
 /// The note on those of the unused columns that look like a quantity of the format.
 pub(super) fn note<'n>(unused: impl Iterator<Item = &'n str>) -> Option<String> {
-    let look = |name: &str| {
+    let suggestion = |name: &str| {
         let (channel, _) = Channel::misnamed(name)?;
         Some(format!(
             "`{name}` (a unit is missing or unknown: {})",
             expected_names(channel, channel.units())
         ))
     };
-    let looks: Vec<String> = unused.filter_map(look).collect();
-    (!looks.is_empty())
-        .then(|| format!("not read as a quantity because of the suffix: {}", looks.join(", ")))
+    let suggestions: Vec<String> = unused.filter_map(suggestion).collect();
+    (!suggestions.is_empty()).then(|| {
+        format!("not read as a quantity because of the suffix: {}", suggestions.join(", "))
+    })
 }
 
 #[cfg(test)]
@@ -172,9 +173,9 @@ mod tests {
             ("tau1_nm", "nm", "`tau1_Nm` or `tau1_N`"),
             ("temp_K", "K", "`temp_C`"),
         ] {
-            let said = read(&format!("t_s,q1_deg,{column}"), RequiredData::Path).unwrap_err();
-            assert!(said.contains(&format!("in the unknown unit `{unit}`")), "{said}");
-            assert!(said.contains(expected), "{said}");
+            let message = read(&format!("t_s,q1_deg,{column}"), RequiredData::Path).unwrap_err();
+            assert!(message.contains(&format!("in the unknown unit `{unit}`")), "{message}");
+            assert!(message.contains(expected), "{message}");
             assert!(
                 read(&format!("t_s,q1_deg,{column}"), RequiredData::Samples).is_ok(),
                 "{column}"

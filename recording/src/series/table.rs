@@ -151,10 +151,11 @@ impl<'s> RawTable<'s> {
 
     fn find_notation(&mut self, dialect: &Dialect) {
         let rows = &self.rows;
-        let columns = (0..self.header.len()).filter(|at| dialect.reads.has(&self.header[*at]));
+        let columns =
+            (0..self.header.len()).filter(|column| dialect.reads.has(&self.header[*column]));
         let columns: Vec<usize> = columns.collect();
         let cells = (0..rows.len())
-            .flat_map(|row| columns.iter().filter_map(move |at| rows.cell(row, *at)));
+            .flat_map(|row| columns.iter().filter_map(move |column| rows.cell(row, *column)));
         self.notation = match dialect.stated_decimal() {
             Some(decimal) => Notation::of(decimal, dialect.thousands),
             None => {
@@ -180,13 +181,16 @@ impl<'s> RawTable<'s> {
     /// Takes the first row as a line of units, if the header names the columns and the row contains
     /// units.
     fn take_units(&mut self, dialect: &Dialect) {
-        let asked = dialect.units_row;
-        if self.rows.len() == 0 || asked == Some(false) || (dialect.no_header && asked.is_none()) {
+        let has_units_row = dialect.units_row;
+        if self.rows.len() == 0
+            || has_units_row == Some(false)
+            || (dialect.no_header && has_units_row.is_none())
+        {
             return;
         }
-        let cells = (0..self.rows.width(0)).filter_map(|at| self.rows.cell(0, at));
+        let cells = (0..self.rows.width(0)).filter_map(|column| self.rows.cell(0, column));
         let line = self.line_of_row(0);
-        if let Some(units) = UnitsLine::of(line, cells, asked == Some(true)) {
+        if let Some(units) = UnitsLine::of(line, cells, has_units_row == Some(true)) {
             let mut wanted = vec![true; self.rows.len()];
             wanted[0] = false;
             self.rows.keep(&wanted);
@@ -362,13 +366,13 @@ impl<'s> RawTable<'s> {
 
     /// The column with this name; a missing or duplicate name is a fault.
     pub(crate) fn column(&self, name: &str, faults: &mut Faults) -> Option<usize> {
-        let mut places = (0..self.header.len()).filter(|at| self.header[*at] == name);
+        let mut places = (0..self.header.len()).filter(|column| self.header[*column] == name);
         match (places.next(), places.next()) {
-            (Some(at), None) => return Some(at),
+            (Some(column), None) => return Some(column),
             (Some(_), Some(again)) => faults.push(self.duplicate_name_fault(again)),
             (None, _) => {
-                let near = nearest(name, self.header.iter().map(String::as_str));
-                let help = near.map(|name| format!("did you mean `{name}`?"));
+                let nearest_name = nearest(name, self.header.iter().map(String::as_str));
+                let help = nearest_name.map(|name| format!("did you mean `{name}`?"));
                 let fault = Fault::new(name, "is not a column of this file")
                     .expected(format!("one of: {}", self.header.join(", ")))
                     .help(help.unwrap_or_default());

@@ -12,11 +12,11 @@ impl RawTable<'_> {
         }
         let (width, expected) = (self.rows.width(last), self.header.len());
         let line = self.line_of_row(last);
-        let at = width.saturating_sub(1);
-        let cell = self.rows.cell(last, at).unwrap_or_default();
+        let column = width.saturating_sub(1);
+        let cell = self.rows.cell(last, column).unwrap_or_default();
         let left_out = if width < expected {
             Some(format!("it has {width} of {expected} fields"))
-        } else if !self.is_number(cell) && self.holds_numbers(at, last) {
+        } else if !self.is_number(cell) && self.holds_numbers(column, last) {
             Some(format!("`{cell}` is not a number"))
         } else {
             None
@@ -33,7 +33,7 @@ impl RawTable<'_> {
     }
 
     fn is_empty_row(&self, row: usize) -> bool {
-        (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
+        (0..self.rows.width(row)).all(|column| self.rows.cell(row, column) == Some(""))
     }
 
     /// Whether all non-empty cells of a column in the rows before this one are numbers, and there
@@ -49,7 +49,8 @@ impl RawTable<'_> {
     /// Drops the empty rows that spreadsheets write below a table.
     pub(super) fn drop_empty_end(&mut self) {
         let before = self.rows.len();
-        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {
+        while let Some(last) = self.rows.len().checked_sub(1).filter(|row| self.is_empty_row(*row))
+        {
             self.rows.keep_first(last);
         }
         let dropped = before - self.rows.len();

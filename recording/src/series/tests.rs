@@ -22,8 +22,8 @@ fn a_spreadsheets_export_is_read_and_reported() {
     );
     assert_eq!(recording.units, FileUnits::WORKSHOP);
     let notes = recording.notes.join("\n");
-    for said in ["semicolons", "line 4 is truncated", "unused columns: remark"] {
-        assert!(notes.contains(said), "{notes}");
+    for part in ["semicolons", "line 4 is truncated", "unused columns: remark"] {
+        assert!(notes.contains(part), "{notes}");
     }
 }
 
@@ -237,11 +237,11 @@ proptest! {
     }
 
     #[test]
-    fn no_text_makes_the_reader_panic(text in "[ -~\n\r;,\t\u{e9}]{0,200}", at in 0_usize..300, byte in any::<u8>()) {
+    fn no_text_makes_the_reader_panic(text in "[ -~\n\r;,\t\u{e9}]{0,200}", offset in 0_usize..300, byte in any::<u8>()) {
         let _ = parse(&text).map_err(|faults| faults.plain());
         let mut good = b"t_s,segment,q1_deg,x_mm,ow,ox,oy,oz\n0,0,1,2,1,0,0,0\n1,0,3,4,1,0,0,0\n".to_vec();
-        let at = at % good.len();
-        good[at] = byte;
+        let offset = offset % good.len();
+        good[offset] = byte;
         let _ = parse(&String::from_utf8_lossy(&good)).map_err(|faults| faults.styled());
         let _ = RecordingMetadata::parse("x", &text).map_err(|faults| faults.plain());
     }
@@ -281,13 +281,13 @@ fn every_fault_of_distances_and_touches_is_reported() {
     let about = RecordingMetadata::parse("run.toml", about).unwrap();
     let faults =
         read_text("run.csv", table, None, Some(about), RequiredData::Measurement).unwrap_err();
-    let said = faults.to_string();
-    for word in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never contacted"] {
-        assert!(said.contains(word), "{word} in\n{said}");
+    let message = faults.to_string();
+    for part in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never contacted"] {
+        assert!(message.contains(part), "{part} in\n{message}");
     }
     let about = "schema = \"trued.recording/1\"\n[probe]\nradius_mm = -1\n[plane1]\nnormal = [0, 0, 0]\n[distance1]\nofset_mm = 1\n";
-    let said = RecordingMetadata::parse("run.toml", about).unwrap_err().to_string();
-    for word in ["radius_mm", "no direction", "ofset_mm"] {
-        assert!(said.contains(word), "{word} in\n{said}");
+    let message = RecordingMetadata::parse("run.toml", about).unwrap_err().to_string();
+    for part in ["radius_mm", "no direction", "ofset_mm"] {
+        assert!(message.contains(part), "{part} in\n{message}");
     }
 }

@@ -68,8 +68,8 @@ fn row_by_row(
 }
 
 pub(super) fn dialect(mapping: Option<&Mapping>) -> Dialect {
-    let own = || Dialect { reads: NumericColumns::Known, ..Dialect::default() };
-    mapping.map_or_else(own, |mapping| mapping.dialect.clone())
+    let known_columns = || Dialect { reads: NumericColumns::Known, ..Dialect::default() };
+    mapping.map_or_else(known_columns, |mapping| mapping.dialect.clone())
 }
 
 fn other_format(path: &Path, extension: &str) -> Faults {

@@ -117,7 +117,7 @@ impl RawTable<'_> {
     ) -> Vec<f64> {
         let Some(first) = columns.first().copied() else { return Vec::new() };
         let cell = |row: usize| {
-            let cells = columns.iter().map(|at| self.cell(row, *at).unwrap_or_default());
+            let cells = columns.iter().map(|column| self.cell(row, *column).unwrap_or_default());
             cells.collect::<Vec<_>>().join(" ").trim().to_owned()
         };
         let sample = || (0..self.len()).map(cell).find(|cell| !cell.is_empty()).unwrap_or_default();
@@ -276,8 +276,8 @@ impl<'c> TimeParser<'c> {
             'S' => self.second = self.number(1, 2)?,
             'f' => self.fraction()?,
             'p' => {
-                let word = self.rest.get(..2)?;
-                self.afternoon = Some(match word.to_ascii_uppercase().as_str() {
+                let marker = self.rest.get(..2)?;
+                self.afternoon = Some(match marker.to_ascii_uppercase().as_str() {
                     "AM" => false,
                     "PM" => true,
                     _ => return None,
@@ -313,9 +313,9 @@ impl<'c> TimeParser<'c> {
     }
 
     /// A number with `least` to `most` digits.
-    fn number(&mut self, least: usize, most: usize) -> Option<i64> {
-        let digits = self.rest.bytes().take(most).take_while(u8::is_ascii_digit).count();
-        let (number, rest) = self.rest.split_at_checked(digits).filter(|_| digits >= least)?;
+    fn number(&mut self, digits_min: usize, digits_max: usize) -> Option<i64> {
+        let digits = self.rest.bytes().take(digits_max).take_while(u8::is_ascii_digit).count();
+        let (number, rest) = self.rest.split_at_checked(digits).filter(|_| digits >= digits_min)?;
         self.rest = rest;
         number.parse().ok()
     }

@@ -54,11 +54,11 @@ impl UnitsLine {
     ) -> Option<Self> {
         let mut found = Vec::new();
         for cell in cells {
-            let bare = cell.trim_matches(['[', ']', '(', ')', '<', '>']).trim();
-            if !stated && !is_unit(bare) {
+            let spelling = cell.trim_matches(['[', ']', '(', ')', '<', '>']).trim();
+            if !stated && !is_unit(spelling) {
                 return None;
             }
-            found.push(UnitCell { spelling: bare.to_owned(), unit: unit(bare) });
+            found.push(UnitCell { spelling: spelling.to_owned(), unit: unit(spelling) });
         }
         let holds_units = stated || found.iter().any(|cell| cell.unit.is_some());
         holds_units.then_some(Self { line, cells: found })

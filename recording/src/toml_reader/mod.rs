@@ -66,7 +66,7 @@ pub(crate) struct Table<'d, 's> {
     table: &'d DeTable<'s>,
     path: String,
     span: Range<usize>,
-    asked: RefCell<Vec<String>>,
+    known_keys: RefCell<Vec<String>>,
     required: RefCell<Vec<(String, String)>>,
 }
 
@@ -77,8 +77,8 @@ impl<'d, 's> Table<'d, 's> {
         path: String,
         span: Range<usize>,
     ) -> Self {
-        let (asked, required) = (RefCell::default(), RefCell::default());
-        Self { document, table, path, span, asked, required }
+        let (known_keys, required) = (RefCell::default(), RefCell::default());
+        Self { document, table, path, span, known_keys, required }
     }
 
     /// Path of a key in this table, as faults name it.
@@ -121,7 +121,7 @@ impl<'d, 's> Table<'d, 's> {
 
     /// A key's raw value.
     pub(crate) fn raw(&self, key: &str) -> Option<&'d Value<'s>> {
-        self.asked.borrow_mut().push(key.to_owned());
+        self.known_keys.borrow_mut().push(key.to_owned());
         self.table.get(key)
     }
 
@@ -261,14 +261,17 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// One of several strings, each with its value.
-    pub(crate) fn choice<T: Copy>(&self, key: &str, of: &[(&str, T)]) -> Option<T> {
-        let word = self.text(key)?;
-        let found = of.iter().find(|(name, _)| *name == word).map(|(_, value)| *value);
+    pub(crate) fn choice<T: Copy>(&self, key: &str, choices: &[(&str, T)]) -> Option<T> {
+        let text = self.text(key)?;
+        let found = choices.iter().find(|(name, _)| *name == text).map(|(_, value)| *value);
         if found.is_none() {
-            let words: Vec<String> = of.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            let near = nearest(word, of.iter().map(|(name, _)| *name)).filter(|_| of.len() > 1);
-            let hint = near.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default();
-            self.fault(key, format!("is \"{word}\""), format!("{}{hint}", words.join(" or ")));
+            let names: Vec<String> =
+                choices.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+            let nearest_name =
+                nearest(text, choices.iter().map(|(name, _)| *name)).filter(|_| choices.len() > 1);
+            let hint =
+                nearest_name.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default();
+            self.fault(key, format!("is \"{text}\""), format!("{}{hint}", names.join(" or ")));
         }
         found
     }
@@ -291,8 +294,8 @@ impl<'d, 's> Table<'d, 's> {
             return Vec::new();
         };
         let mut tables = Vec::new();
-        for (at, item) in list.iter().enumerate() {
-            let path = format!("{}[{}]", self.path_of(key), at + 1);
+        for (index, item) in list.iter().enumerate() {
+            let path = format!("{}[{}]", self.path_of(key), index + 1);
             match item.get_ref().as_table() {
                 Some(table) => {
                     tables.push(Table::new(self.document, table, path, item.span()));
@@ -315,15 +318,15 @@ impl<'d, 's> Table<'d, 's> {
 
     /// Reports unknown keys and missing ones. To be called once, after all keys were requested.
     pub(crate) fn close(&self) {
-        let asked = self.asked.borrow();
-        let asked: Vec<&str> = asked.iter().map(String::as_str).collect();
+        let known_keys = self.known_keys.borrow();
+        let known_keys: Vec<&str> = known_keys.iter().map(String::as_str).collect();
         let is_missing = |known: &&str| !self.table.contains_key(*known);
-        let missing: Vec<&str> = asked.iter().copied().filter(is_missing).collect();
+        let missing: Vec<&str> = known_keys.iter().copied().filter(is_missing).collect();
         let mut found_otherwise = Vec::new();
         for key in self.table.keys() {
             let name = key.get_ref().as_ref();
-            if !asked.contains(&name) {
-                let (fault, meant) = unknown_key(self.path_of(name), name, &missing, &asked);
+            if !known_keys.contains(&name) {
+                let (fault, meant) = unknown_key(self.path_of(name), name, &missing, &known_keys);
                 found_otherwise.extend(meant);
                 self.document.note(fault, &key.span());
             }

@@ -10,7 +10,7 @@ pub(super) fn unknown_key<'k>(
     path: String,
     name: &str,
     missing: &[&'k str],
-    asked: &[&'k str],
+    known_keys: &[&'k str],
 ) -> (Fault, Option<&'k str>) {
     let (base, unit) = Unit::split(name);
     let same_base = |known: &&&str| {
@@ -25,10 +25,10 @@ pub(super) fn unknown_key<'k>(
         return (fault, Some(meant));
     }
     let fault = Fault::new(path, "is an unknown key");
-    match nearest(name, asked.iter().copied()) {
+    match nearest(name, known_keys.iter().copied()) {
         Some(meant) => (fault.help(format!("did you mean `{meant}`?")), Some(meant)),
         None => {
-            let mut known = asked.to_vec();
+            let mut known = known_keys.to_vec();
             known.sort_unstable();
             known.dedup();
             (fault.help(format!("valid keys: {}", known.join(", "))), None)

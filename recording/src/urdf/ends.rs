@@ -50,7 +50,7 @@ impl Path {
             None => only_tip(source, tree, base)?,
         };
         let mut down = above(tree, tip);
-        let root = |link| above(tree, link).last().map_or(link, |at| tree.joints[*at].parent);
+        let root = |link| above(tree, link).last().map_or(link, |joint| tree.joints[*joint].parent);
         let base = base.unwrap_or_else(|| root(tip));
         if root(base) != root(tip) {
             let [base, tip] = [base, tip].map(|link| tree.link_name(link));
@@ -66,7 +66,7 @@ impl Path {
             up.pop();
             down.pop();
         }
-        if let Some(moves) = up.iter().find(|at| tree.joints[**at].motion != Motion::Fixed) {
+        if let Some(moves) = up.iter().find(|joint| tree.joints[**joint].motion != Motion::Fixed) {
             let message = format!(
                 "the joint `{}` moves the base `{}` against the rest of the chain to `{}`",
                 name(tree.joints[*moves].node),
@@ -114,14 +114,14 @@ fn above(tree: &Tree<'_, '_>, mut link: usize) -> Vec<usize> {
 
 /// The frame below these joints in the frame above them, at zero; the lowest joint comes first.
 fn down_to(tree: &Tree<'_, '_>, joints: &[usize]) -> Frame {
-    joints.iter().rev().fold(Frame::IDENTITY, |top, at| top.after(&tree.joints[*at].origin))
+    joints.iter().rev().fold(Frame::IDENTITY, |top, joint| top.after(&tree.joints[*joint].origin))
 }
 
 /// The fixed joints above a link, the nearest first, and the link above them.
 fn fixed_above(tree: &Tree<'_, '_>, link: usize) -> (Vec<usize>, usize) {
-    let fixed = |at: &usize| tree.joints[*at].motion == Motion::Fixed;
+    let fixed = |joint: &usize| tree.joints[*joint].motion == Motion::Fixed;
     let joints: Vec<usize> = above(tree, link).into_iter().take_while(fixed).collect();
-    let top = joints.last().map_or(link, |at| tree.joints[*at].parent);
+    let top = joints.last().map_or(link, |joint| tree.joints[*joint].parent);
     (joints, top)
 }
 
@@ -189,7 +189,9 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
     let mut moving = vec![0_usize; tree.links.len()];
     let roots: Vec<usize> = match base {
         Some(base) => vec![base],
-        None => (0..tree.links.len()).filter(|at| tree.links[*at].parent_joint.is_none()).collect(),
+        None => {
+            (0..tree.links.len()).filter(|link| tree.links[*link].parent_joint.is_none()).collect()
+        }
     };
     let mut ends = Vec::new();
     for root in roots {
@@ -231,9 +233,9 @@ fn tool_of(tree: &Tree<'_, '_>, ends: &[usize]) -> Option<usize> {
 }
 
 fn listed(links: &[usize], shown: impl Fn(usize) -> String) -> String {
-    let mut words: Vec<String> = links.iter().take(NAMES_SHOWN).map(|link| shown(*link)).collect();
+    let mut names: Vec<String> = links.iter().take(NAMES_SHOWN).map(|link| shown(*link)).collect();
     if links.len() > NAMES_SHOWN {
-        words.push(format!("{} more", links.len() - NAMES_SHOWN));
+        names.push(format!("{} more", links.len() - NAMES_SHOWN));
     }
-    words.join(", ")
+    names.join(", ")
 }

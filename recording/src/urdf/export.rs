@@ -40,8 +40,8 @@ pub fn export(model: &RobotModel) -> Export {
     let (mut carried, mut left_out) = (Vec::new(), Vec::new());
     let mut fixed = Model::nominal(model.physics.arm);
     let mut in_physics = model.physics.effects().zip(&model.entry_of).peekable();
-    for (at, entry) in model.file.effects.iter().enumerate() {
-        let effect = in_physics.next_if(|(_, place)| **place == at).map(|(effect, _)| effect);
+    for (index, entry) in model.file.effects.iter().enumerate() {
+        let effect = in_physics.next_if(|(_, place)| **place == index).map(|(effect, _)| effect);
         let barred = effect.map_or(Some(NO_PLACE), unsupported_reason);
         match (effect, barred) {
             // There is room for as many effects as the model has.
@@ -56,7 +56,7 @@ pub fn export(model: &RobotModel) -> Export {
         ("gear_teeth", model.file.joints.iter().any(|joint| !joint.gear_teeth.is_empty())),
         ("mode", !model.file.modes.is_empty()),
     ];
-    let keys = keys.into_iter().filter(|(_, said)| *said);
+    let keys = keys.into_iter().filter(|(_, is_stated)| *is_stated);
     left_out.extend(keys.map(|(key, _)| OmittedPart { what: key.to_owned(), why: NO_PLACE }));
     let at_zero = fixed.evaluate(&Inputs::at_rest([0.0; JOINTS_MAX]), &Memories::default());
     Export { text: Writer::write(model, &at_zero, &carried), carried, left_out }
@@ -146,8 +146,8 @@ impl<'a> Writer<'a> {
 
     /// Writes a link and returns its name: that in `[meta]` under `key`, otherwise `otherwise`.
     fn link(&mut self, key: &str, otherwise: &str, body: Option<Body>) -> String {
-        let said = self.model.file.meta.get(key).and_then(|value| value.as_str());
-        let name = unused(&mut self.links, said.unwrap_or(otherwise));
+        let stated = self.model.file.meta.get(key).and_then(|value| value.as_str());
+        let name = unused(&mut self.links, stated.unwrap_or(otherwise));
         let Some(Body { mass, centre, inertia }) = body else {
             self.line(&format!("  <link name=\"{}\"/>", escaped(&name)));
             return name;
@@ -167,9 +167,9 @@ impl<'a> Writer<'a> {
     }
 
     fn joint(&mut self, i: usize, joint: &Joint, ends: [&str; 2], shift: DVec3, axis: DVec3) {
-        let said = self.model.file.joints.get(i).map(|entry| entry.name.as_str());
-        let said = said.filter(|name| !name.is_empty());
-        let name = unused(&mut self.joints, said.unwrap_or(&format!("joint_{}", i + 1)));
+        let stated = self.model.file.joints.get(i).map(|entry| entry.name.as_str());
+        let stated = stated.filter(|name| !name.is_empty());
+        let name = unused(&mut self.joints, stated.unwrap_or(&format!("joint_{}", i + 1)));
         let kind = match joint.kind {
             JointKind::Revolute => "revolute",
             JointKind::Prismatic => "prismatic",
@@ -203,8 +203,8 @@ fn turned(inertia: &DMat3, rotation: &DMat3) -> DMat3 {
 }
 
 fn numbers(vector: DVec3) -> String {
-    let words = vector.to_array().map(|number| format!("{number:?}"));
-    words.join(" ")
+    let texts = vector.to_array().map(|number| format!("{number:?}"));
+    texts.join(" ")
 }
 
 /// The name without characters that are invalid in XML, and with a suffix if it is used.

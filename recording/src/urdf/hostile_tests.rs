@@ -32,16 +32,16 @@ fn a_tower_of_elements_is_read_without_a_deep_stack() {
 
 proptest! {
     #[test]
-    fn no_text_makes_the_reader_panic(at in any::<usize>(), byte in any::<u8>(), cut in any::<usize>(), number in any::<f64>()) {
+    fn no_text_makes_the_reader_panic(offset in any::<usize>(), byte in any::<u8>(), cut in any::<usize>(), number in any::<f64>()) {
         let mut text = ARM.as_bytes().to_vec();
         let length = text.len();
-        text[at % length] = byte;
+        text[offset % length] = byte;
         let _ = read(&String::from_utf8_lossy(&text)).map_err(|faults| faults.plain());
-        text.drain(cut % length..(cut % length + at % 40).min(length));
+        text.drain(cut % length..(cut % length + offset % 40).min(length));
         let _ = read(&String::from_utf8_lossy(&text)).map_err(|faults| faults.styled());
-        let numbers: Vec<usize> = ARM.match_indices("=\"0").map(|(at, _)| at + 2).collect();
+        let numbers: Vec<usize> = ARM.match_indices("=\"0").map(|(offset, _)| offset + 2).collect();
         let mut text = ARM.to_owned();
-        text.replace_range(numbers[at % numbers.len()]..=numbers[at % numbers.len()], &number.to_string());
+        text.replace_range(numbers[offset % numbers.len()]..=numbers[offset % numbers.len()], &number.to_string());
         if let Ok(import) = read(&text) {
             prop_assert!(RobotModel::parse("x", &import.model.file.to_toml()).is_ok(), "{}", text);
         }

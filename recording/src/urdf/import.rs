@@ -64,13 +64,13 @@ impl<'a> Chain<'a, '_> {
     fn model(&mut self, path: &Path, robot: &str) -> ModelFile {
         let mut joints: Vec<JointEntry> = Vec::new();
         let mut base_from_link = path.base_from_top;
-        for (at, joint) in path.joints.iter().enumerate() {
+        for (index, joint) in path.joints.iter().enumerate() {
             let joint = &self.tree.joints[*joint];
             base_from_link = base_from_link.after(&joint.origin);
             if joint.motion == Motion::Fixed {
                 continue;
             }
-            let next = path.joints[at + 1..]
+            let next = path.joints[index + 1..]
                 .iter()
                 .copied()
                 .find(|j| self.tree.joints[*j].motion != Motion::Fixed);
@@ -81,7 +81,7 @@ impl<'a> Chain<'a, '_> {
         let [base, tip] = [path.base, path.tip].map(|link| self.tree.link_name(link));
         let meta = [("source", robot), ("base_link", base), ("tip_link", tip)];
         let meta: FreeTable =
-            meta.into_iter().map(|(key, word)| (key.to_owned(), word.into())).collect();
+            meta.into_iter().map(|(key, text)| (key.to_owned(), text.into())).collect();
         ModelFile {
             robot: RobotEntry::default(),
             name: robot.to_owned(),
@@ -247,8 +247,10 @@ impl<'a> Chain<'a, '_> {
         while let Some((link, base_from_link)) = frames.pop() {
             let node = self.tree.links[link].node;
             found.extend(bodies::of_link(self.source, node, &base_from_link, &mut self.notes));
-            for at in self.tree.links[link].child_joints.iter().filter(|at| Some(**at) != next) {
-                let joint = &self.tree.joints[*at];
+            for joint in
+                self.tree.links[link].child_joints.iter().filter(|joint| Some(**joint) != next)
+            {
+                let joint = &self.tree.joints[*joint];
                 if joint.motion != Motion::Fixed {
                     beside.push(name(joint.node));
                 }

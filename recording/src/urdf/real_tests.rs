@@ -109,8 +109,8 @@ fn the_controllers_base_is_a_fixed_leaf_that_can_be_named_and_its_difference_is_
 #[test]
 fn two_leaves_on_one_link_without_a_usual_name_are_left_to_the_user() {
     let text = industrial().replace("tool0", "left").replace("flange", "right");
-    let told = read(&text).unwrap_err().plain();
-    assert!(told.contains("branches into 2 ends"), "{told}");
+    let message = read(&text).unwrap_err().plain();
+    assert!(message.contains("branches into 2 ends"), "{message}");
 }
 
 #[test]
@@ -168,8 +168,8 @@ fn what_a_strict_parser_of_xml_refuses_is_the_same_robot() {
     }
     let entity = "<!DOCTYPE r [<!ENTITY up \"0 0 1\">]>\n".to_owned()
         + &ARM.replace("\"0 0 1\"", "\"&up;\"");
-    let told = read(&entity).unwrap_err().plain();
-    assert!(told.contains("entities of a DOCTYPE are not expanded"), "{told}");
+    let message = read(&entity).unwrap_err().plain();
+    assert!(message.contains("entities of a DOCTYPE are not expanded"), "{message}");
     let two = read(&format!("{ARM}{ARM}")).unwrap_err().plain();
     assert!(two.contains("contains several <robot>"), "{two}");
 }
@@ -183,8 +183,8 @@ fn several_roots_are_reported_and_a_base_of_another_tree_is_refused() {
         ["the file has 2 roots (`base`, `world`); the chain belongs to `base`"]
     );
     let ends = ChainEnds { base: Some("world"), tip: Some("hand") };
-    let told = parse("x", &text, &ends).unwrap_err().plain();
-    assert!(told.contains("no joint connects the links `world` and `hand`"), "{told}");
+    let message = parse("x", &text, &ends).unwrap_err().plain();
+    assert!(message.contains("no joint connects the links `world` and `hand`"), "{message}");
 }
 
 #[test]

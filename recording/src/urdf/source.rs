@@ -43,7 +43,7 @@ pub(super) fn document<'t>(
     let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
     Document::parse_with_options(relaxed, options).map_err(|error| {
         let mut faults = Faults::new(name);
-        let at = place_of(text, &error);
+        let location = place_of(text, &error);
         let second = relaxed.matches("</robot>").count() > 1;
         let fault = if second {
             let help = "split the file into one file per robot";
@@ -53,16 +53,16 @@ pub(super) fn document<'t>(
         };
         let is_entity = matches!(&error, Error::UnknownEntityReference(..));
         let help = "replace the entity by its text; entities of a DOCTYPE are not expanded";
-        faults.push(if is_entity { fault.help(help) } else { fault }.at(at));
+        faults.push(if is_entity { fault.help(help) } else { fault }.at(location));
         faults
     })
 }
 
 fn place_of(text: &str, error: &Error) -> Location {
-    let at = error.pos();
-    let row = usize::try_from(at.row).unwrap_or(1).max(1);
+    let position = error.pos();
+    let row = usize::try_from(position.row).unwrap_or(1).max(1);
     let line = text.lines().nth(row - 1).unwrap_or_default();
-    let column = usize::try_from(at.col).unwrap_or(1).saturating_sub(1);
+    let column = usize::try_from(position.col).unwrap_or(1).saturating_sub(1);
     let byte = line.char_indices().nth(column).map_or(line.len(), |(byte, _)| byte);
     Location::from_line(row, line, &(byte..byte + 1))
 }
@@ -79,20 +79,20 @@ pub(super) fn child<'d, 's>(node: Node<'d, 's>, tag: &str) -> Option<Node<'d, 's
 
 /// Name of an element in faults: `joint a4`, `joint a4: limit`, `link arm: inertial mass`.
 fn title(node: Node<'_, '_>) -> String {
-    let mut words = Vec::new();
+    let mut parts = Vec::new();
     for node in node.ancestors().filter(Node::is_element) {
         let tag = node.tag_name().name();
         if tag == "link" || tag == "joint" {
-            words.reverse();
+            parts.reverse();
             let owner = format!("{tag} {}", name(node));
-            let within = words.join(" ").replace(PREFIX_END, ":");
+            let within = parts.join(" ").replace(PREFIX_END, ":");
             let colon = if within.is_empty() { "" } else { ": " };
             return format!("{}{colon}{within}", owner.trim_end());
         }
-        words.push(tag);
+        parts.push(tag);
     }
-    words.reverse();
-    words.join(" ").replace(PREFIX_END, ":")
+    parts.reverse();
+    parts.join(" ").replace(PREFIX_END, ":")
 }
 
 impl<'s> Source<'s> {
@@ -130,13 +130,13 @@ impl<'s> Source<'s> {
         &self,
         node: Node<'_, '_>,
         attribute: &str,
-        (range, said): &Attribute<'_>,
+        (range, text): &Attribute<'_>,
         expected: &str,
     ) {
         let fault = || {
             let key = format!("{} {attribute}", title(node));
-            let fault = Fault::new(key, format!("is \"{said}\"")).expected(expected);
-            if said.contains('$') { fault.help(EXPAND) } else { fault }
+            let fault = Fault::new(key, format!("is \"{text}\"")).expected(expected);
+            if text.contains('$') { fault.help(EXPAND) } else { fault }
         };
         self.mark(range, fault);
     }
@@ -146,17 +146,17 @@ impl<'s> Source<'s> {
         self.faults.borrow_mut().push_with(|| fault().at(place()));
     }
 
-    fn said<'d>(&self, node: Node<'d, '_>, attribute: &str) -> Option<Attribute<'d>> {
+    fn attribute<'d>(&self, node: Node<'d, '_>, attribute: &str) -> Option<Attribute<'d>> {
         let found = node.attribute_node(attribute)?;
         Some((found.range_value(), found.value()))
     }
 
     /// A number, if the attribute is present.
     pub(super) fn number(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
-        let said = self.said(node, attribute)?;
-        let number = number(said.1.trim());
+        let found = self.attribute(node, attribute)?;
+        let number = number(found.1.trim());
         if number.is_none() {
-            self.fault_at(node, attribute, &said, "a number below 1e12");
+            self.fault_at(node, attribute, &found, "a number below 1e12");
         }
         Some(number.unwrap_or_default())
     }
@@ -164,10 +164,10 @@ impl<'s> Source<'s> {
     /// A number that may be infinite, if the attribute is present; unrealistically large ones
     /// become infinite. NaN, with a fault, if it is no number.
     pub(super) fn wide(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
-        let said = self.said(node, attribute)?;
-        let number = said.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
+        let found = self.attribute(node, attribute)?;
+        let number = found.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
         if number.is_none() {
-            self.fault_at(node, attribute, &said, "a number");
+            self.fault_at(node, attribute, &found, "a number");
         }
         let number = number.unwrap_or(f64::NAN);
         let is_large = number.abs() >= SIZE_MAX;
@@ -176,11 +176,11 @@ impl<'s> Source<'s> {
 
     /// A finite number; `None`, without a fault, if it is missing or not finite.
     pub(super) fn finite(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
-        let said = self.said(node, attribute)?;
-        match said.1.trim().parse::<f64>() {
+        let found = self.attribute(node, attribute)?;
+        match found.1.trim().parse::<f64>() {
             Ok(number) => (number.abs() < SIZE_MAX).then_some(number),
             Err(_) => {
-                self.fault_at(node, attribute, &said, "a number below 1e12");
+                self.fault_at(node, attribute, &found, "a number below 1e12");
                 None
             }
         }
@@ -188,11 +188,11 @@ impl<'s> Source<'s> {
 
     /// Three numbers; `None`, with a fault, if they are no numbers, and without one if the attribute is missing.
     pub(super) fn vector(&self, node: Node<'_, '_>, attribute: &str) -> Option<DVec3> {
-        let said = self.said(node, attribute)?;
-        let numbers: Option<Vec<f64>> = said.1.split_whitespace().map(number).collect();
+        let found = self.attribute(node, attribute)?;
+        let numbers: Option<Vec<f64>> = found.1.split_whitespace().map(number).collect();
         let vector = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
         if vector.is_none() {
-            self.fault_at(node, attribute, &said, "three numbers below 1e12, separated by spaces");
+            self.fault_at(node, attribute, &found, "three numbers below 1e12, separated by spaces");
         }
         vector.map(DVec3::from_array)
     }
@@ -212,8 +212,8 @@ impl<'s> Source<'s> {
     }
 }
 
-fn number(word: &str) -> Option<f64> {
-    word.parse().ok().filter(|number: &f64| number.abs() < SIZE_MAX)
+fn number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|number: &f64| number.abs() < SIZE_MAX)
 }
 
 /// A xacro element, in a document that was not expanded.

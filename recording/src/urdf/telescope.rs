@@ -26,14 +26,15 @@ pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) ->
         });
         let (run, after) = others.split_at(count.count());
         let Some(stages) = stages(source, tree, *first, run, leader) else { continue };
-        let names: Vec<&str> = stages.iter().map(|(at, _)| name(tree.joints[*at].node)).collect();
+        let names: Vec<&str> =
+            stages.iter().map(|(joint, _)| name(tree.joints[*joint].node)).collect();
         notes.push(format!(
             "{} move together as joint {}; their bodies are attached to the last one",
             names.join(", "),
             name(tree.joints[leader].node)
         ));
-        for (at, shift) in &stages {
-            let joint = &mut tree.joints[*at];
+        for (index, shift) in &stages {
+            let joint = &mut tree.joints[*index];
             joint.origin = joint.origin.after(&Frame::new(DMat3::IDENTITY, *shift));
             joint.motion = Motion::Fixed;
         }
@@ -48,7 +49,7 @@ pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) ->
 fn leader(tree: &Tree<'_, '_>, joint: usize) -> Option<usize> {
     let wanted = child(tree.joints[joint].node, "mimic")?.attribute("joint")?;
     let found = tree.joints.iter().position(|joint| name(joint.node) == wanted)?;
-    let slides = |at: usize| tree.joints[at].motion == Motion::Prismatic;
+    let slides = |joint: usize| tree.joints[joint].motion == Motion::Prismatic;
     let free = child(tree.joints[found].node, "mimic").is_none();
     (slides(joint) && slides(found) && free).then_some(found)
 }
@@ -70,24 +71,24 @@ fn stages(
     let mut turned = DMat3::IDENTITY;
     let mut whole = 0.0;
     let mut stages = Vec::new();
-    for at in std::iter::once(&first).chain(run) {
-        let joint = &tree.joints[*at];
-        if *at != first {
+    for index in std::iter::once(&first).chain(run) {
+        let joint = &tree.joints[*index];
+        if *index != first {
             turned *= joint.origin.rotation;
         }
         if joint.motion == Motion::Fixed {
             continue;
         }
-        let own = axis(source, joint)?;
+        let direction = axis(source, joint)?;
         let mimic = child(joint.node, "mimic")?;
         let number = |key| mimic.attribute(key).and_then(|_| source.number(mimic, key));
         let (share, offset_m) =
             (number("multiplier").unwrap_or(1.0), number("offset").unwrap_or(0.0));
         whole += share;
-        if (turned * own).distance(line) > SAME {
+        if (turned * direction).distance(line) > SAME {
             return None;
         }
-        stages.push((*at, own * offset_m));
+        stages.push((*index, direction * offset_m));
     }
     ((whole - 1.0).abs() < SAME).then_some(stages)
 }

@@ -62,7 +62,7 @@ impl<'d, 's> Tree<'d, 's> {
             let (Some(motion), Some(parent), Some(child)) = (motion, parent, child) else {
                 continue;
             };
-            let at = tree.joints.len();
+            let index = tree.joints.len();
             if let Some(other) = tree.links[child].parent_joint {
                 let other = name(tree.joints[other].node);
                 let message = format!(
@@ -76,8 +76,8 @@ impl<'d, 's> Tree<'d, 's> {
                 );
                 continue;
             }
-            tree.links[child].parent_joint = Some(at);
-            tree.links[parent].child_joints.push(at);
+            tree.links[child].parent_joint = Some(index);
+            tree.links[parent].child_joints.push(index);
             tree.joints.push(Joint { node, motion, origin: Frame::IDENTITY, parent, child });
         }
         if tree.links.is_empty() {
@@ -115,23 +115,23 @@ impl<'d, 's> Tree<'d, 's> {
 
     /// Help for a link that does not exist.
     pub(super) fn suggest_link(&self, link: &str) -> String {
-        let near = nearest(link, self.links.iter().map(|link| name(link.node)));
-        near.map_or_else(
+        let nearest_name = nearest(link, self.links.iter().map(|link| name(link.node)));
+        nearest_name.map_or_else(
             || "use a link of this file".to_owned(),
-            |near| format!("did you mean `{near}`?"),
+            |nearest_name| format!("did you mean `{nearest_name}`?"),
         )
     }
 
     /// Links that cannot be reached from a root form a loop.
     fn refuse_loops(&self, source: &Source<'_>) {
         let roots = self.links.iter().enumerate().filter(|(_, link)| link.parent_joint.is_none());
-        let mut seen = vec![false; self.links.len()];
+        let mut is_reached = vec![false; self.links.len()];
         for (root, _) in roots {
-            self.below(root, |link, _| seen[link] = true);
+            self.below(root, |link, _| is_reached[link] = true);
         }
-        if let Some(at) = seen.iter().position(|seen| !seen) {
+        if let Some(link) = is_reached.iter().position(|is_reached| !is_reached) {
             source.fault(
-                self.links[at].node,
+                self.links[link].node,
                 "is part of a loop of joints",
                 "remove one joint of the loop; a serial arm is an open chain",
             );
@@ -183,7 +183,7 @@ fn motion(source: &Source<'_>, joint: Node<'_, '_>) -> Option<Motion> {
         Some("floating" | "planar" | "spherical") => Some(Motion::Several),
         other => {
             let message =
-                other.map_or("has no `type`".to_owned(), |word| format!("is of type \"{word}\""));
+                other.map_or("has no `type`".to_owned(), |kind| format!("is of type \"{kind}\""));
             source.fault(
                 joint,
                 message,

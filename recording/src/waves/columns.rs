@@ -116,7 +116,7 @@ impl Columns {
         notes: &mut Vec<String>,
         fault_at: impl Fn(usize, Fault) -> Fault,
     ) -> Option<(Grid, Vec<Run>)> {
-        if let Some(grid) = asked(options) {
+        if let Some(grid) = requested_grid(options) {
             return Some((grid, self.segments(rows)));
         }
         let x = match &self.stand {
@@ -176,16 +176,16 @@ impl Columns {
 }
 
 /// The requested grid, which takes precedence over the file.
-pub(super) fn asked(options: &Options) -> Option<Grid> {
+pub(super) fn requested_grid(options: &Options) -> Option<Grid> {
     let time = options.rate_hz.map(|rate_hz| Grid::Time { start_s: 0.0, rate_hz });
     time.or_else(|| options.step_mm.map(|step_mm| Grid::Length { start_mm: 0.0, step_mm }))
 }
 
 /// Checks the options before any file is read.
 pub(super) fn check(options: &Options, faults: &mut Faults) {
-    let asked =
+    let quantities =
         [("--rate", options.rate_hz), ("--step", options.step_mm), ("--scale", options.full_scale)];
-    for (key, value) in asked {
+    for (key, value) in quantities {
         if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
             faults.push(Fault::new(key, format!("is {value}")).expected("a finite number above 0"));
         }

@@ -59,8 +59,8 @@ fn value<'l>(line: &'l str, key: &str, separator: char) -> Option<&'l str> {
 }
 
 fn separator(lines: &[&str]) -> char {
-    let said = lines.iter().take(64).find_map(|line| line.strip_prefix("Separator"));
-    match said {
+    let separator = lines.iter().take(64).find_map(|line| line.strip_prefix("Separator"));
+    match separator {
         Some(rest) if rest.contains("Comma") => ',',
         _ => '\t',
     }
@@ -75,11 +75,11 @@ struct Section {
 /// The second and every further end of a header is that of a section.
 fn sections(lines: &[&str], separator: char) -> Vec<Section> {
     let is_end = |line: &&str| line.trim_end_matches([separator, ' ']) == END_OF_HEADER;
-    let ends: Vec<usize> = (0..lines.len()).filter(|at| is_end(&lines[*at])).collect();
+    let ends: Vec<usize> = (0..lines.len()).filter(|line| is_end(&lines[*line])).collect();
     let begins = |line: &str| value(line, "Channels", separator).is_some();
     let mut sections: Vec<Section> = Vec::new();
     for pair in ends.windows(2) {
-        let from = (pair[0] + 1..pair[1]).find(|at| begins(lines[*at])).unwrap_or(pair[0] + 1);
+        let from = (pair[0] + 1..pair[1]).find(|line| begins(lines[*line])).unwrap_or(pair[0] + 1);
         if let Some(before) = sections.last_mut() {
             before.body.end = from;
         }
@@ -161,7 +161,7 @@ impl Section {
     }
 
     /// Units and rate of the section's header. Its lists count channels; the table may have an X column each.
-    fn said(&self, lines: &[&str], separator: char, heads: &[String]) -> HeaderInfo {
+    fn header_info(&self, lines: &[&str], separator: char, heads: &[String]) -> HeaderInfo {
         let header = lines.get(self.header.clone()).unwrap_or_default();
         let list = |key: &str| {
             header

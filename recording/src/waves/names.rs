@@ -43,8 +43,8 @@ pub(super) fn split(head: &str) -> (&str, Option<&str>) {
 /// The quantity of a unit, and its SI value. `x_mm` is the spelling of `trued.recording/1`, `x
 /// (mm)` that of others.
 pub(super) fn measured(unit: &str) -> Option<(Quantity, f64)> {
-    let own = Unit::from_name(unit).map(|unit| (unit.quantity, unit.si));
-    own.or_else(|| quantity::of(unit))
+    let known = Unit::from_name(unit).map(|unit| (unit.quantity, unit.si));
+    known.or_else(|| quantity::of(unit))
 }
 
 /// What a column contains, by its head.

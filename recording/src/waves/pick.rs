@@ -6,12 +6,12 @@ use crate::faults::{Fault, Faults, nearest};
 ///
 /// A column is requested by its name, by its number from 1, or by its name without the unit or in
 /// different case if that is unique.
-pub(super) fn columns(names: &[String], asked: &[String], faults: &mut Faults) -> Vec<usize> {
+pub(super) fn columns(names: &[String], requested: &[String], faults: &mut Faults) -> Vec<usize> {
     let mut found = Vec::new();
-    for wanted in asked {
+    for wanted in requested {
         match place(names, wanted) {
-            Some(at) if found.contains(&at) => {}
-            Some(at) => found.push(at),
+            Some(column) if found.contains(&column) => {}
+            Some(column) => found.push(column),
             None => faults.push(missing(names, wanted)),
         }
     }
@@ -19,11 +19,11 @@ pub(super) fn columns(names: &[String], asked: &[String], faults: &mut Faults) -
 }
 
 fn place(names: &[String], wanted: &str) -> Option<usize> {
-    if let Some(at) = names.iter().position(|name| name == wanted) {
-        return Some(at);
+    if let Some(column) = names.iter().position(|name| name == wanted) {
+        return Some(column);
     }
     if let Ok(number) = wanted.parse::<usize>() {
-        return number.checked_sub(1).filter(|at| *at < names.len());
+        return number.checked_sub(1).filter(|column| *column < names.len());
     }
     let like = |name: &String| {
         name.eq_ignore_ascii_case(wanted)
@@ -31,14 +31,14 @@ fn place(names: &[String], wanted: &str) -> Option<usize> {
     };
     let mut fitting = names.iter().enumerate().filter(|(_, name)| like(name));
     match (fitting.next(), fitting.next()) {
-        (Some((at, _)), None) => Some(at),
+        (Some((column, _)), None) => Some(column),
         _ => None,
     }
 }
 
 fn missing(names: &[String], wanted: &str) -> Fault {
-    let near = nearest(wanted, names.iter().map(String::as_str));
-    let help = near.map(|near| format!("did you mean `{near}`?"));
+    let nearest_name = nearest(wanted, names.iter().map(String::as_str));
+    let help = nearest_name.map(|nearest_name| format!("did you mean `{nearest_name}`?"));
     Fault::new(wanted, "is not a column of this file")
         .expected(format!("one of: {}, or its number from 1", names.join(", ")))
         .help(help.unwrap_or_default())
@@ -52,8 +52,8 @@ mod tests {
     fn columns_are_found_by_name_number_and_name_without_unit() {
         let names = ["t_s", "Fx_N", "Fy_N"].map(str::to_owned);
         let mut faults = Faults::new("x.csv");
-        let asked = ["fy", "2", "Fx_N", "Fx_M"].map(str::to_owned);
-        assert_eq!(columns(&names, &asked, &mut faults), [2, 1]);
+        let requested = ["fy", "2", "Fx_N", "Fx_M"].map(str::to_owned);
+        assert_eq!(columns(&names, &requested, &mut faults), [2, 1]);
         assert_eq!(faults.list().len(), 1);
         assert_eq!(faults.list()[0].help, "did you mean `Fx_N`?");
     }

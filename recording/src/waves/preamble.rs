@@ -59,23 +59,24 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
         .filter(|(_, line)| !line.trim().is_empty())
         .take(SEARCHED)
         .collect();
-    (0..lines.len()).find_map(|at| {
-        let following = lines.get(at..(at + ALIKE).min(lines.len()))?;
+    (0..lines.len()).find_map(|index| {
+        let following = lines.get(index..(index + ALIKE).min(lines.len()))?;
         // A table of few rows must make up most of the text: otherwise its end would be taken for
         // the whole.
-        if following.len() < ALIKE && 2 * at > lines.len() {
+        if following.len() < ALIKE && 2 * index > lines.len() {
             return None;
         }
         let separator = *SEPARATORS.iter().find(|separator| {
             let widths = || following.iter().map(|(_, line)| width(line, **separator));
             let first = widths().next().flatten();
             // An invalid cell is reported by the reader; it does not change the start of the table.
-            let alike = widths().filter(|width| *width == first).count();
-            first.is_some() && 3 * alike >= 2 * following.len()
+            let equal_widths = widths().filter(|width| *width == first).count();
+            first.is_some() && 3 * equal_widths >= 2 * following.len()
         })?;
-        let (number, line) = *lines.get(at)?;
+        let (number, line) = *lines.get(index)?;
         let width = width(line, separator)?;
-        let above = |up: usize| at.checked_sub(up).and_then(|at| lines.get(at)).map(|(_, l)| *l);
+        let above =
+            |up: usize| index.checked_sub(up).and_then(|index| lines.get(index)).map(|(_, l)| *l);
         let heads = heads(above(1), above(2), separator, width);
         let is_next =
             at.checked_sub(1).and_then(|at| lines.get(at)).is_some_and(|l| l.0 + 1 == number);
@@ -152,10 +153,11 @@ pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<Strin
 
 /// A name with its unit; one with another unit keeps that too.
 fn with_unit(name: &str, unit: &str) -> String {
-    let (own, measured) = (names::split(name).1, names::measured(unit));
-    let is_same =
-        |own: &str| own == unit || (measured.is_some() && names::measured(own) == measured);
-    if matches!(unit, "" | "-") || own.is_some_and(is_same) {
+    let (own_unit, measured) = (names::split(name).1, names::measured(unit));
+    let is_same = |own_unit: &str| {
+        own_unit == unit || (measured.is_some() && names::measured(own_unit) == measured)
+    };
+    if matches!(unit, "" | "-") || own_unit.is_some_and(is_same) {
         return name.to_owned();
     }
     format!("{name} [{unit}]")

@@ -22,16 +22,20 @@ pub(super) fn is_recording(bytes: &[u8]) -> bool {
 pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Faults> {
     let mut faults = Faults::new(recording.file.display().to_string());
     columns::check(options, &mut faults);
-    let own: Vec<Channel> = recording.channels().collect();
-    let mut names: Vec<String> = own.iter().map(|channel| name(&recording, *channel)).collect();
+    let known_channels: Vec<Channel> = recording.channels().collect();
+    let mut names: Vec<String> =
+        known_channels.iter().map(|channel| name(&recording, *channel)).collect();
     names.extend(recording.other.iter().map(|(name, _)| name.clone()));
     let mut chosen = pick::columns(&names, &options.columns, &mut faults);
     if options.columns.is_empty() {
         let force = |c: &Channel| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_));
-        chosen = (0..own.len()).filter(|at| force(&own[*at])).collect();
+        chosen =
+            (0..known_channels.len()).filter(|column| force(&known_channels[*column])).collect();
         if chosen.is_empty() {
-            chosen = (own.len()..names.len())
-                .filter(|at| cells(&recording, at - own.len(), &mut Faults::new("")).is_some())
+            chosen = (known_channels.len()..names.len())
+                .filter(|column| {
+                    cells(&recording, column - known_channels.len(), &mut Faults::new("")).is_some()
+                })
                 .collect();
         }
     }
@@ -41,12 +45,12 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         faults.push(fault.help(help));
     }
     let mut channels = Vec::new();
-    for at in chosen {
-        let found = match own.get(at) {
+    for column in chosen {
+        let found = match known_channels.get(column) {
             Some(channel) => Some(wave(&recording, *channel)),
-            None => cells(&recording, at - own.len(), &mut faults).map(|values| {
-                let unit = super::names::split(&names[at]).1.unwrap_or("1").to_owned();
-                Wave::new(&names[at], unit, values)
+            None => cells(&recording, column - known_channels.len(), &mut faults).map(|values| {
+                let unit = super::names::split(&names[column]).1.unwrap_or("1").to_owned();
+                Wave::new(&names[column], unit, values)
             }),
         };
         channels.extend(found);
@@ -55,7 +59,7 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
     notes.retain(|note| {
         !note.starts_with("unused columns") && !note.starts_with("not read as a quantity")
     });
-    let beside = own
+    let beside = known_channels
         .iter()
         .filter_map(|channel| Some((*channel, recording.column(*channel)?.to_vec())))
         .collect();
@@ -95,8 +99,8 @@ fn wave(recording: &Recording, channel: Channel) -> Wave {
 }
 
 /// An unknown column as numbers; `None` if a cell is not a number.
-fn cells(recording: &Recording, at: usize, faults: &mut Faults) -> Option<Vec<f64>> {
-    let (name, cells) = recording.other.get(at)?;
+fn cells(recording: &Recording, index: usize, faults: &mut Faults) -> Option<Vec<f64>> {
+    let (name, cells) = recording.other.get(index)?;
     let mut values = Vec::with_capacity(cells.len());
     for (row, cell) in cells.iter().enumerate() {
         let number = match cell.trim() {

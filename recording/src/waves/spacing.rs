@@ -51,8 +51,8 @@ impl Spacing {
             let fault = Fault::new("", "never increases").expected("two rows or more");
             return Err((0, Box::new(fault.help(RATE_HELP))));
         }
-        let middle = forward.len() / 2;
-        let step = *forward.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let median_index = forward.len() / 2;
+        let step = *forward.select_nth_unstable_by(median_index, f64::total_cmp).1;
         let mut runs: Vec<Run> = Vec::new();
         let mut gaps = 0;
         let mut start = 0;
@@ -87,10 +87,10 @@ impl Spacing {
         }
         for run in &self.runs {
             for row in run.rows.clone().skip(1) {
-                let off = ((x[row] - x[row - 1]) / self.step - 1.0).abs();
-                stray += off * off;
-                if off > worst.0 {
-                    worst = (off, row);
+                let deviation = ((x[row] - x[row - 1]) / self.step - 1.0).abs();
+                stray += deviation * deviation;
+                if deviation > worst.0 {
+                    worst = (deviation, row);
                 }
             }
         }

@@ -38,7 +38,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
 pub(super) fn records(
     source: &str,
     shape: Shape,
-    said: &HeaderInfo,
+    header_info: &HeaderInfo,
     options: &Options,
     faults: &mut Faults,
     notes: &mut Vec<String>,
@@ -60,12 +60,12 @@ pub(super) fn records(
         faults.push(fault.expected("a table of numbers, one row per sample"));
         return Vec::new();
     }
-    TableReader { table: &table, said, named }.records(options, faults, notes)
+    TableReader { table: &table, header_info, named }.records(options, faults, notes)
 }
 
 /// Adds the units of a first row that contains nothing else to the names of the columns.
 fn name_units(table: &mut RawTable<'_>) {
-    let cell = |at| table.cell(0, at).unwrap_or_default().into_owned();
+    let cell = |column| table.cell(0, column).unwrap_or_default().into_owned();
     let first: Vec<String> = (0..table.header.len()).map(cell).collect();
     if let Some(heads) = preamble::with_units(&table.header, &first) {
         table.header = heads;
@@ -75,7 +75,7 @@ fn name_units(table: &mut RawTable<'_>) {
 
 struct TableReader<'t, 's> {
     table: &'t RawTable<'s>,
-    said: &'t HeaderInfo,
+    header_info: &'t HeaderInfo,
     /// Whether the columns have names, not only numbers.
     named: bool,
 }
@@ -96,13 +96,13 @@ impl TableReader<'_, '_> {
         };
         let counter = self.counter(&asked, notes).filter(is_usable);
         let beside: Vec<(usize, Channel)> = (0..heads.len())
-            .filter(|at| !asked.contains(at))
-            .filter_map(|at| Some((at, process(heads.get(at)?)?)))
+            .filter(|column| !requested.contains(column))
+            .filter_map(|column| Some((column, process(heads.get(column)?)?)))
             .collect();
         let chosen = if options.columns.is_empty() {
-            self.waveforms(counter.as_ref().map(|(at, _)| *at), &beside, notes)
+            self.waveforms(counter.as_ref().map(|(column, _)| *column), &beside, notes)
         } else {
-            asked
+            requested
         };
         if chosen.is_empty() && options.columns.is_empty() {
             let fault = Fault::new("", "no column contains a waveform");
@@ -110,33 +110,33 @@ impl TableReader<'_, '_> {
                 fault.expected("at least one numeric column besides the time").help(self.listed()),
             );
         }
-        let channels = chosen.iter().map(|at| self.wave(*at, faults)).collect();
-        let beside = beside.into_iter().map(|(at, channel)| {
-            let si = names::split(&heads[at]).1.and_then(crate::unit::Unit::from_name);
-            let values = self.table.numbers(at, faults).into_iter();
+        let channels = chosen.iter().map(|column| self.wave(*column, faults)).collect();
+        let beside = beside.into_iter().map(|(column, channel)| {
+            let si = names::split(&heads[column]).1.and_then(crate::unit::Unit::from_name);
+            let values = self.table.numbers(column, faults).into_iter();
             (channel, values.map(|v| si.map_or(v, |unit| unit.to_si(v))).collect())
         });
         let beside = beside.collect();
-        let named = counter.as_ref().and_then(|(at, _)| heads.get(*at)).cloned();
-        let stand = counter.as_ref().map_or_else(
-            || self.said.rate_hz.map_or(Positions::Unknown, Positions::Rate),
-            |(at, counts)| self.stand(*at, *counts, faults),
+        let named = counter.as_ref().and_then(|(column, _)| heads.get(*column)).cloned();
+        let positions = counter.as_ref().map_or_else(
+            || self.header_info.rate_hz.map_or(Positions::Unknown, Positions::Rate),
+            |(column, counts)| self.positions(*column, *counts, faults),
         );
         let columns = Columns {
-            stand,
+            stand: positions,
             named: named.unwrap_or_default(),
             segment: Vec::new(),
             channels,
             beside,
         };
         columns.records(options, faults, notes, |row, fault| {
-            let at = counter.as_ref().map_or(0, |(at, _)| *at);
-            self.table.cell_fault(row, at, fault)
+            let column = counter.as_ref().map_or(0, |(column, _)| *column);
+            self.table.cell_fault(row, column, fault)
         })
     }
 
     /// The column with time or length, and its meaning.
-    fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, ColumnRole)> {
+    fn counter(&self, requested: &[usize], notes: &mut Vec<String>) -> Option<(usize, ColumnRole)> {
         let heads = &self.table.header;
         let others = || (0..heads.len()).filter(|at| !asked.contains(at));
         let free = || others().filter(|at| self.is_numeric(*at));
@@ -154,7 +154,7 @@ impl TableReader<'_, '_> {
         }
         // Without a name, the first column is the time if it increases evenly by steps other than
         // 1.
-        let first = free().next().filter(|at| *at == 0 && heads.len() > 1)?;
+        let first = free().next().filter(|column| *column == 0 && heads.len() > 1)?;
         if self.named && names::counts(&heads[first]) == ColumnRole::Samples {
             return None;
         }
@@ -169,9 +169,9 @@ impl TableReader<'_, '_> {
         Some((first, ColumnRole::Time(1.0)))
     }
 
-    fn stand(&self, at: usize, counts: ColumnRole, faults: &mut Faults) -> Positions {
+    fn positions(&self, column: usize, counts: ColumnRole, faults: &mut Faults) -> Positions {
         let times = |factor: f64, faults: &mut Faults| {
-            self.table.numbers(at, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
+            self.table.numbers(column, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
         };
         match counts {
             ColumnRole::Time(_) if !self.is_numeric(at) => {
@@ -188,7 +188,7 @@ impl TableReader<'_, '_> {
             ColumnRole::Time(si) => {
                 let x = times(si, faults);
                 // LabVIEW leaves the column empty and states the step.
-                match self.said.rate_hz {
+                match self.header_info.rate_hz {
                     Some(rate_hz) if x.iter().all(|x| x.is_nan()) => Positions::Rate(rate_hz),
                     _ => Positions::Time(x),
                 }
@@ -206,15 +206,16 @@ impl TableReader<'_, '_> {
         notes: &mut Vec<String>,
     ) -> Vec<usize> {
         let heads = &self.table.header;
-        let other = |at: usize| {
-            Some(at) == counter
-                || beside.iter().any(|(there, _)| *there == at)
-                || (self.named && names::counts(&heads[at]) != ColumnRole::Else)
+        let other = |column: usize| {
+            Some(column) == counter
+                || beside.iter().any(|(other, _)| *other == column)
+                || (self.named && names::counts(&heads[column]) != ColumnRole::Else)
         };
-        let (chosen, texts): (Vec<usize>, Vec<usize>) =
-            (0..heads.len()).filter(|at| !other(*at)).partition(|at| self.is_numeric(*at));
+        let (chosen, texts): (Vec<usize>, Vec<usize>) = (0..heads.len())
+            .filter(|column| !other(*column))
+            .partition(|column| self.is_numeric(*column));
         if !texts.is_empty() {
-            let names: Vec<&str> = texts.iter().map(|at| heads[*at].as_str()).collect();
+            let names: Vec<&str> = texts.iter().map(|column| heads[*column].as_str()).collect();
             notes.push(format!("skipped text columns: {}", names.join(", ")));
         }
         chosen
@@ -222,16 +223,16 @@ impl TableReader<'_, '_> {
 
     /// Whether most of the first rows have numbers or are empty: a single bad cell is a fault, not
     /// a column of text.
-    fn is_numeric(&self, at: usize) -> bool {
+    fn is_numeric(&self, column: usize) -> bool {
         let rows = self.table.len().min(10);
-        let cells = (0..rows).map(|row| self.table.cell(row, at).unwrap_or_default());
+        let cells = (0..rows).map(|row| self.table.cell(row, column).unwrap_or_default());
         2 * cells.filter(|cell| self.table.is_number(cell)).count() > rows
     }
 
-    fn wave(&self, at: usize, faults: &mut Faults) -> Wave {
-        let head = &self.table.header[at];
-        let unit = self.said.units.get(head).map(String::as_str).or(names::split(head).1);
-        Wave::new(head, unit.unwrap_or("1"), self.table.numbers(at, faults))
+    fn wave(&self, column: usize, faults: &mut Faults) -> Wave {
+        let head = &self.table.header[column];
+        let unit = self.header_info.units.get(head).map(String::as_str).or(names::split(head).1);
+        Wave::new(head, unit.unwrap_or("1"), self.table.numbers(column, faults))
     }
 
     fn listed(&self) -> String {

@@ -67,9 +67,9 @@ fn a_profile_stands_over_length() {
     let waves = parsed(text, &Options::default()).unwrap();
     assert_eq!(waves.records[0].grid, Grid::Length { start_mm: 0.0, step_mm: 0.000_25 });
     assert_eq!(waves.records[0].channels[0].quantity(), Some((Quantity::Length, 1e-6)));
-    let bare = "x z\n1 1\n2 2\n4 3\n8 5\n";
+    let without_units = "x z\n1 1\n2 2\n4 3\n8 5\n";
     let step = Options { step_mm: Some(0.1), columns: vec!["z".to_owned()], ..Options::default() };
-    let waves = parsed(bare, &step).unwrap();
+    let waves = parsed(without_units, &step).unwrap();
     assert_eq!(waves.records[0].grid, Grid::Length { start_mm: 0.0, step_mm: 0.1 });
 }
 
@@ -120,15 +120,15 @@ fn a_recording_of_the_house_gives_forces_and_what_stands_beside() {
     assert_eq!(names(&waves.records[0]), ["fx_N", "mz_Nm"]);
     assert_eq!(waves.records[1].channels[1].axis, Some(5));
     assert_eq!(waves.records[1].auxiliary[&Channel::Feed], [0.01, 0.01]);
-    let asked = |name: &str| Options { columns: vec![name.to_owned()], ..Options::default() };
-    let other = read(&asked("sound")).unwrap();
+    let options_for = |name: &str| Options { columns: vec![name.to_owned()], ..Options::default() };
+    let other = read(&options_for("sound")).unwrap();
     assert_eq!(other.records[0].channels[0].values, [7.0, 8.0]);
-    let angle = read(&asked("q1_deg")).unwrap();
+    let angle = read(&options_for("q1_deg")).unwrap();
     assert!(
         (angle.records[1].channels[0].values[0] - 6.0).abs() < 1e-12,
         "in degrees, as its name says"
     );
-    let missing = read(&asked("sond")).unwrap_err();
+    let missing = read(&options_for("sond")).unwrap_err();
     assert!(missing.to_string().contains("did you mean `sound`?"), "{missing}");
 }
 
@@ -251,8 +251,8 @@ fn a_universal_file_that_is_cut_off_or_of_the_old_form_is_refused_with_a_reason(
     let faults = parse(&path, odd.into_bytes(), &Options::default()).unwrap_err();
     assert_eq!(faults.len(), 2, "{faults}");
     let mut vax = bytes;
-    let at = vax.windows(2).position(|pair| pair == b" 2").unwrap();
-    vax[at + 1] = b'1';
+    let offset = vax.windows(2).position(|pair| pair == b" 2").unwrap();
+    vax[offset + 1] = b'1';
     let refused = parse(&path, vax, &Options::default()).unwrap_err();
     assert!(refused.to_string().contains("IEEE 754"), "{refused}");
 }
@@ -281,12 +281,12 @@ fn wav_files_have_full_scale_one_by_default() {
 
 #[test]
 fn files_of_other_programs_are_recognised_and_refused_with_a_remedy() {
-    for (bytes, word) in
+    for (bytes, program) in
         [(&b"TDSm\x0e"[..], "TDMS"), (b"MATLAB 5.0 MAT-file", "MATLAB"), (b"PK\x03\x04", "zip")]
     {
         let refused = parse(Path::new("a"), bytes.to_vec(), &Options::default()).unwrap_err();
         assert!(
-            refused.to_string().contains(word) && refused.to_string().contains("CSV"),
+            refused.to_string().contains(program) && refused.to_string().contains("CSV"),
             "{refused}"
         );
     }
@@ -311,12 +311,12 @@ fn mutated() -> impl Strategy<Value = (PathBuf, Vec<u8>)> {
     ];
     let changes = prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..3_u8), 0..6);
     (prop::sample::select(good), changes).prop_map(|((path, mut bytes), changes)| {
-        for (at, byte, way) in changes {
-            let at = at.index(bytes.len().max(1)).min(bytes.len().saturating_sub(1));
+        for (offset, byte, way) in changes {
+            let offset = offset.index(bytes.len().max(1)).min(bytes.len().saturating_sub(1));
             match way {
-                0 if !bytes.is_empty() => bytes[at] = byte,
-                1 => bytes.insert(at, byte),
-                _ => bytes.truncate(at + 1),
+                0 if !bytes.is_empty() => bytes[offset] = byte,
+                1 => bytes.insert(offset, byte),
+                _ => bytes.truncate(offset + 1),
             }
         }
         (path, bytes)
@@ -334,9 +334,9 @@ fn holds(waves: &Waves) -> bool {
                 start_mm.is_finite() && step_mm > 0.0 && step_mm.is_finite()
             }
         };
-        let alike = record.channels.iter().all(|wave| wave.values.len() == record.len());
+        let same_length = record.channels.iter().all(|wave| wave.values.len() == record.len());
         let finite = record.channels.iter().flat_map(|wave| &wave.values).all(|v| !v.is_infinite());
-        grid && alike && finite && !record.is_empty()
+        grid && same_length && finite && !record.is_empty()
     };
     waves.records.iter().all(sound) && !(waves.records.is_empty() && waves.responses.is_empty())
 }

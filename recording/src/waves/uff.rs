@@ -31,7 +31,7 @@ fn is_mark(line: &str) -> bool {
 /// A position in a file of lines and binary blocks.
 pub(super) struct Cursor<'b> {
     bytes: &'b [u8],
-    at: usize,
+    offset: usize,
     /// Lines so far, without binary data.
     pub(super) line: usize,
 }
@@ -39,9 +39,9 @@ pub(super) struct Cursor<'b> {
 impl<'b> Cursor<'b> {
     /// The next line, without its end.
     pub(super) fn line(&mut self) -> Option<&'b [u8]> {
-        let rest = self.bytes.get(self.at..).filter(|rest| !rest.is_empty())?;
+        let rest = self.bytes.get(self.offset..).filter(|rest| !rest.is_empty())?;
         let end = rest.iter().position(|byte| *byte == b'\n').unwrap_or(rest.len());
-        self.at += (end + 1).min(rest.len());
+        self.offset += (end + 1).min(rest.len());
         self.line += 1;
         let line = rest.get(..end)?;
         Some(line.strip_suffix(b"\r").unwrap_or(line))
@@ -54,15 +54,15 @@ impl<'b> Cursor<'b> {
 
     /// The next bytes, as many as there are.
     pub(super) fn bytes(&mut self, count: usize) -> &'b [u8] {
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let rest = self.bytes.get(self.offset..).unwrap_or_default();
         let run = rest.get(..count.min(rest.len())).unwrap_or_default();
-        self.at += run.len();
+        self.offset += run.len();
         run
     }
 
     /// Whether only zero bytes and blanks are left before the next line of -1, or the end.
     pub(super) fn is_before_mark(&self) -> bool {
-        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let rest = self.bytes.get(self.offset..).unwrap_or_default();
         let is_filling = |byte: &&u8| **byte == 0 || byte.is_ascii_whitespace();
         let filling = rest.iter().take_while(is_filling).count();
         rest.len() == filling || rest.get(filling..).unwrap_or_default().starts_with(b"-1")
@@ -87,7 +87,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     let mut notes = Vec::new();
     let mut functions = Vec::new();
     let mut other = BTreeSet::new();
-    let mut cursor = Cursor { bytes, at: 0, line: 0 };
+    let mut cursor = Cursor { bytes, offset: 0, line: 0 };
     let mut number = 0;
     let mut units: Vec<(usize, Units)> = Vec::new();
     while cursor.skip_to_mark() {
@@ -199,10 +199,11 @@ fn collect(
     if !options.columns.is_empty() {
         let names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
         let chosen = pick::columns(&names, &options.columns, faults);
-        let mut at = 0..;
-        channels.retain(|_| at.next().is_some_and(|at| chosen.contains(&at)));
+        let mut indices = 0..;
+        channels.retain(|_| indices.next().is_some_and(|indices| chosen.contains(&indices)));
     }
     uff_channels::note_renumbered(&channels, &mut notes);
-    let records = uff_channels::records(channels, columns::asked(options), faults, &mut notes);
+    let records =
+        uff_channels::records(channels, columns::requested_grid(options), faults, &mut notes);
     Waves { file: PathBuf::new(), records, responses, about: None, notes }
 }

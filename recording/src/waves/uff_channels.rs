@@ -109,15 +109,15 @@ impl Channels {
     /// Adds a time response to the channel that it belongs to, or as a new one.
     pub(super) fn add(&mut self, source: ChannelProperties, take: TimeResponse) {
         let at_place = self.at_place.entry(PlaceKey::of(&source, take.rate_hz)).or_default();
-        let relation = |at: &usize| {
-            let channel = self.all.get(*at)?;
+        let relation = |index: &usize| {
+            let channel = self.all.get(*index)?;
             let place = channel.place(&source, &take)?;
             let other_texts = channel.source.texts != source.texts;
-            Some((other_texts, place, channel.is_of_other_number(&source), *at))
+            Some((other_texts, place, channel.is_of_other_number(&source), *index))
         };
         let best = at_place.iter().filter_map(relation).min();
-        let found =
-            best.and_then(|(_, place, other, at)| Some((self.all.get_mut(at)?, place, other)));
+        let found = best
+            .and_then(|(_, place, other, index)| Some((self.all.get_mut(index)?, place, other)));
         let Some((channel, place, other_number)) = found else {
             at_place.push(self.all.len());
             let (name, takes) = (String::new(), vec![take]);
@@ -159,7 +159,7 @@ pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
 /// was measured several times over the same time, by their order.
 pub(super) fn records(
     channels: Vec<Channel>,
-    asked: Option<Grid>,
+    requested_grid: Option<Grid>,
     faults: &mut Faults,
     notes: &mut Vec<String>,
 ) -> Vec<Record> {
@@ -183,7 +183,7 @@ pub(super) fn records(
             }
         };
         for turn in turns {
-            records.extend(record(&group, &turn, asked, notes));
+            records.extend(record(&group, &turn, requested_grid, notes));
         }
     }
     records
@@ -235,8 +235,12 @@ fn turns(group: &[Channel]) -> Result<Vec<RecordParts>, Box<Fault>> {
 
 /// Takes that begin at one time belong together.
 fn turns_by_start(group: &[Channel]) -> Vec<RecordParts> {
-    let parts = group.iter().enumerate().flat_map(|(channel, of)| {
-        of.takes.iter().enumerate().map(move |(take, start)| (start, Part { channel, take }))
+    let parts = group.iter().enumerate().flat_map(|(channel, parts_of_channel)| {
+        parts_of_channel
+            .takes
+            .iter()
+            .enumerate()
+            .map(move |(take, start)| (start, Part { channel, take }))
     });
     let mut parts: Vec<(&TimeResponse, Part)> = parts.collect();
     parts.sort_by(|(a, _), (b, _)| a.start_s.total_cmp(&b.start_s));
@@ -263,7 +267,7 @@ fn turns_by_start(group: &[Channel]) -> Vec<RecordParts> {
 fn record(
     group: &[Channel],
     turn: &[Part],
-    asked: Option<Grid>,
+    requested_grid: Option<Grid>,
     notes: &mut Vec<String>,
 ) -> Option<Record> {
     let take = |part: &Part| {
@@ -287,5 +291,5 @@ fn record(
         Wave::new(&channel.name, &channel.source.ordinate.unit, values)
     };
     let channels = takes.iter().map(wave).collect();
-    Some(Record { grid: asked.unwrap_or(grid), channels, auxiliary: BTreeMap::new() })
+    Some(Record { grid: requested_grid.unwrap_or(grid), channels, auxiliary: BTreeMap::new() })
 }

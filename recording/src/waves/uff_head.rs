@@ -129,7 +129,7 @@ impl Head {
         let cut = || Fault::new("", "ends inside a header").expected("11 lines of header");
         let mut ids: [String; 5] = Default::default();
         for id in &mut ids {
-            *id = said(&cursor.text().ok_or_else(cut)?);
+            *id = header_text(&cursor.text().ok_or_else(cut)?);
         }
         let dofs = cursor.text().ok_or_else(cut)?;
         let dofs_line = cursor.line;
@@ -191,9 +191,9 @@ impl ChannelProperties {
 impl Axis {
     fn of(line: &str) -> Self {
         let column = columns(line);
-        let (label, unit) = (said(&column(26, 46)), said(&column(46, 67)));
-        let word = line.split_whitespace().next();
-        let kind = word.and_then(|kind| kind.parse::<i64>().ok()).unwrap_or(0);
+        let (label, unit) = (header_text(&column(26, 46)), header_text(&column(46, 67)));
+        let first = line.split_whitespace().next();
+        let kind = first.and_then(|kind| kind.parse::<i64>().ok()).unwrap_or(0);
         Self { kind, label, unit }
     }
 
@@ -245,7 +245,7 @@ struct Dofs {
 impl Dofs {
     fn of(line: &str) -> Option<Self> {
         let column = columns(line);
-        let words: Vec<&str> = line.split_whitespace().collect();
+        let fields: Vec<&str> = line.split_whitespace().collect();
         let fixed = [
             (0, 5),
             (5, 15),
@@ -260,7 +260,7 @@ impl Dofs {
         ]
         .map(|(from, to)| column(from, to));
         let free: [String; 10] =
-            std::array::from_fn(|at| words.get(at).copied().unwrap_or_default().to_owned());
+            std::array::from_fn(|index| fields.get(index).copied().unwrap_or_default().to_owned());
         Self::of_fields(&fixed).or_else(|| Self::of_fields(&free))
     }
 
@@ -271,7 +271,7 @@ impl Dofs {
         Some(Self {
             function_type: kind.parse().ok()?,
             numbers: [number(id), number(version), number(load)],
-            component: said(component),
+            component: header_text(component),
             node: node.parse().ok()?,
             response: dof(node, direction)?,
             reference: dof(to_node, to_direction).unwrap_or_default(),
@@ -300,7 +300,7 @@ fn columns(line: &str) -> impl Fn(usize, usize) -> String {
 }
 
 /// A text of the header; empty for NONE.
-fn said(text: &str) -> String {
+fn header_text(text: &str) -> String {
     let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
     if text.eq_ignore_ascii_case("none") { String::new() } else { text.to_owned() }
 }

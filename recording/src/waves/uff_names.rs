@@ -37,11 +37,11 @@ impl NamingData<'_> {
 pub(super) fn names(unnamed: &[NamingData<'_>], notes: &mut Vec<String>) -> Vec<String> {
     let mut names = vec![String::new(); unnamed.len()];
     let mut groups: BTreeMap<(&str, &str), Vec<usize>> = BTreeMap::new();
-    for (at, one) in unnamed.iter().enumerate() {
-        groups.entry((one.plain_name(), one.reference)).or_default().push(at);
+    for (index, one) in unnamed.iter().enumerate() {
+        groups.entry((one.plain_name(), one.reference)).or_default().push(index);
     }
     for ((plain, _), group) in groups {
-        let marks: Vec<[String; 9]> = group.iter().map(|at| unnamed[*at].marks()).collect();
+        let marks: Vec<[String; 9]> = group.iter().map(|index| unnamed[*index].marks()).collect();
         let tells_apart = |field: &usize| {
             let mut values: Vec<&String> = marks.iter().map(|marks| &marks[*field]).collect();
             values.sort();
@@ -55,8 +55,8 @@ pub(super) fn names(unnamed: &[NamingData<'_>], notes: &mut Vec<String>) -> Vec<
                 group.len()
             ));
         }
-        for (number, (at, marks)) in (1..).zip(group.iter().zip(&marks)) {
-            names[*at] = match field {
+        for (number, (index, marks)) in (1..).zip(group.iter().zip(&marks)) {
+            names[*index] = match field {
                 _ if group.len() == 1 => plain.to_owned(),
                 Some(field) => format!("{plain} {}", marks[field]),
                 None => format!("{plain} #{number}"),
@@ -73,9 +73,9 @@ pub(super) fn name_responses(
     notes: &mut Vec<String>,
 ) -> Vec<ResponseFunction> {
     let (mut places, mut known, mut place_of) = (Vec::new(), BTreeMap::new(), Vec::new());
-    for (at, (source, function)) in found.iter().enumerate() {
+    for (index, (source, function)) in found.iter().enumerate() {
         let reference = function.reference.as_str();
-        let turn = if source.node == 0 { at } else { 0 };
+        let turn = if source.node == 0 { index } else { 0 };
         let place = *known
             .entry((PlaceKey::of(source, 0.0), &source.texts, reference, turn))
             .or_insert(places.len());

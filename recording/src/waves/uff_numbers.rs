@@ -28,8 +28,8 @@ impl Form {
                 .expected("type 2, 4, 5 or 6, points, spacing, start and step")
                 .at(Location::from_line(number, line, &(0..line.len())))
         };
-        let words = in_line(line).ok_or_else(|| fault("text instead of numbers"))?;
-        let [kind, points, even, start, step, ..] = words.as_slice() else {
+        let numbers = in_line(line).ok_or_else(|| fault("text instead of numbers"))?;
+        let [kind, points, even, start, step, ..] = numbers.as_slice() else {
             return Err(fault("too few numbers").into());
         };
         let kind = *kind;
@@ -81,45 +81,45 @@ impl Form {
 
 /// Whether a sign after `word` begins its exponent: Fortran omits the letter if the exponent has
 /// three digits.
-fn is_bare_exponent(word: &str, behind_sign: &str) -> bool {
+fn is_bare_exponent(number: &str, behind_sign: &str) -> bool {
     let digits = behind_sign.bytes().take_while(u8::is_ascii_digit).count();
     let ends =
         !behind_sign.get(digits..).unwrap_or_default().starts_with(['.', 'e', 'E', 'd', 'D']);
-    digits == 3 && ends && word.contains('.') && !word.contains('e')
+    digits == 3 && ends && number.contains('.') && !number.contains('e')
 }
 
 /// The numbers of a line in fixed columns, which may be adjacent: a sign after a digit begins
 /// another number.
 pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
     let mut numbers = Vec::new();
-    let mut word = String::new();
-    let mut take = |word: &mut String| {
-        if word.is_empty() {
+    let mut number = String::new();
+    let mut take = |number: &mut String| {
+        if number.is_empty() {
             return Some(());
         }
-        numbers.push(word.parse().ok()?);
-        word.clear();
+        numbers.push(number.parse().ok()?);
+        number.clear();
         Some(())
     };
-    for (at, c) in line.char_indices() {
-        let exponent = word.ends_with('e');
-        let rest = line.get(at + c.len_utf8()..).unwrap_or_default();
+    for (index, c) in line.char_indices() {
+        let exponent = number.ends_with('e');
+        let rest = line.get(index + c.len_utf8()..).unwrap_or_default();
         match c {
-            _ if c.is_whitespace() => take(&mut word)?,
-            '+' | '-' if is_bare_exponent(&word, rest) => {
-                word.push('e');
-                word.push(c);
+            _ if c.is_whitespace() => take(&mut number)?,
+            '+' | '-' if is_bare_exponent(&number, rest) => {
+                number.push('e');
+                number.push(c);
             }
-            '+' | '-' if !word.is_empty() && !exponent => {
-                take(&mut word)?;
-                word.push(c);
+            '+' | '-' if !number.is_empty() && !exponent => {
+                take(&mut number)?;
+                number.push(c);
             }
             // Fortran writes double precision with a D.
-            'e' | 'E' | 'd' | 'D' => word.push('e'),
-            c => word.push(c),
+            'e' | 'E' | 'd' | 'D' => number.push('e'),
+            c => number.push(c),
         }
     }
-    take(&mut word)?;
+    take(&mut number)?;
     Some(numbers)
 }
 
@@ -158,9 +158,10 @@ pub(super) fn binary(
     line: &str,
     form: &Form,
 ) -> Result<Vec<f64>, UffError> {
-    let said = line.split(['b', 'B']).nth(1).unwrap_or_default();
-    let said: Vec<usize> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
-    let [order, float, ..] = said.as_slice() else {
+    let fields = line.split(['b', 'B']).nth(1).unwrap_or_default();
+    let fields: Vec<usize> =
+        fields.split_whitespace().filter_map(|field| field.parse().ok()).collect();
+    let [order, float, ..] = fields.as_slice() else {
         let fault = Fault::new("", "does not state its byte order");
         return Err(fault.expected("58b, order, float format").into());
     };
@@ -168,7 +169,7 @@ pub(super) fn binary(
         let message = format!("has byte order {order} and float format {float}");
         return Err(Fault::new("", message).expected("order 1 or 2, format 2 (IEEE 754)").into());
     }
-    let bytes = run(cursor, said.get(3).copied().unwrap_or(0), form)?;
+    let bytes = run(cursor, fields.get(3).copied().unwrap_or(0), form)?;
     let size = form.size();
     let number = |bytes: &[u8]| -> Option<f64> {
         Some(match (size, order) {

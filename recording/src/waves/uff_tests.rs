@@ -135,13 +135,14 @@ fn a_hammer_and_its_response_at_one_place_are_two_channels() {
 
 #[test]
 fn a_function_that_begins_where_the_last_one_ends_continues_it_and_a_later_one_is_a_record() {
-    let at = |component, start_s, first| Made { start_s, ..Made::on(component, "NONE", first) };
-    let blocks = [at("A", 0.0, 1.0), at("B", 0.0, 2.0), at("A", 4e-3, 3.0), at("B", 4e-3, 4.0)];
+    let block = |component, start_s, first| Made { start_s, ..Made::on(component, "NONE", first) };
+    let blocks =
+        [block("A", 0.0, 1.0), block("B", 0.0, 2.0), block("A", 4e-3, 3.0), block("B", 4e-3, 4.0)];
     let waves = read(&blocks).unwrap();
     assert_eq!(shape(&waves), [(0.0, vec![("A", 1.0), ("B", 2.0)])]);
     let values = &waves.records[0].channels[1].values;
     assert_eq!(values.as_slice(), [2.0, 1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0]);
-    let gap = [at("A", 0.0, 1.0), at("A", 1.0, 2.0), at("B", 1.0, 3.0)];
+    let gap = [block("A", 0.0, 1.0), block("A", 1.0, 2.0), block("B", 1.0, 3.0)];
     let record = |start, channels| (start, channels);
     assert_eq!(
         shape(&read(&gap).unwrap()),
@@ -186,8 +187,8 @@ fn other_id_lines_at_a_node_are_another_sensor_whenever_it_begins() {
 #[test]
 fn functions_of_different_numbers_at_one_moment_are_two_sensors_and_on_one_day_are_noted() {
     let read_dated = |date| {
-        let of = |number, first| Made { date, number, ..Made::at(1, 1, first) };
-        read(&[of(1, 5.0), of(2, 7.0)]).unwrap()
+        let block = |number, first| Made { date, number, ..Made::at(1, 1, first) };
+        read(&[block(1, 5.0), block(2, 7.0)]).unwrap()
     };
     let waves = read_dated("26-Nov-26 10:00:00");
     let expected = vec![("1+x function 1", 5.0), ("1+x function 2", 7.0)];
@@ -200,16 +201,16 @@ fn functions_of_different_numbers_at_one_moment_are_two_sensors_and_on_one_day_a
             "{waves:?}"
         );
     }
-    let of = |date, number| Made { date, number, ..Made::at(1, 1, 5.0) };
-    let waves = read(&[of("26-Nov-26 10:00:00", 1), of("26-Nov-26 10:00:09", 2)]).unwrap();
+    let block = |date, number| Made { date, number, ..Made::at(1, 1, 5.0) };
+    let waves = read(&[block("26-Nov-26 10:00:00", 1), block("26-Nov-26 10:00:09", 2)]).unwrap();
     assert_eq!((waves.records.len(), waves.notes.as_slice()), (2, &[][..]), "dated repeats");
 }
 
 #[test]
 fn functions_each_at_its_own_node_and_time_are_a_record_each_in_little_memory() {
     let count = 20_000;
-    let at = |node: i64| Made { start_s: node as f64, ..Made::at(node, 1, node as f64) };
-    let waves = read(&(1..=count).map(at).collect::<Vec<_>>()).unwrap();
+    let block = |node: i64| Made { start_s: node as f64, ..Made::at(node, 1, node as f64) };
+    let waves = read(&(1..=count).map(block).collect::<Vec<_>>()).unwrap();
     assert_eq!(waves.records.len(), 20_000);
     let first = |record: &Record| record.channels[0].values[0];
     assert!(waves.records.iter().zip(1..).all(|(record, node)| first(record) == f64::from(node)));
@@ -227,8 +228,8 @@ fn response_functions_are_named_as_channels_are() {
     let at_node = |component| frf(Made { component, ..Made::at(1, 1, 1.0) });
     assert_eq!(names(&[at_node("TABLE"), at_node("SPINDLE")]), ["1+x TABLE", "1+x SPINDLE"]);
     assert_eq!(names(&[at_node("TABLE"), at_node("TABLE")]), ["1+x", "1+x"], "measured again");
-    let bare = frf(Made::at(0, 0, 1.0));
-    assert_eq!(names(&[bare.clone(), bare]), ["0 #1", "0 #2"]);
+    let unnamed = frf(Made::at(0, 0, 1.0));
+    assert_eq!(names(&[unnamed.clone(), unnamed]), ["0 #1", "0 #2"]);
 }
 
 #[test]
@@ -310,12 +311,12 @@ fn binary_numbers_have_to_fill_the_bytes_that_their_dataset_states() {
 
 #[test]
 fn a_file_of_other_functions_alone_is_refused_by_their_names() {
-    let of = |kind, axes| Made { kind, axes, ..Made::at(1, 1, 1.0) };
+    let block = |kind, axes| Made { kind, axes, ..Made::at(1, 1, 1.0) };
     let hz = [(18, "Hz"), (12, "m/s2")];
-    let fault = read(&[of(2, hz), of(2, hz), of(9, hz)]).unwrap_err();
+    let fault = read(&[block(2, hz), block(2, hz), block(9, hz)]).unwrap_err();
     assert!(fault.contains("auto spectrum (2), power spectral density (1)"), "{fault}");
     assert!(fault.contains("time responses") && fault.contains("export"), "{fault}");
-    let beside = read(&[of(6, hz), Made::at(1, 1, 1.0)]).unwrap();
+    let beside = read(&[block(6, hz), Made::at(1, 1, 1.0)]).unwrap();
     assert!(beside.notes[0].contains("skipped: coherence (1)"), "{:?}", beside.notes);
 }
 
@@ -336,7 +337,7 @@ fn an_abscissa_that_is_no_time_is_never_read_as_time() {
 
 #[test]
 fn data_without_a_unit_are_in_the_units_of_dataset_164() {
-    let bare = text(&[Made { axes: [(17, "NONE"), (12, "NONE")], ..Made::at(1, 1, 1.0) }]);
+    let without_unit = text(&[Made { axes: [(17, "NONE"), (12, "NONE")], ..Made::at(1, 1, 1.0) }]);
     let unit = |factors: &str| {
         let system = format!(
             "    -1\n   164\n         9USER                         2\n{factors}\n    -1\n"
@@ -346,8 +347,8 @@ fn data_without_a_unit_are_in_the_units_of_dataset_164() {
             let wave = &waves.records[0].channels[0];
             (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
         };
-        let before = read(system.clone() + &bare);
-        assert_eq!(read(bare.clone() + &system), before, "behind the functions");
+        let before = read(system.clone() + &without_unit);
+        assert_eq!(read(without_unit.clone() + &system), before, "behind the functions");
         before
     };
     let given = |length: &str| {

@@ -101,9 +101,10 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
     let names: Vec<String> = (1..=format.channels).map(|number| number.to_string()).collect();
     let chosen = match options.columns.as_slice() {
         [] => (0..names.len()).collect(),
-        asked => pick::columns(&names, asked, &mut faults),
+        requested => pick::columns(&names, requested, &mut faults),
     };
-    let channels = chosen.iter().map(|at| Wave::new(&names[*at], "1", Vec::new())).collect();
+    let channels =
+        chosen.iter().map(|channel| Wave::new(&names[*channel], "1", Vec::new())).collect();
     let layout = Layout { format, data_at: data.start, frames, full_scale, chosen };
     layout.check(bytes, &mut faults)?;
     let rate_hz = f64::from(format.rate_hz);
@@ -111,7 +112,7 @@ pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<
         let fault = Fault::new("", format!("contains {frames} samples at {rate_hz} Hz"));
         faults.push(fault.expected("samples, and a rate above 0"));
     }
-    let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
+    let grid = columns::requested_grid(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
     faults.into_result(Some(Opened { layout, grid, channels, notes })).map_err(WavError::Faults)
 }
 
@@ -127,7 +128,7 @@ impl Layout {
         mut each: impl FnMut(&[f64]),
     ) -> std::io::Result<()> {
         let places: Vec<usize> =
-            channels.iter().filter_map(|at| self.chosen.get(*at).copied()).collect();
+            channels.iter().filter_map(|channel| self.chosen.get(*channel).copied()).collect();
         self.raw(bytes, frames, |raw| {
             part.clear();
             decode(raw, &self.format, &places, self.full_scale, part);
@@ -145,13 +146,13 @@ impl Layout {
         let frame = self.format.channels * self.format.sample_bytes;
         let end = frames.end.min(self.frames);
         let mut raw = vec![0; frame * FRAMES.min(end.saturating_sub(frames.start))];
-        let mut at = frames.start;
-        while at < end {
-            let count = FRAMES.min(end - at);
+        let mut frame_index = frames.start;
+        while frame_index < end {
+            let count = FRAMES.min(end - frame_index);
             let Some(raw) = raw.get_mut(..frame * count) else { break };
-            bytes.read_at(self.data_at + (frame as u64) * (at as u64), raw)?;
+            bytes.read_at(self.data_at + (frame as u64) * (frame_index as u64), raw)?;
             each(raw);
-            at += count;
+            frame_index += count;
         }
         Ok(())
     }
@@ -232,7 +233,7 @@ fn decode_of<const N: usize>(
         return;
     }
     for samples in frames {
-        to.extend(places.iter().filter_map(|at| Some(value(samples.get(*at)?))));
+        to.extend(places.iter().filter_map(|place| Some(value(samples.get(*place)?))));
     }
 }
 

@@ -52,8 +52,8 @@ pub(super) trait Source {
     /// Their number.
     fn len(&self) -> io::Result<u64>;
 
-    /// Fills `into` from `at` on.
-    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()>;
+    /// Fills `into` from `offset` on.
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()>;
 }
 
 impl Source for File {
@@ -61,8 +61,8 @@ impl Source for File {
         Ok(self.metadata()?.len())
     }
 
-    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()> {
-        self.read_exact_at(into, at)
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()> {
+        self.read_exact_at(into, offset)
     }
 }
 
@@ -71,9 +71,10 @@ impl Source for &[u8] {
         Ok((**self).len() as u64)
     }
 
-    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()> {
-        let from =
-            usize::try_from(at).ok().and_then(|at| self.get(at..at.checked_add(into.len())?));
+    fn read_at(&self, offset: u64, into: &mut [u8]) -> io::Result<()> {
+        let from = usize::try_from(offset)
+            .ok()
+            .and_then(|offset| self.get(offset..offset.checked_add(into.len())?));
         into.copy_from_slice(from.ok_or(io::ErrorKind::UnexpectedEof)?);
         Ok(())
     }
@@ -102,7 +103,7 @@ impl From<io::Error> for ChunkError {
 struct Chunk {
     id: [u8; 4],
     size: u32,
-    at: u64,
+    offset: u64,
     /// Bytes from there to the end of the file.
     rest: u64,
 }
@@ -127,12 +128,12 @@ impl Wav {
             return Err(broken(8, "is a RIFF file, but not WAVE").into());
         }
         let (mut format, mut data_size, mut notes) = (None, None, Vec::new());
-        let mut at = 12;
+        let mut offset = 12;
         loop {
-            let Some(chunk) = bytes.chunk(at)? else {
+            let Some(chunk) = bytes.chunk(offset)? else {
                 let what =
                     if format.is_some() { "has no `data` chunk" } else { "has no `fmt ` chunk" };
-                return Err(broken(at, what).into());
+                return Err(broken(offset, what).into());
             };
             match &chunk.id {
                 // 0 before the size is known: a pipe leaves it so.
@@ -140,14 +141,14 @@ impl Wav {
                 b"fmt " => format = Some(bytes.format(&chunk)?),
                 b"data" => {
                     let Some(format) = format else {
-                        return Err(broken(at, "has `data` before `fmt `").into());
+                        return Err(broken(offset, "has `data` before `fmt `").into());
                     };
                     let data = bytes.samples(&chunk, data_size, &format, &mut notes)?;
                     return Ok(Self { format, data, notes });
                 }
                 _ => {}
             }
-            at = bytes.after(&chunk)?;
+            offset = bytes.after(&chunk)?;
         }
     }
 }
@@ -165,7 +166,7 @@ impl Chunk {
     }
 
     fn padded_end(&self) -> u64 {
-        self.at + u64::from(self.size) + u64::from(self.size % 2)
+        self.offset + u64::from(self.size) + u64::from(self.size % 2)
     }
 }
 
@@ -192,7 +193,7 @@ impl Bytes<'_> {
         let is_of_pipe = data_size.is_none()
             && chunk.rest > 0
             && (chunk.size == UNKNOWN_SIZE
-                || (chunk.size == 0 && self.tail(chunk.at)? == Tail::Other));
+                || (chunk.size == 0 && self.tail(chunk.offset)? == Tail::Other));
         let stated = match (chunk.size, data_size) {
             _ if is_of_pipe => {
                 notes.push(
@@ -203,21 +204,25 @@ impl Bytes<'_> {
             (UNKNOWN_SIZE, Some(size)) => size,
             (size, _) => u64::from(size),
         };
-        let there = stated.min(chunk.rest);
-        if there < stated {
-            let what = format!("is truncated: it contains {there} of {stated} bytes of samples");
-            if there == 0 {
-                return Err(broken(chunk.at, what).into());
+        let available = stated.min(chunk.rest);
+        if available < stated {
+            let what =
+                format!("is truncated: it contains {available} of {stated} bytes of samples");
+            if available == 0 {
+                return Err(broken(chunk.offset, what).into());
             }
             notes.push(what);
         }
         let frame = (format.channels * format.sample_bytes) as u64;
-        let whole = there - there % frame;
-        if whole < there && there == stated {
-            notes.push(format!("skipped the last {} bytes, an incomplete sample", there - whole));
+        let whole = available - available % frame;
+        if whole < available && available == stated {
+            notes.push(format!(
+                "skipped the last {} bytes, an incomplete sample",
+                available - whole
+            ));
         }
-        notes.extend(self.note_behind(chunk.at + there)?);
-        Ok(chunk.at..chunk.at + whole)
+        notes.extend(self.note_behind(chunk.offset + available)?);
+        Ok(chunk.offset..chunk.offset + whole)
     }
 
     /// Notes what is ignored after the samples.
@@ -236,50 +241,52 @@ impl Bytes<'_> {
         })
     }
 
-    fn tail(&self, mut at: u64) -> io::Result<Tail> {
+    fn tail(&self, mut offset: u64) -> io::Result<Tail> {
         let mut tail = Tail::Chunks;
-        while at < self.length {
-            let Some(chunk) = self.chunk(at)?.filter(Chunk::is_sound) else {
+        while offset < self.length {
+            let Some(chunk) = self.chunk(offset)?.filter(Chunk::is_sound) else {
                 return Ok(Tail::Other);
             };
             if chunk.is(&[b"data"]) {
                 tail = Tail::Samples;
             }
-            at = chunk.padded_end();
+            offset = chunk.padded_end();
         }
         Ok(tail)
     }
 
     /// `N` bytes at an offset; `None` if the file ends before.
-    fn array<const N: usize>(&self, at: u64) -> io::Result<Option<[u8; N]>> {
-        if at.checked_add(N as u64).is_none_or(|end| end > self.length) {
+    fn array<const N: usize>(&self, offset: u64) -> io::Result<Option<[u8; N]>> {
+        if offset.checked_add(N as u64).is_none_or(|end| end > self.length) {
             return Ok(None);
         }
         let mut bytes = [0; N];
-        self.all.read_at(at, &mut bytes)?;
+        self.all.read_at(offset, &mut bytes)?;
         Ok(Some(bytes))
     }
 
-    fn number<const N: usize>(&self, at: u64) -> io::Result<Option<u64>> {
+    fn number<const N: usize>(&self, offset: u64) -> io::Result<Option<u64>> {
         let fold = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-        let bytes = self.array::<N>(at)?;
+        let bytes = self.array::<N>(offset)?;
         Ok(bytes.map(|bytes| match self.big_endian {
             true => bytes.iter().fold(0, fold),
             false => bytes.iter().rev().fold(0, fold),
         }))
     }
 
-    fn short(&self, at: u64) -> io::Result<Option<u16>> {
-        Ok(self.number::<2>(at)?.and_then(|number| u16::try_from(number).ok()))
+    fn short(&self, offset: u64) -> io::Result<Option<u16>> {
+        Ok(self.number::<2>(offset)?.and_then(|number| u16::try_from(number).ok()))
     }
 
-    fn long(&self, at: u64) -> io::Result<Option<u32>> {
-        Ok(self.number::<4>(at)?.and_then(|number| u32::try_from(number).ok()))
+    fn long(&self, offset: u64) -> io::Result<Option<u32>> {
+        Ok(self.number::<4>(offset)?.and_then(|number| u32::try_from(number).ok()))
     }
 
-    fn chunk(&self, at: u64) -> io::Result<Option<Chunk>> {
-        let (Some(id), Some(size)) = (self.array(at)?, self.long(at + 4)?) else { return Ok(None) };
-        Ok(Some(Chunk { id, size, at: at + 8, rest: self.length - (at + 8) }))
+    fn chunk(&self, offset: u64) -> io::Result<Option<Chunk>> {
+        let (Some(id), Some(size)) = (self.array(offset)?, self.long(offset + 4)?) else {
+            return Ok(None);
+        };
+        Ok(Some(Chunk { id, size, offset: offset + 8, rest: self.length - (offset + 8) }))
     }
 
     /// Start of the next chunk; a chunk of odd size is followed by a padding byte.
@@ -288,14 +295,14 @@ impl Bytes<'_> {
         let name = String::from_utf8_lossy(&chunk.id).into_owned();
         if u64::from(size) > chunk.rest {
             let what = format!("chunk `{name}` of {size} bytes ends beyond the file");
-            return Err(broken(chunk.at, what).into());
+            return Err(broken(chunk.offset, what).into());
         }
-        let end = chunk.at + u64::from(size);
+        let end = chunk.offset + u64::from(size);
         let padded = chunk.padded_end();
-        let (bare, even) = (self.chunk(end)?, self.chunk(padded)?);
+        let (unpadded, even) = (self.chunk(end)?, self.chunk(padded)?);
         let is_sound = |chunk: &Option<Chunk>| chunk.as_ref().is_some_and(Chunk::is_sound);
-        let is_known = bare.as_ref().is_some_and(|bare| bare.is(&[b"data", b"fmt "]));
-        if padded > end && (is_known || (is_sound(&bare) && !is_sound(&even))) {
+        let is_known = unpadded.as_ref().is_some_and(|unpadded| unpadded.is(&[b"data", b"fmt "]));
+        if padded > end && (is_known || (is_sound(&unpadded) && !is_sound(&even))) {
             let what = format!(
                 "chunk `{name}` of {size} bytes is not followed by the byte that makes its size even"
             );
@@ -307,12 +314,12 @@ impl Bytes<'_> {
     }
 
     fn format(&self, chunk: &Chunk) -> Result<Format, ChunkError> {
-        let short = |at: u64| self.short(chunk.at + at);
+        let short = |offset: u64| self.short(chunk.offset + offset);
         let bad = |what: String| {
             Box::new(Fault::new("fmt", what).expected("PCM, or IEEE floats of 32 or 64 bits"))
         };
         let (tag, channels, rate_hz, block, bits) =
-            (short(0)?, short(2)?, self.long(chunk.at + 4)?, short(12)?, short(14)?);
+            (short(0)?, short(2)?, self.long(chunk.offset + 4)?, short(12)?, short(14)?);
         let (Some(mut tag), Some(channels), Some(rate_hz), Some(block), Some(bits), true) =
             (tag, channels, rate_hz, block, bits, chunk.size >= 16)
         else {
@@ -320,7 +327,7 @@ impl Bytes<'_> {
         };
         let mut valid_bits = bits;
         if tag == EXTENSIBLE {
-            let guid = self.array::<16>(chunk.at + 24)?.filter(|_| chunk.size >= 40);
+            let guid = self.array::<16>(chunk.offset + 24)?.filter(|_| chunk.size >= 40);
             let Some(guid) = guid else {
                 return Err(bad("is extensible but too short for its sub-format".to_owned()).into());
             };
@@ -391,6 +398,6 @@ struct Layout {
     valid_bits: u16,
 }
 
-fn broken(at: u64, what: impl Into<String>) -> Box<Fault> {
-    Box::new(Fault::new(format!("byte {at}"), what.into()).expected("a complete WAV file"))
+fn broken(offset: u64, what: impl Into<String>) -> Box<Fault> {
+    Box::new(Fault::new(format!("byte {offset}"), what.into()).expected("a complete WAV file"))
 }

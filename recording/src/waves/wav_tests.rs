@@ -171,16 +171,16 @@ fn a_file_from_a_pipe_is_read_to_its_end_and_reports_it() {
 fn a_chunk_of_odd_size_is_followed_by_a_byte_and_one_without_it_is_refused() {
     let padded = Made { before: b"note\x05\0\0\0abcde\0", ..Made::of(PCM, 2) };
     assert_eq!(values(&padded, &pcm(2)), [0.5, -0.5, -1.0]);
-    let bare = Made { before: b"note\x05\0\0\0abcde", ..Made::of(PCM, 2) };
-    let fault = read(&bare.file(&pcm(2))).unwrap_err();
+    let unpadded = Made { before: b"note\x05\0\0\0abcde", ..Made::of(PCM, 2) };
+    let fault = read(&unpadded.file(&pcm(2))).unwrap_err();
     assert!(fault.contains("`note`") && fault.contains("even"), "{fault}");
 }
 
 #[test]
 fn an_odd_chunk_without_padding_is_recognised_by_the_data_that_follow_it() {
     // The size of `data` begins with a letter, so that `ata@` follows a padding byte.
-    let bare = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
-    let fault = read(&bare.file(&[0; 32])).unwrap_err();
+    let unpadded = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
+    let fault = read(&unpadded.file(&[0; 32])).unwrap_err();
     assert!(fault.contains("`note`") && fault.contains("even"), "{fault}");
 }
 
@@ -188,14 +188,17 @@ fn an_odd_chunk_without_padding_is_recognised_by_the_data_that_follow_it() {
 fn what_stands_behind_the_samples_is_no_sample_and_reported_where_it_is_no_metadata() {
     let with_tail = |made: Made, tail: &[u8]| read(&[made.file(&pcm(2)).as_slice(), tail].concat());
     let list = b"LIST\x06\0\0\0INFO\x07\x08";
-    let says = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
+    let has_note = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
     let waves = with_tail(Made::of(PCM, 2), list).unwrap();
-    assert_eq!((waves.records[0].len(), says(&waves, "skipped")), (3, false), "{waves:?}");
+    assert_eq!((waves.records[0].len(), has_note(&waves, "skipped")), (3, false), "{waves:?}");
     let waves = with_tail(Made { data_size: Some(4), ..Made::of(PCM, 2) }, &[1; 20]).unwrap();
     assert_eq!(waves.records[0].len(), 2);
-    assert!(says(&waves, "skipped 22 bytes after the samples that are not a chunk"), "{waves:?}");
+    assert!(
+        has_note(&waves, "skipped 22 bytes after the samples that are not a chunk"),
+        "{waves:?}"
+    );
     let waves = with_tail(Made::of(PCM, 2), b"data\x02\0\0\0\x01\x02").unwrap();
-    assert!(says(&waves, "a second `data` chunk"), "{waves:?}");
+    assert!(has_note(&waves, "a second `data` chunk"), "{waves:?}");
     let empty = [Made::of(PCM, 2).file(&[]).as_slice(), list].concat();
     assert!(read(&empty).unwrap_err().contains("contains 0 samples"), "metadata are no samples");
 }

@@ -20,8 +20,8 @@ pub(crate) fn answer(python: &Path, script: &str, lines: String) -> String {
     let mut input = child.stdin.take().expect("a pipe");
     let writer = std::thread::spawn(move || input.write_all(lines.as_bytes()));
     let output = child.wait_with_output().expect("python ends");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{}: {said}", output.status);
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {messages}", output.status);
     writer.join().expect("not dead").expect("written");
     String::from_utf8(output.stdout).expect("text")
 }

@@ -39,7 +39,8 @@ fn ethernet() -> EthernetConfig {
 
 /// A fault of a single key.
 fn is_of_one_key(fault: &Fault) -> bool {
-    let starts = |text: &str, words: &[&str]| words.iter().any(|word| text.starts_with(word));
+    let starts =
+        |text: &str, prefixes: &[&str]| prefixes.iter().any(|prefix| text.starts_with(prefix));
     let message = ["is an unknown key", "is missing", "is of type", "has the unit", "has no unit"];
     let number =
         ["a number from", "a number of", "a number above", "a number below", "a whole number from"];
@@ -83,10 +84,10 @@ fn disagreement(format: &str, mutant: &mutations::Mutant) -> Option<String> {
         Ok(()) if !by_schema.is_empty() => {
             Some(format!("{change}: the schema alone: {by_schema:?}"))
         }
-        Err(told) if by_schema.is_empty() => {
+        Err(faults) if by_schema.is_empty() => {
             let is_of_change = |fault: &&Fault| fault.key.contains(&mutant.key);
             let fault =
-                told.list().iter().filter(is_of_change).find(|fault| is_of_one_key(fault))?;
+                faults.list().iter().filter(is_of_change).find(|fault| is_of_one_key(fault))?;
             Some(format!("{change}: the reader alone: {fault:?}"))
         }
         _ => None,
@@ -109,8 +110,8 @@ fn every_kind_of_effect_that_the_schema_lists_is_known_to_the_reader() {
             joint["limits_mm"] = joint.as_object_mut().unwrap().remove("limits_deg").unwrap();
         }
         assert_eq!(faults(format, &model), Vec::<String>::new(), "{form}");
-        if let Err(told) = RobotModel::parse("model.toml", &mutations::toml(&model)) {
-            let of_one_key: Vec<_> = told.list().iter().filter(|f| is_of_one_key(f)).collect();
+        if let Err(faults) = RobotModel::parse("model.toml", &mutations::toml(&model)) {
+            let of_one_key: Vec<_> = faults.list().iter().filter(|f| is_of_one_key(f)).collect();
             assert!(of_one_key.is_empty(), "{form}: {of_one_key:?}");
         }
     }

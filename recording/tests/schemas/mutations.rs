@@ -20,8 +20,8 @@ pub(super) struct Mutant {
 pub(super) fn of(good: &Value, numbers: &[f64]) -> Vec<Mutant> {
     let mut found = Vec::new();
     for pointer in pointers(good) {
-        let at = good.pointer(&pointer).unwrap();
-        for (change, new) in changes(at, numbers) {
+        let value = good.pointer(&pointer).unwrap();
+        for (change, new) in changes(value, numbers) {
             let mut value = good.clone();
             *value.pointer_mut(&pointer).unwrap() = new;
             let key = if change == UNKNOWN { UNKNOWN_KEY } else { key_of(&pointer) }.to_owned();
@@ -44,9 +44,9 @@ fn key_of(pointer: &str) -> &str {
     pointer.rsplit('/').find(|part| part.parse::<usize>().is_err()).unwrap_or_default()
 }
 
-fn changes(at: &Value, numbers: &[f64]) -> Vec<(String, Value)> {
+fn changes(value: &Value, numbers: &[f64]) -> Vec<(String, Value)> {
     let wrong_type = |new: Value| (format!("of another type: {new}"), new);
-    match at {
+    match value {
         Value::Object(table) => {
             let mut more = table.clone();
             more.insert(UNKNOWN_KEY.to_owned(), json!(true));
@@ -81,7 +81,9 @@ fn pointers(value: &Value) -> Vec<String> {
     match value {
         // Keys of our files contain neither `/` nor `~`.
         Value::Object(table) => table.iter().for_each(|(key, value)| below(key, value)),
-        Value::Array(list) => list.iter().enumerate().for_each(|(at, v)| below(&at.to_string(), v)),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(index, v)| below(&index.to_string(), v));
+        }
         _ => {}
     }
     found
@@ -101,8 +103,8 @@ fn gather(schema: &Value, found: &mut Vec<f64>) {
         Value::Object(table) => {
             for key in ["minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"] {
                 if let Some(bound) = table.get(key).and_then(Value::as_f64) {
-                    let near = 1e-6 * bound.abs().max(1e-3);
-                    found.extend([bound - 1.0, bound - near, bound, bound + near, bound + 1.0]);
+                    let step = 1e-6 * bound.abs().max(1e-3);
+                    found.extend([bound - 1.0, bound - step, bound, bound + step, bound + 1.0]);
                 }
             }
             table.values().for_each(|value| gather(value, found));

@@ -22,11 +22,11 @@ impl Analysis {
 
 fn render(analysis: &Analysis) -> Page {
     let travelled = &analysis.travelled;
-    let (tone, word, sentence) = verdict(analysis);
+    let (tone, label, sentence) = verdict(analysis);
     let mut page = Page::new(format!("Gears of {}", analysis.model.file.name))
         .kicker("trued gears")
         .robot(analysis.model.file.identity().to_string())
-        .verdict(tone, word, &sentence);
+        .verdict(tone, label, &sentence);
     if let Some(bars) = teeth(analysis) {
         page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: possible causes of lines in a surface or a force.", &bars);
     }

@@ -72,9 +72,9 @@ impl TravelledPath {
     pub(super) fn whole(&self, joint: usize) -> RevolutionsPerMm {
         let of = |part: &PathPart| (part.to_mm - part.from_mm, part.turns[joint]);
         let mean = self.parts.iter().map(of).map(|(mm, turns)| mm * turns.mean).sum::<f64>();
-        let least = self.parts.iter().map(|p| p.turns[joint].least).fold(f64::INFINITY, f64::min);
-        let most = self.parts.iter().map(|p| p.turns[joint].most).fold(0.0, f64::max);
-        RevolutionsPerMm { mean: mean / self.length_mm, least, most }
+        let min = self.parts.iter().map(|p| p.turns[joint].least).fold(f64::INFINITY, f64::min);
+        let max = self.parts.iter().map(|p| p.turns[joint].most).fold(0.0, f64::max);
+        RevolutionsPerMm { mean: mean / self.length_mm, least: min, most: max }
     }
 
     fn of(by: String, arm: &Arm, runs: &[(i64, Vec<Joints>)], parts: usize) -> Option<Self> {
@@ -102,9 +102,9 @@ impl<'a> Run<'a> {
         let tcp = |q: &Joints| 1e3 * Chain::nominal(arm, q).base_from_tool.origin;
         let (mut place_mm, mut before) = (0.0, rows.first().map_or(DVec3::ZERO, tcp));
         let path_mm = rows.iter().map(|q| {
-            let here = tcp(q);
-            place_mm += (here - before).length();
-            before = here;
+            let position = tcp(q);
+            place_mm += (position - before).length();
+            before = position;
             place_mm
         });
         Self { rows, path_mm: path_mm.collect() }

@@ -53,9 +53,8 @@ pub(super) fn by_parts(analysis: &Analysis) -> Vec<Vec<String>> {
     for (k, part) in analysis.travelled.parts.iter().enumerate() {
         let cells = analysis.trains.iter().filter_map(|train| {
             let motor = train.wheels.first()?.cycles_per_mm;
-            let [mean, least, most] =
-                train.parts.get(k)?.map(|value| significant(value * motor, 3));
-            Some(format!("{mean} ({least} to {most})"))
+            let [mean, min, max] = train.parts.get(k)?.map(|value| significant(value * motor, 3));
+            Some(format!("{mean} ({min} to {max})"))
         });
         rows.push([place(part)].into_iter().chain(cells).collect());
     }

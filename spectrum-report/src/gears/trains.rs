@@ -48,7 +48,7 @@ pub(super) fn of(
     selected: &[u8],
 ) -> Result<Vec<GearTrain>, Error> {
     let toothed = |joint: &u8| {
-        let entry = usize::from(*joint).checked_sub(1).and_then(|at| model.joints.get(at));
+        let entry = usize::from(*joint).checked_sub(1).and_then(|index| model.joints.get(index));
         entry.is_some_and(|entry| !entry.gear_teeth.is_empty())
     };
     if let Some(joint) = selected.iter().find(|joint| !toothed(joint)) {
@@ -64,14 +64,14 @@ pub(super) fn of(
         return Err(Error::input(message));
     }
     let mut trains = Vec::new();
-    for (at, (joint, entry)) in (1..=u8::MAX).zip(&model.joints).enumerate() {
-        let whole = travelled.whole(at);
+    for (index, (joint, entry)) in (1..=u8::MAX).zip(&model.joints).enumerate() {
+        let whole = travelled.whole(index);
         let is_selected = selected.is_empty() || selected.contains(&joint);
         if entry.gear_teeth.is_empty() || !is_selected || whole.mean < STATIONARY_PER_MM {
             continue;
         }
         let mut turning = [0.0; JOINTS_MAX];
-        if let Some(turns) = turning.get_mut(at) {
+        if let Some(turns) = turning.get_mut(index) {
             *turns = whole.mean;
         }
         let part = |turns: &RevolutionsPerMm| {
@@ -83,7 +83,7 @@ pub(super) fn of(
             stages: entry.gear_teeth.clone(),
             wheels: model.gear_cycles(&turning, GearFrequency::new).collect(),
             range: [whole.least, whole.most].map(|value| value / whole.mean),
-            parts: travelled.parts.iter().map(|p| part(&p.turns[at])).collect(),
+            parts: travelled.parts.iter().map(|p| part(&p.turns[index])).collect(),
         });
     }
     Ok(trains)

@@ -113,15 +113,18 @@ impl Modes {
             return Err(format!("is of schema {}, expected trued.tap/1", found.schema));
         }
         for mode in found.modes {
-            let at = format!("{} Hz", fixed(mode.frequency_Hz, 1));
+            let mode_name = format!("{} Hz", fixed(mode.frequency_Hz, 1));
             let direction = mode.direction.ok_or_else(|| {
-                format!("its mode at {at} has no direction; run trued tap with --direction X,Y,Z")
+                format!(
+                    "its mode at {mode_name} has no direction; run trued tap with --direction X,Y,Z"
+                )
             })?;
             let stiffness = mode.clearest.ok_or_else(|| {
-                format!("its mode at {at} has no modal stiffness; run trued tap anew")
+                format!("its mode at {mode_name} has no modal stiffness; run trued tap anew")
             })?;
             if !mode.verified {
-                self.warnings.push(format!("{}: the mode at {at} is unverified", tap.display()));
+                self.warnings
+                    .push(format!("{}: the mode at {mode_name} is unverified", tap.display()));
             }
             self.all.push(SourcedMode {
                 mode: CutMode {
@@ -187,8 +190,8 @@ mod tests {
 
     #[test]
     fn a_mode_without_direction_and_another_schema_are_refused() {
-        let said = of(&[("x.json", tap(67.0, "null", true))]).unwrap_err();
-        assert!(said.contains("--direction"), "{said}");
+        let message = of(&[("x.json", tap(67.0, "null", true))]).unwrap_err();
+        assert!(message.contains("--direction"), "{message}");
         let other = tap(67.0, "null", true).replace("tap/1", "spectrum/1");
         assert!(of(&[("x.json", other)]).unwrap_err().contains("expected trued.tap/1"));
         assert!(of(&[("x.json", "{}".to_owned())]).is_err());

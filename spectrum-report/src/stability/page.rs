@@ -20,10 +20,10 @@ impl Analysis {
 
 fn page(analysis: &Analysis) -> Page {
     let name = analysis.cut.path.file_name().unwrap_or_default().to_string_lossy();
-    let (word, tone) = called(analysis);
+    let (label, tone) = called(analysis);
     let mut page = Page::new("Stability of a cut")
         .kicker(format!("trued stability, {name}"))
-        .verdict(tone, word, &format!("{}: {}.", cut(analysis), verdict(analysis)))
+        .verdict(tone, label, &format!("{}: {}.", cut(analysis), verdict(analysis)))
         .numbers(numbers(analysis))
         .figure(
             "Axial depth from which chatter grows, over spindle speed: below the line the cut is stable.",
@@ -72,10 +72,10 @@ fn called(analysis: &Analysis) -> (&'static str, Tone) {
 
 fn numbers(analysis: &Analysis) -> Vec<Number> {
     let file = &analysis.cut.file;
-    let (word, tone) = called(analysis);
+    let (label, tone) = called(analysis);
     let depth = significant(1e3 * file.cut.axial_depth_m, 3);
     vec![
-        Number::text("The cut", word).note(format!("{depth} mm deep")).tone(tone),
+        Number::text("The cut", label).note(format!("{depth} mm deep")).tone(tone),
         Number::text("Limit at this speed", limit_text(analysis, analysis.limit))
             .note(format!("zeroth order: {}", limit_text(analysis, analysis.zeroth_order))),
         Number::new("Chatter frequency", analysis.chatter_hz.unwrap_or(f64::NAN), "Hz"),

@@ -77,22 +77,25 @@ pub(super) fn cut(analysis: &Analysis) -> String {
 }
 
 pub(super) fn verdict(analysis: &Analysis) -> String {
-    let at =
+    let frequency =
         |hz: Option<f64>| hz.map_or_else(String::new, |hz| format!("{} Hz", significant(hz, 3)));
     if !analysis.is_stable {
-        return format!("not stable: chatter at {}", at(analysis.chatter_hz));
+        return format!("not stable: chatter at {}", frequency(analysis.chatter_hz));
     }
     let Some(limit) = analysis.limit else { return "stable".to_owned() };
     let times = limit.depth_m / analysis.cut.file.cut.axial_depth_m;
-    let far = match times {
+    let distance = match times {
         _ if times < 1.0 => {
             return "stable, in a pocket above the least limit of its speed".to_owned();
         }
         _ if times < 2.0 => format!("{} % above this depth", significant(100.0 * (times - 1.0), 2)),
         _ => format!("{} times this depth", significant(times, 2)),
     };
-    let near = if analysis.nearest.is_present { "" } else { ", less than the margin" };
-    format!("stable: the limit is {far}{near}; chatter would begin at {}", at(analysis.chatter_hz))
+    let caveat = if analysis.nearest.is_present { "" } else { ", less than the margin" };
+    format!(
+        "stable: the limit is {distance}{caveat}; chatter would begin at {}",
+        frequency(analysis.chatter_hz)
+    )
 }
 
 fn limit(analysis: &Analysis) -> String {

@@ -40,12 +40,12 @@ fn render(settings: &Settings, profiles: &[ProfileAnalysis]) -> Page {
     let page = Page::new(title).kicker("trued surface");
     let page = match profiles {
         [one] => {
-            let (tone, word) = if one.rz_um.is_some_and(|(_, lengths)| lengths >= 5) {
+            let (tone, label) = if one.rz_um.is_some_and(|(_, lengths)| lengths >= 5) {
                 (Tone::Good, "measured over five sampling lengths or more")
             } else {
                 (Tone::Caution, "measured, over fewer than five sampling lengths")
             };
-            page.verdict(tone, word, &sentence(one))
+            page.verdict(tone, label, &sentence(one))
                 .numbers(numbers(one))
                 .figure(PROFILE, &profile_plot(one).render())
         }
@@ -86,13 +86,13 @@ fn compared(profiles: &[ProfileAnalysis]) -> String {
     let by_roughness =
         |a: &&ProfileAnalysis, b: &&ProfileAnalysis| a.roughness.rms.total_cmp(&b.roughness.rms);
     let ends = profiles.iter().min_by(by_roughness).zip(profiles.iter().max_by(by_roughness));
-    ends.map_or(String::new(), |(least, most)| {
+    ends.map_or(String::new(), |(smoothest, roughest)| {
         format!(
             "{} is smoothest, Rq {} µm; {} is roughest, Rq {} µm.",
-            least.name,
-            significant(least.roughness.rms, 3),
-            most.name,
-            significant(most.roughness.rms, 3)
+            smoothest.name,
+            significant(smoothest.roughness.rms, 3),
+            roughest.name,
+            significant(roughest.roughness.rms, 3)
         )
     })
 }

@@ -103,7 +103,7 @@ impl Analysis {
     /// The function that shows a mode most clearly.
     #[must_use]
     pub fn most_accurate<'a>(&self, mode: &'a MergedMode) -> Option<&'a FittedMode> {
-        let sigma = |seen: &&(usize, FittedMode)| seen.1.frequency_sigma_hz;
+        let sigma = |observation: &&(usize, FittedMode)| observation.1.frequency_sigma_hz;
         let best = mode.observations.iter().min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
         best.map(|(_, one)| one)
     }
@@ -115,63 +115,65 @@ impl Analysis {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let mut said = Vec::new();
+        let mut warnings = Vec::new();
         match &self.test {
             Some(test) => {
                 let used = test.tap.frf.hits;
                 if used < COHERENCE_HITS {
-                    said.push(format!(
+                    warnings.push(format!(
                         "{} used: the coherence of fewer than {COHERENCE_HITS} is meaningless (of one it is 1 by construction), \
                          so the modes are unverified; record at least {COHERENCE_HITS}",
                         pluralise(used, "hit")
                     ));
                 }
-                said.extend(test.hits.notes.iter().cloned());
+                warnings.extend(test.hits.notes.iter().cloned());
             }
             None => said.push(
                 "coherence of response functions is not read, so the modes are unverified"
                     .to_owned(),
             ),
         }
-        said.extend(self.modes.iter().flat_map(|mode| self.reservations(mode)));
-        said.extend(
+        warnings.extend(self.modes.iter().flat_map(|mode| self.reservations(mode)));
+        warnings.extend(
             self.functions.iter().flat_map(|one| one.unresolved_warnings(self.settings.misfit)),
         );
-        said
+        warnings
     }
 
     /// Warnings about one mode.
     fn reservations(&self, mode: &MergedMode) -> Vec<String> {
-        let mut said = Vec::new();
-        let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
+        let mut reservations = Vec::new();
+        let mode_name = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
         if let Some(db) = self.force_db(mode).filter(|db| *db < self.settings.weak_db) {
-            said.push(format!(
-                "{at}: weakly excited; the force there is {db:.0} dB relative to its maximum"
+            reservations.push(format!(
+                "{mode_name}: weakly excited; the force there is {db:.0} dB relative to its maximum"
             ));
         }
         if !mode.meets_all_criteria {
-            said.push(format!("{at}: found only by the fit, within the peak of its neighbour"));
+            reservations.push(format!(
+                "{mode_name}: found only by the fit, within the peak of its neighbour"
+            ));
         }
-        let Some(one) = self.most_accurate(mode) else { return said };
+        let Some(one) = self.most_accurate(mode) else { return reservations };
         if let Some(half_power) = one.damping_half_power {
             let apart = (half_power - one.damping).abs();
             if apart > self.settings.damping_disagrees * one.damping + 2.0 * one.damping_sigma {
-                said.push(format!(
-                    "{at}: damping is {} % by the fit but {} % by the half-power width; check its peak",
+                reservations.push(format!(
+                    "{mode_name}: damping is {} % by the fit but {} % by the half-power width; check its peak",
                     significant(100.0 * one.damping, 2),
                     significant(100.0 * half_power, 2)
                 ));
             }
         }
         if one.carry_over > self.settings.carried_most {
-            said.push(format!(
-                "{at}: {} % of the vibration remains at the next hit, and its modal mass and stiffness are uncertain by as much; wait {} s \
+            reservations.push(format!(
+                "{mode_name}: {} % of the vibration remains at the next hit, and its modal mass and stiffness are uncertain by as much; wait {} s \
                  between hits",
                 significant(100.0 * one.carry_over, 2),
                 significant(one.ring_down_s(self.settings.rung_down), 2)
             ));
         }
-        said
+        reservations
     }
 }
 
@@ -227,12 +229,12 @@ impl Function {
             Some(_) => format!("wait at least {} s between hits", significant(s, 2)),
             None => format!("record at least {} s per hit", significant(s, 2)),
         };
-        let mut said = Vec::new();
+        let mut warnings = Vec::new();
         for one in &self.unresolved {
             let beside = one.neighbour_hz.map_or_else(String::new, |hz| {
                 format!(", {} Hz from another,", significant((hz - one.frequency_hz).abs(), 2))
             });
-            said.push(format!(
+            warnings.push(format!(
                 "{}: the peak at {} Hz{beside} is not resolved with a bin width of {} Hz and is not listed as a mode: {}",
                 self.name,
                 fixed(one.frequency_hz, 1),
@@ -241,7 +243,7 @@ impl Function {
             ));
         }
         for one in self.modes.iter().filter(|one| one.residual > misfit) {
-            said.push(format!(
+            warnings.push(format!(
                 "{}: one mode at {} Hz fits its peak only to {} %: noise, or two modes that records of {} s do not separate; record \
                  more hits, and {}",
                 self.name,
@@ -251,7 +253,7 @@ impl Function {
                 longer(2.0 * record_s)
             ));
         }
-        said
+        warnings
     }
 
     /// Width of its bins, Hz.

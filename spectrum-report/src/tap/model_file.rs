@@ -59,17 +59,17 @@ impl UpdatedModel {
             }
             ModeChange::Added => format!("{} Hz added", hz(mode.frequency_hz)),
         };
-        let mut words: Vec<String> = analysis.modes.iter().zip(&self.changes).map(one).collect();
+        let mut changes: Vec<String> = analysis.modes.iter().zip(&self.changes).map(one).collect();
         if !self.kept_hz.is_empty() {
             let kept: Vec<String> = self.kept_hz.iter().map(|f| hz(*f)).collect();
-            words.push(format!("{} Hz not measured, kept", kept.join(", ")));
+            changes.push(format!("{} Hz not measured, kept", kept.join(", ")));
         }
         if self.count > MODES_MAX {
-            words.push(format!(
+            changes.push(format!(
                 "the vibration monitor uses the first {MODES_MAX} of {} modes",
                 self.count
             ));
         }
-        if words.is_empty() { "no mode changed".to_owned() } else { words.join("; ") }
+        if changes.is_empty() { "no mode changed".to_owned() } else { changes.join("; ") }
     }
 }

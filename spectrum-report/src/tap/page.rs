@@ -40,7 +40,7 @@ fn render(analysis: &Analysis, renewed: Option<&UpdatedModel>) -> Page {
     };
     let verified = analysis.modes.iter().filter(|mode| analysis.is_verified(mode)).count();
     let all = analysis.modes.len();
-    let (tone, word) = match (all, verified) {
+    let (tone, label) = match (all, verified) {
         (0, _) => (Tone::Caution, "no mode found".to_owned()),
         (all, verified) if all == verified => {
             (Tone::Good, format!("{found}, verified by coherence"))
@@ -52,7 +52,7 @@ fn render(analysis: &Analysis, renewed: Option<&UpdatedModel>) -> Page {
         .kicker(format!("trued tap, {}", analysis.files.join(", ")))
         .verdict(
             tone,
-            &word,
+            &label,
             &sentence(analysis, &format!("between {low} and {high} Hz, from {rests}")),
         )
         .numbers(numbers(analysis));
@@ -328,8 +328,10 @@ fn coherence(analysis: &Analysis, shown: usize) -> Option<Plot> {
         let points = inside.filter_map(|(i, f, _)| Some((f, *coherence.get(i)?)));
         plot.series(Series::line("", points.collect::<Vec<_>>()))
     });
-    let least = analysis.settings.coherence_least;
-    any.then(|| marked(coherence.mark_y(least, significant(least, 2)), analysis, false))
+    let coherence_min = analysis.settings.coherence_least;
+    any.then(|| {
+        marked(coherence.mark_y(coherence_min, significant(coherence_min, 2)), analysis, false)
+    })
 }
 
 fn hits(page: Page, test: &Test) -> Page {
@@ -406,7 +408,7 @@ fn responses(test: &Test) -> Plot {
 fn rung_down(test: &Test) -> usize {
     let last = |response: &Vec<f64>| {
         let largest = response.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
-        response.iter().rposition(|x| x.abs() > SEEN * largest).map_or(0, |at| at + at / 3)
+        response.iter().rposition(|x| x.abs() > SEEN * largest).map_or(0, |index| index + index / 3)
     };
     let longest = test.tap.blocks.iter().map(|(_, response)| last(response)).max();
     longest.unwrap_or(0).max(64)

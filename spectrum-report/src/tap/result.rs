@@ -221,8 +221,8 @@ impl FunctionReport {
 
 impl ModeReport {
     fn of(mode: &MergedMode, direction: Option<[f64; 3]>, analysis: &Analysis) -> Self {
-        let name = |(at, _): &(usize, FittedMode)| {
-            analysis.functions.get(*at).map_or_else(String::new, |one| one.name.clone())
+        let name = |(function, _): &(usize, FittedMode)| {
+            analysis.functions.get(*function).map_or_else(String::new, |one| one.name.clone())
         };
         Self {
             frequency_Hz: mode.frequency_hz,

@@ -112,7 +112,7 @@ impl Source {
         let mut notes = waves.notes.clone();
         let teeth =
             inputs.teeth.or_else(|| waves.about.as_ref()?.cut.as_ref().map(|cut| cut.teeth));
-        let (rate_hz, records) = alike(file, waves, &mut notes)?;
+        let (rate_hz, records) = uniform_records(file, waves, &mut notes)?;
         let mut channels: Vec<Channel> = records
             .first()
             .map(|record| record.channels.iter().map(channel).collect())
@@ -122,8 +122,8 @@ impl Source {
         for record in records {
             let piece = piece(inputs, record, rate_hz, end_s, model.as_ref(), &mut notes);
             end_s = piece.at_s + piece.len() as f64 / rate_hz;
-            for (at, channel) in channels.iter_mut().enumerate() {
-                channel.missing += piece.samples.missing(at);
+            for (index, channel) in channels.iter_mut().enumerate() {
+                channel.missing += piece.samples.missing(index);
             }
             pieces.push(piece);
         }
@@ -170,7 +170,9 @@ impl Source {
     /// The channels of one monitor: those of one unit, at most three; a complete wrench together.
     pub(super) fn groups(&self) -> Vec<Vec<usize>> {
         let of_unit = |unit: &str| -> Vec<usize> {
-            (0..self.channels.len()).filter(|at| self.channels[*at].unit == unit).collect()
+            (0..self.channels.len())
+                .filter(|channel| self.channels[*channel].unit == unit)
+                .collect()
         };
         let mut units: Vec<&str> = Vec::new();
         for channel in &self.channels {
@@ -193,8 +195,8 @@ fn channel(wave: &Wave) -> Channel {
     let unit = if wave.unit == "1" { String::new() } else { displayed(&wave.unit) };
     let axis = wave.axis.and_then(|axis| Axis::ALL.get(axis).copied());
     // Columns without a name are named by their numbers.
-    let bare = wave.name.bytes().all(|byte| byte.is_ascii_digit());
-    let name = if bare { format!("column {}", wave.name) } else { wave.name.clone() };
+    let is_unnamed = wave.name.bytes().all(|byte| byte.is_ascii_digit());
+    let name = if is_unnamed { format!("column {}", wave.name) } else { wave.name.clone() };
     Channel { name, unit, axis, missing: 0 }
 }
 
@@ -218,7 +220,11 @@ fn model_at(name: &Path) -> Result<RobotModel, Error> {
 }
 
 /// The records over time with the rate and the channels of the first one; the others are reported.
-fn alike(file: &Path, waves: Waves, notes: &mut Vec<String>) -> Result<(f64, Vec<Record>), Error> {
+fn uniform_records(
+    file: &Path,
+    waves: Waves,
+    notes: &mut Vec<String>,
+) -> Result<(f64, Vec<Record>), Error> {
     let mut faults = Faults::new(file.display().to_string());
     let rate = |record: &Record| match record.grid {
         Grid::Time { rate_hz, .. } => Some(rate_hz),

@@ -23,7 +23,7 @@ pub(super) struct MonitoredGroup {
     pub(super) watch: VibrationMonitor,
     pub(super) result: MonitorResult,
     /// The minimum amplitude that it reports, in the group's unit.
-    pub(super) least: f64,
+    pub(super) amplitude_min: f64,
 }
 
 /// The course of one spectral line.
@@ -101,7 +101,7 @@ fn monitor_group(
     wheels: &[GearFrequency],
     rms: &[f64],
 ) -> Result<MonitoredGroup, Error> {
-    let least =
+    let amplitude_min =
         settings.amplitude_least.unwrap_or_else(|| least_amplitude(settings, source, group, rms));
     let usual = MonitorConfig::default();
     let config = MonitorConfig {
@@ -110,8 +110,12 @@ fn monitor_group(
         band_hz: settings.band_hz,
         modes: source.model.as_ref().map(modes).unwrap_or_default(),
         gear_frequencies: wheels.to_vec(),
-        least_amplitude_n: least,
-        least_amplitude_nm: if settings.amplitude_least.is_some() { least } else { 0.1 * least },
+        least_amplitude_n: amplitude_min,
+        least_amplitude_nm: if settings.amplitude_least.is_some() {
+            amplitude_min
+        } else {
+            0.1 * amplitude_min
+        },
         mains_hz: settings.mains_hz,
         threshold: settings.threshold,
         learn_s: (0.25 * source.seconds()).clamp(0.5, usual.learn_s),
@@ -128,18 +132,18 @@ fn monitor_group(
         run.end(state);
     }
     let result = run.finish();
-    Ok(MonitoredGroup { group: group.to_vec(), watch, result, least })
+    Ok(MonitoredGroup { group: group.to_vec(), watch, result, amplitude_min })
 }
 
 /// The minimum amplitude, by the unit or relative to the signal.
 fn least_amplitude(settings: &Settings, source: &Source, group: &[usize], rms: &[f64]) -> f64 {
     let defaults = MonitorConfig::default();
-    match group.first().map(|at| source.channels[*at].unit.as_str()) {
+    match group.first().map(|channel| source.channels[*channel].unit.as_str()) {
         Some("N") => defaults.least_amplitude_n,
         Some("Nm") => defaults.least_amplitude_nm,
         _ => {
             settings.amplitude_least_part
-                * group.iter().filter_map(|at| rms.get(*at)).copied().fold(0.0, f64::max)
+                * group.iter().filter_map(|channel| rms.get(*channel)).copied().fold(0.0, f64::max)
         }
     }
 }
@@ -245,8 +249,8 @@ impl Episode {
             .parts(GapHandling::Bridged, &[self.channel], from..to, |part| averaging.push(part))?;
         let mean = averaging.finish().map_err(Error::input)?.mean;
         let reach_hz = 3.0_f64.max(0.005 * self.frequency_hz);
-        let near = line_near(&mean, self.frequency_hz, reach_hz);
-        let Some(line) = near.filter(|line| line.ratio > 2.0) else { return Ok(()) };
+        let nearest = line_near(&mean, self.frequency_hz, reach_hz);
+        let Some(line) = nearest.filter(|line| line.ratio > 2.0) else { return Ok(()) };
         self.frequency_hz = line.frequency;
         let short = Segments { overlap: 3 * window / 4, length: window, ..whole };
         let mut segments = SegmentPower::new(length, &short).map_err(Error::input)?;
@@ -258,8 +262,8 @@ impl Episode {
             segments.push(part, |_, power| {
                 spectrum.power.clear();
                 spectrum.power.extend_from_slice(power);
-                let near = line_near(&spectrum, line.frequency, step_hz);
-                largest = largest.max(near.map_or(0.0, |line| line.amplitude));
+                let nearest = line_near(&spectrum, line.frequency, step_hz);
+                largest = largest.max(nearest.map_or(0.0, |line| line.amplitude));
             });
         })?;
         if largest > 0.0 {

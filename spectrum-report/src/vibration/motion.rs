@@ -86,10 +86,11 @@ impl Motion {
     ) -> Option<(&'static str, Vec<[f64; 3]>)> {
         let axis = |axis: usize| beside.get(&Channel::Position(axis));
         if (0..3).any(|i| axis(i).is_some()) {
-            let at = |i: usize, row: usize| {
+            let coordinate = |i: usize, row: usize| {
                 axis(i).map_or(0.0, |x| x.get(row).map_or(f64::NAN, |x| 1e3 * x))
             };
-            let rows = (0..samples).map(|row| [at(0, row), at(1, row), at(2, row)]);
+            let rows = (0..samples)
+                .map(|row| [coordinate(0, row), coordinate(1, row), coordinate(2, row)]);
             return Some(("the measured positions", rows.collect()));
         }
         let arm = &model?.physics.arm;
@@ -109,9 +110,9 @@ impl Motion {
     /// The state at a sample.
     pub(super) fn state(&self, sample: usize, teeth: u32) -> ProcessState {
         ProcessState {
-            spindle_rpm: at(&self.spindle_rpm, sample),
+            spindle_rpm: value_at(&self.spindle_rpm, sample),
             teeth,
-            feed_mm_s: at(&self.feed_mm_s, sample),
+            feed_mm_s: value_at(&self.feed_mm_s, sample),
             in_cut: None,
         }
     }
@@ -152,7 +153,7 @@ impl Motion {
         parts: usize,
         rate_hz: f64,
     ) -> Option<Vec<f64>> {
-        let (_, q) = self.joints.iter().find(|(at, _)| *at == joint)?;
+        let (_, q) = self.joints.iter().find(|(index, _)| *index == joint)?;
         let travelled = path_mm(&q.iter().map(|q| [*q, 0.0, 0.0]).collect::<Vec<_>>(), rate_hz);
         if travelled.is_empty() || self.path_mm.len() != travelled.len() {
             return None;
@@ -190,16 +191,16 @@ fn hold_last(values: &[f64]) -> Series {
     values.iter().map(next).collect()
 }
 
-fn at(course: &Series, sample: usize) -> f64 {
+fn value_at(course: &Series, sample: usize) -> f64 {
     course.get(sample).or(course.last()).copied().unwrap_or(0.0)
 }
 
 fn integrated(feed_mm_s: &Series, samples: usize, rate_hz: f64) -> Vec<f64> {
     let mut place_mm = 0.0;
     let step = |sample: usize| {
-        let here = place_mm;
-        place_mm += at(feed_mm_s, sample).max(0.0) / rate_hz;
-        here
+        let begin_mm = place_mm;
+        place_mm += value_at(feed_mm_s, sample).max(0.0) / rate_hz;
+        begin_mm
     };
     (0..samples).map(step).collect()
 }

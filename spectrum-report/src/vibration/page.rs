@@ -34,7 +34,7 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
         (false, true) => Tone::Good,
         (false, false) => Tone::Caution,
     };
-    let word = if rings {
+    let label = if rings {
         "alarm"
     } else if monitored {
         "no alarm"
@@ -45,7 +45,7 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
     if let Some(model) = &analysis.source.model {
         page = page.robot(model.file.identity().to_string());
     }
-    page = page.verdict(tone, word, &text::lead(analysis)).numbers(numbers(analysis));
+    page = page.verdict(tone, label, &text::lead(analysis)).numbers(numbers(analysis));
     if let Some(map) = plots::waterfall(analysis, channel)? {
         page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
     }
@@ -336,7 +336,7 @@ fn facts(analysis: &Analysis) -> Vec<(&'static str, String)> {
     facts.push(("Model", model));
     for monitored in &analysis.monitored {
         let unit = &analysis.source.channels[monitored.channel(spectrum::Axis::X)].unit;
-        facts.push(("Least amplitude", report::quantity(monitored.least, unit)));
+        facts.push(("Least amplitude", report::quantity(monitored.amplitude_min, unit)));
     }
     facts
 }

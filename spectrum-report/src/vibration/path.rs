@@ -130,22 +130,22 @@ impl PathGearFrequencies {
     fn for_path(source: &Source, model: &RobotModel) -> Self {
         let mut wheels = Self::default();
         let mut turning = [0.0; JOINTS_MAX];
-        for (at, joint) in model.file.joints.iter().enumerate().filter(|(_, j)| turns(j.kind)) {
+        for (index, joint) in model.file.joints.iter().enumerate().filter(|(_, j)| turns(j.kind)) {
             let found: Vec<f64> = source
                 .pieces
                 .iter()
-                .filter_map(|piece| piece.motion.gear_frequencies(at, PARTS, source.rate_hz))
+                .filter_map(|piece| piece.motion.gear_frequencies(index, PARTS, source.rate_hz))
                 .flatten()
                 .collect();
             let Some(turns_per_mm) = median(found.iter().copied()).filter(|turns| *turns > 1e-9)
             else {
                 continue;
             };
-            let off = found.iter().map(|turns| (turns / turns_per_mm - 1.0).abs());
+            let deviations = found.iter().map(|turns| (turns / turns_per_mm - 1.0).abs());
             if !joint.gear_teeth.is_empty() {
-                wheels.spread = wheels.spread.max(median(off).unwrap_or(0.0));
+                wheels.spread = wheels.spread.max(median(deviations).unwrap_or(0.0));
             }
-            if let Some(turns) = turning.get_mut(at) {
+            if let Some(turns) = turning.get_mut(index) {
                 *turns = turns_per_mm;
             }
         }
@@ -307,7 +307,7 @@ fn lines_in_time(
     spectra: &[ChannelSpectrum],
     the_feed_mm_s: Option<f64>,
 ) -> Vec<(f64, f64)> {
-    let at = |episode: &Episode| {
+    let point = |episode: &Episode| {
         let t_s = 0.5 * (episode.from_s + episode.to_s.unwrap_or(episode.from_s));
         let piece = source.pieces.iter().rfind(|piece| piece.at_s <= t_s)?;
         let sample = ((t_s - piece.at_s) * source.rate_hz) as usize;
@@ -316,5 +316,5 @@ fn lines_in_time(
     };
     let lines = spectra.iter().flat_map(|one| &one.lines).map(|one| one.line.frequency);
     let lines = lines.flat_map(|hz| the_feed_mm_s.map(|feed| (hz, hz / feed)));
-    episodes.iter().filter_map(at).chain(lines).collect()
+    episodes.iter().filter_map(point).chain(lines).collect()
 }

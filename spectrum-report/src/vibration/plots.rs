@@ -122,16 +122,16 @@ pub(super) fn waterfall(analysis: &Analysis, channel: usize) -> Result<Option<Sv
 fn fill_gaps(cells: &mut [f64], rows: usize, columns: usize, reach: usize) {
     for row in 0..rows {
         let line = &mut cells[row * columns..(row + 1) * columns];
-        let known: Vec<usize> = (0..columns).filter(|at| !line[*at].is_nan()).collect();
-        for at in 0..columns {
-            if !line[at].is_nan() {
+        let known: Vec<usize> = (0..columns).filter(|column| !line[*column].is_nan()).collect();
+        for column in 0..columns {
+            if !line[column].is_nan() {
                 continue;
             }
-            let next = known.partition_point(|k| *k < at);
-            let near = [next.checked_sub(1), Some(next)].into_iter().flatten();
-            let near = near.filter_map(|k| known.get(k)).min_by_key(|k| k.abs_diff(at));
-            if let Some(near) = near.filter(|near| near.abs_diff(at) <= reach) {
-                line[at] = line[*near];
+            let next = known.partition_point(|k| *k < column);
+            let nearest = [next.checked_sub(1), Some(next)].into_iter().flatten();
+            let nearest = nearest.filter_map(|k| known.get(k)).min_by_key(|k| k.abs_diff(column));
+            if let Some(nearest) = nearest.filter(|nearest| nearest.abs_diff(column) <= reach) {
+                line[column] = line[*nearest];
             }
         }
     }
@@ -159,17 +159,17 @@ pub(super) fn thinned(source: &Source) -> usize {
 
 /// The samples of one channel over time.
 pub(super) fn signal(analysis: &Analysis, channel: usize) -> Result<Svg, Error> {
-    let own = &analysis.source.channels[channel];
+    let shown = &analysis.source.channels[channel];
     let group = thinned(&analysis.source);
     let mut points =
         Vec::with_capacity(analysis.source.len().min(SIGNAL_POINTS) + analysis.source.pieces.len());
     for piece in &analysis.source.pieces {
         let t_s = |i: usize| piece.at_s + i as f64 / analysis.source.rate_hz;
-        let (mut at, mut open) = (0, Vec::with_capacity(group));
+        let (mut sample, mut open) = (0, Vec::with_capacity(group));
         piece.samples.parts(GapHandling::Missing, &[channel], 0..piece.len(), |part| {
             for x in part {
-                open.push((t_s(at), *x));
-                at += 1;
+                open.push((t_s(sample), *x));
+                sample += 1;
                 if open.len() == group {
                     extremes(&mut open, &mut points);
                 }
@@ -178,7 +178,7 @@ pub(super) fn signal(analysis: &Analysis, channel: usize) -> Result<Svg, Error> 
         extremes(&mut open, &mut points);
         points.push((t_s(piece.len()), f64::NAN));
     }
-    let plot = Plot::new("Signal", Axis::new("Time", "s"), Axis::new(&own.name, &own.unit))
+    let plot = Plot::new("Signal", Axis::new("Time", "s"), Axis::new(&shown.name, &shown.unit))
         .series(Series::line("", points))
         .height(220.0);
     let marked = named(analysis)
@@ -190,9 +190,9 @@ pub(super) fn signal(analysis: &Analysis, channel: usize) -> Result<Svg, Error> 
 /// Appends minimum and maximum of `open` to `to` in time order; one NaN point where every sample is missing.
 fn extremes(open: &mut Vec<(f64, f64)>, to: &mut Vec<(f64, f64)>) {
     let taken = || open.iter().filter(|point| !point.1.is_nan());
-    let least = taken().min_by(|a, b| a.1.total_cmp(&b.1));
+    let smallest = taken().min_by(|a, b| a.1.total_cmp(&b.1));
     let largest = taken().max_by(|a, b| a.1.total_cmp(&b.1));
-    match least.zip(largest) {
+    match smallest.zip(largest) {
         Some((a, b)) if a.0 == b.0 => to.push(*a),
         Some((a, b)) if a.0 < b.0 => to.extend([*a, *b]),
         Some((a, b)) => to.extend([*b, *a]),
@@ -276,8 +276,8 @@ fn marks(plot: Plot, source: &Source, top_hz: f64, low: f64) -> Plot {
     let mut level = low;
     rows.into_iter().filter(|(_, row)| !row.is_empty()).fold(plot, |plot, (name, row)| {
         level *= 0.4;
-        let at = level;
-        plot.series(Series::dots(name, row.into_iter().map(move |f| (f, at))))
+        let height = level;
+        plot.series(Series::dots(name, row.into_iter().map(move |f| (f, height))))
     })
 }
 
@@ -323,7 +323,7 @@ pub(super) fn path(source: &Source, spectra: &PathSpectra, unit: &str) -> Svg {
     let mut marked: Vec<f64> = Vec::new();
     for found in named {
         let line = found.line.frequency;
-        let again = marked.iter().any(|there| (line / there - 1.0).abs() < 0.03);
+        let again = marked.iter().any(|marked_hz| (line / marked_hz - 1.0).abs() < 0.03);
         if again || marked.len() == NAMED {
             continue;
         }

@@ -282,18 +282,22 @@ impl Near {
 }
 
 fn channels(analysis: &Analysis) -> Vec<Channel> {
-    let least = |at: usize| {
+    let amplitude_min = |channel_index: usize| {
         let monitored =
-            analysis.monitored.iter().find(|monitored| monitored.group.contains(&at))?;
-        Some(monitored.least)
+            analysis.monitored.iter().find(|monitored| monitored.group.contains(&channel_index))?;
+        Some(monitored.amplitude_min)
     };
-    let channel = |(at, channel): (usize, &super::input::Channel)| Channel {
+    let channel = |(channel_index, channel): (usize, &super::input::Channel)| Channel {
         name: channel.name.clone(),
         unit: channel.unit.clone(),
         axis: axis_of(channel),
-        rms: analysis.spectra.iter().find(|s| s.channel == at).map_or(f64::NAN, |s| s.rms),
+        rms: analysis
+            .spectra
+            .iter()
+            .find(|s| s.channel == channel_index)
+            .map_or(f64::NAN, |s| s.rms),
         samples_not_taken: channel.missing,
-        least_amplitude: least(at),
+        least_amplitude: amplitude_min(channel_index),
     };
     analysis.source.channels.iter().enumerate().map(channel).collect()
 }
@@ -341,8 +345,8 @@ fn episodes(analysis: &Analysis) -> Vec<Episode> {
 fn lines(analysis: &Analysis) -> Vec<Line> {
     let all =
         analysis.spectra.iter().flat_map(|s| s.lines.iter().map(move |line| (s.channel, line)));
-    let line = |(at, one): (usize, &super::spectra::ClassifiedLine)| {
-        let channel = &analysis.source.channels[at];
+    let line = |(channel_index, one): (usize, &super::spectra::ClassifiedLine)| {
+        let channel = &analysis.source.channels[channel_index];
         Line {
             tone: Tone::on(channel, one.line.frequency, one.line.amplitude, &one.verdict),
             power_over_floor: one.line.ratio,
@@ -406,8 +410,9 @@ fn health(analysis: &Analysis) -> Vec<Finding> {
     let all =
         analysis.monitored.iter().flat_map(|one| one.result.findings.iter().map(move |f| (one, f)));
     let finding = |(monitored, finding): (&MonitoredGroup, &spectrum::offline::FaultInterval)| {
-        let name = |at: usize| {
-            let channel = monitored.group.get(at).and_then(|at| analysis.source.channels.get(*at));
+        let name = |index: usize| {
+            let channel =
+                monitored.group.get(index).and_then(|index| analysis.source.channels.get(*index));
             channel.map(|channel| channel.name.clone())
         };
         Finding {

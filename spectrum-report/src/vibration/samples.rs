@@ -66,9 +66,9 @@ impl Samples {
     ) -> Result<(), Error> {
         match self {
             Self::Held { taken, bridged } => {
-                let channel = |at: &usize| match gaps {
-                    GapHandling::Missing => taken[*at].as_slice(),
-                    GapHandling::Bridged => bridged[*at].as_deref().unwrap_or(&taken[*at]),
+                let channel = |index: &usize| match gaps {
+                    GapHandling::Missing => taken[*index].as_slice(),
+                    GapHandling::Bridged => bridged[*index].as_deref().unwrap_or(&taken[*index]),
                 };
                 let chosen: Vec<&[f64]> = channels.iter().map(channel).collect();
                 interleave(&chosen, range, each);
@@ -88,7 +88,9 @@ fn interleave(channels: &[&[f64]], range: Range<usize>, mut each: impl FnMut(&[f
     for from in range.clone().step_by(FRAMES) {
         part.clear();
         let to = (from + FRAMES).min(range.end);
-        part.extend((from..to).flat_map(|at| channels.iter().map(move |channel| channel[at])));
+        part.extend(
+            (from..to).flat_map(|frame| channels.iter().map(move |channel| channel[frame])),
+        );
         each(&part);
     }
 }
@@ -98,17 +100,17 @@ fn interpolate_gaps(samples: &[f64]) -> Option<Vec<f64>> {
     samples.iter().any(|x| x.is_nan()).then(|| {
         let mut even = samples.to_vec();
         let mut last: Option<usize> = None;
-        for at in 0..samples.len() {
-            if samples[at].is_nan() {
+        for index in 0..samples.len() {
+            if samples[index].is_nan() {
                 continue;
             }
-            let from = last.map_or(samples[at], |last| samples[last]);
+            let from = last.map_or(samples[index], |last| samples[last]);
             let begin = last.map_or(0, |last| last + 1);
-            let steps = (at + 1 - begin) as f64;
-            for (step, value) in (1..).zip(&mut even[begin..at]) {
-                *value = from + (samples[at] - from) * f64::from(step) / steps;
+            let steps = (index + 1 - begin) as f64;
+            for (step, value) in (1..).zip(&mut even[begin..index]) {
+                *value = from + (samples[index] - from) * f64::from(step) / steps;
             }
-            last = Some(at);
+            last = Some(index);
         }
         let end = last.map_or(0.0, |last| samples[last]);
         even[last.map_or(0, |last| last + 1)..].fill(end);

@@ -97,17 +97,17 @@ fn measure_channels(
         channels.iter().map(|_| SpectrumAverager::new(segments)).collect();
     let mut rms: Vec<RmsOverSeconds> =
         channels.iter().map(|_| RmsOverSeconds::of_seconds(source.rate_hz)).collect();
-    let mut own = Vec::new();
+    let mut samples = Vec::new();
     for piece in &source.pieces {
         for averaging in &mut averaging {
             averaging.begin(piece.len()).map_err(Error::input)?;
         }
         piece.samples.parts(GapHandling::Bridged, channels, 0..piece.len(), |part| {
-            for (at, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
-                own.clear();
-                own.extend(part.iter().skip(at).step_by(channels.len()));
-                averaging.push(&own);
-                rms.push(&own);
+            for (index, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
+                samples.clear();
+                samples.extend(part.iter().skip(index).step_by(channels.len()));
+                averaging.push(&samples);
+                rms.push(&samples);
             }
         })?;
         rms.iter_mut().for_each(RmsOverSeconds::end);
@@ -195,19 +195,19 @@ fn classify(
     all: &[MonitoredGroup],
     episodes: &[Episode],
 ) -> ClassifiedLine {
-    let near = |episode: &&Episode| {
+    let is_near = |episode: &&Episode| {
         (episode.frequency_hz - line.frequency).abs() < SAME_HZ.max(resolution_hz)
     };
-    let tracked = episodes.iter().filter(near).min_by(|a, b| {
-        let off = |episode: &Episode| (episode.frequency_hz - line.frequency).abs();
-        off(a).total_cmp(&off(b))
+    let tracked = episodes.iter().filter(is_near).min_by(|a, b| {
+        let distance = |episode: &Episode| (episode.frequency_hz - line.frequency).abs();
+        distance(a).total_cmp(&distance(b))
     });
     if let Some(episode) = tracked {
         return ClassifiedLine { line, verdict: episode.verdict, is_tracked: true };
     }
     let place = all.iter().find_map(|monitored| {
-        let at = monitored.group.iter().position(|there| *there == channel)?;
-        Some((monitored, Axis::of_channel(at)))
+        let index = monitored.group.iter().position(|member| *member == channel)?;
+        Some((monitored, Axis::of_channel(index)))
     });
     let verdict = place.map_or_else(unknown, |(monitored, axis)| {
         monitored.watch.classify_steady_line(axis, line.frequency, standing)

@@ -142,8 +142,8 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
         });
     }
     if let Some(mode) = verdict.mode {
-        let near = mode.distance_hz.abs() < 0.05 * mode.frequency_hz;
-        reasons.push(if near {
+        let is_near = mode.distance_hz.abs() < 0.05 * mode.frequency_hz;
+        reasons.push(if is_near {
             format!("the model has a mode at {}", hz(mode.frequency_hz))
         } else {
             format!("the model's nearest mode is at {}", hz(mode.frequency_hz))
@@ -200,9 +200,11 @@ pub(super) fn health(analysis: &Analysis) -> Vec<String> {
     let mut sentences = Vec::new();
     for monitored in &analysis.monitored {
         for finding in &monitored.result.findings {
-            let channel = finding.channel.and_then(|at| monitored.group.get(at));
-            let name =
-                channel.map_or("the recording", |at| analysis.source.channels[*at].name.as_str());
+            let channel =
+                finding.channel.and_then(|channel_index| monitored.group.get(channel_index));
+            let name = channel.map_or("the recording", |channel_index| {
+                analysis.source.channels[*channel_index].name.as_str()
+            });
             sentences.push(format!(
                 "{name}, {} to {} s: {}",
                 fixed(finding.from_s, 2),
@@ -364,7 +366,7 @@ pub(super) fn path(source: &Source, spectra: &PathSpectra) -> String {
         return format!("{known}: no line exceeds the noise");
     };
     let wheel = found.wheel.map_or(String::new(), |wheel| format!(", {}", wheel.text()));
-    let doubt = match (spectra.one_feed, found.in_time_hz) {
+    let caveat = match (spectra.one_feed, found.in_time_hz) {
         (true, Some(in_time_hz)) => {
             format!("; at this single feed the same as {} in time", hz(in_time_hz))
         }
@@ -374,7 +376,7 @@ pub(super) fn path(source: &Source, spectra: &PathSpectra) -> String {
         _ => String::new(),
     };
     format!(
-        "{known}: {} cycles/mm ({} mm) on {}, amplitude {}{wheel}{doubt}",
+        "{known}: {} cycles/mm ({} mm) on {}, amplitude {}{wheel}{caveat}",
         significant(found.line.frequency, 3),
         significant(1.0 / found.line.frequency, 3),
         channel.name,

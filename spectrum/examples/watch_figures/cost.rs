@@ -81,10 +81,10 @@ fn hop_beside_plain() -> Option<[f64; 4]> {
 }
 
 pub(crate) fn table() -> Result<String, ConfigError> {
-    let (least, middle) = share_of_a_core()?;
+    let (minimum, median) = share_of_a_core()?;
     let [hop_min, hop, plain_min, plain] = hop_beside_plain().unwrap_or([f64::NAN; 4]);
     Ok(format!(
-        "{{\"channels\": 6, \"rate_Hz\": 50000, \"share_of_core\": {{\"min\": {least:.5}, \"p50\": {middle:.5}}}, \
+        "{{\"channels\": 6, \"rate_Hz\": 50000, \"share_of_core\": {{\"min\": {minimum:.5}, \"p50\": {median:.5}}}, \
          \"hop_4096_us\": {{\"min\": {hop_min:.2}, \"p50\": {hop:.2}}}, \"six_plain_us\": {{\"min\": {plain_min:.2}, \
          \"p50\": {plain:.2}}}, \"ratio\": {{\"min\": {:.3}, \"p50\": {:.3}}}}}",
         hop_min / plain_min,

@@ -14,11 +14,15 @@ mod transients;
 use std::io::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |key: &str| {
-        asked.iter().find_map(|a| a.strip_prefix(key)?.strip_prefix('=')?.parse::<f64>().ok())
+        arguments
+            .iter()
+            .find_map(|argument| argument.strip_prefix(key)?.strip_prefix('=')?.parse::<f64>().ok())
     };
-    let named = |key: &str| asked.iter().any(|a| a == key || a.starts_with(&format!("{key}=")));
+    let named = |key: &str| {
+        arguments.iter().any(|argument| argument == key || argument.starts_with(&format!("{key}=")))
+    };
     let all = !["detection", "curve", "transients", "noise", "starts", "cost"]
         .iter()
         .any(|key| named(key));

@@ -110,7 +110,7 @@ impl Rig {
         &mut self,
         seconds: f64,
         signal: impl Fn(usize, f64) -> f64,
-        mut said: impl FnMut(f64, &Verdict),
+        mut on_verdict: impl FnMut(f64, &Verdict),
     ) {
         let per_block = (0.002 * self.rate_hz).max(1.0) as u64;
         let start = self.frame;
@@ -139,7 +139,7 @@ impl Rig {
             self.frame += per_block;
             let now_s = (self.frame - start) as f64 / self.rate_hz;
             for verdict in &verdicts {
-                said(now_s, verdict);
+                on_verdict(now_s, verdict);
             }
         }
     }

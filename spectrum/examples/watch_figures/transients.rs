@@ -39,9 +39,10 @@ fn single_shock(rig: &mut Rig) -> Signal {
 fn three_shocks(rig: &mut Rig) -> Signal {
     let (newton, width_s) = (rig.uniform(20.0, 200.0), rig.uniform(0.001, 0.01));
     let (a, b) = (rig.uniform(0.04, 0.2), rig.uniform(0.04, 0.2));
-    let at = [0.3, 0.3 + a, 0.3 + a + b];
+    let times_s = [0.3, 0.3 + a, 0.3 + a + b];
     Box::new(move |c, t| {
-        newton / (c + 1) as f64 * at.iter().map(|at| shock(t - at, width_s)).sum::<f64>()
+        newton / (c + 1) as f64
+            * times_s.iter().map(|start_s| shock(t - start_s, width_s)).sum::<f64>()
     })
 }
 

@@ -82,8 +82,8 @@ impl Band {
 
     /// Fits one pole per start value (Hz), with a polynomial of this degree.
     pub(super) fn fit_poles(&self, starts_hz: &[Complex<f64>], degree: usize) -> Option<Fit> {
-        let own = |p: &Complex<f64>| (p - self.centre_hz) / self.half_width_hz;
-        self.gauss_newton(starts_hz.iter().map(own).collect(), degree)
+        let normalised = |p: &Complex<f64>| (p - self.centre_hz) / self.half_width_hz;
+        self.gauss_newton(starts_hz.iter().map(normalised).collect(), degree)
     }
 
     /// `H (v − p) = N(v)` is linear in `p` and the polynomial; division by the previous iteration's

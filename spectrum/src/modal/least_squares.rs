@@ -33,12 +33,12 @@ pub(super) fn solve(columns: &[Vec<Complex<f64>>], right: &[Complex<f64>]) -> Op
                 subtract(&mut direction, part, other);
             }
         }
-        let own = norm(&direction);
-        if !(own > DEPENDENCE_TOLERANCE * length && own.is_finite()) {
+        let length_left = norm(&direction);
+        if !(length_left > DEPENDENCE_TOLERANCE * length && length_left.is_finite()) {
             return None;
         }
-        direction.iter_mut().for_each(|x| *x /= own);
-        r[k][k] = own.into();
+        direction.iter_mut().for_each(|x| *x /= length_left);
+        r[k][k] = length_left.into();
         projected[k] = dot(&direction, &residual);
         subtract(&mut residual, projected[k], &direction);
         q.push(direction);

@@ -32,14 +32,15 @@ pub fn merge_modes(lists: &[Vec<FittedMode>]) -> Vec<MergedMode> {
     all.sort_by(|a, b| a.1.frequency_hz.total_cmp(&b.1.frequency_hz));
     let mut groups: Vec<Vec<(usize, FittedMode)>> = Vec::new();
     for (k, mode) in all {
-        let near = |(_, other): &(usize, FittedMode)| {
+        let is_same_mode = |(_, other): &(usize, FittedMode)| {
             let apart = mode.frequency_hz - other.frequency_hz;
             let sigma = mode.frequency_sigma_hz.hypot(other.frequency_sigma_hz);
             apart <= (SAME_MODE_TOLERANCE.0 * mode.frequency_hz).max(SAME_MODE_TOLERANCE.1 * sigma)
         };
         match groups.last_mut() {
             Some(group)
-                if group.first().is_some_and(near) && group.iter().all(|(of, _)| *of != k) =>
+                if group.first().is_some_and(is_same_mode)
+                    && group.iter().all(|(index, _)| *index != k) =>
             {
                 group.push((k, mode));
             }

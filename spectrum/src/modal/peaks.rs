@@ -105,8 +105,8 @@ fn changes_sign(receptance: &[Complex<f64>], peak: usize, width: usize) -> bool 
 /// Index of the nearest frequency.
 pub(super) fn nearest_bin(frequency_hz: &[f64], wanted_hz: f64) -> usize {
     let above = frequency_hz.partition_point(|f| *f < wanted_hz).min(frequency_hz.len().max(1) - 1);
-    let off = |i: usize| frequency_hz.get(i).map_or(f64::INFINITY, |f| (f - wanted_hz).abs());
-    if above > 0 && off(above - 1) < off(above) { above - 1 } else { above }
+    let distance = |i: usize| frequency_hz.get(i).map_or(f64::INFINITY, |f| (f - wanted_hz).abs());
+    if above > 0 && distance(above - 1) < distance(above) { above - 1 } else { above }
 }
 
 /// Half-power bandwidth of the peak near a bin, by linear interpolation between the bins; `None` if
@@ -114,10 +114,10 @@ pub(super) fn nearest_bin(frequency_hz: &[f64], wanted_hz: f64) -> usize {
 pub(super) fn half_power_hz(
     frequency_hz: &[f64],
     receptance: &[Complex<f64>],
-    near: usize,
+    index: usize,
 ) -> Option<f64> {
     let power: Vec<f64> = receptance.iter().map(Complex::norm_sqr).collect();
-    let mut top = near.min(power.len().checked_sub(2)?).max(1);
+    let mut top = index.min(power.len().checked_sub(2)?).max(1);
     while top + 1 < power.len() - 1 && power[top + 1] > power[top] {
         top += 1;
     }
@@ -127,14 +127,14 @@ pub(super) fn half_power_hz(
     let half = 0.5 * power[top];
     // Noise may cause a small rise; a rise of a tenth of the peak is another mode.
     let crossing = |places: &mut dyn Iterator<Item = usize>| {
-        let (mut last, mut least) = (top, power[top]);
+        let (mut last, mut minimum) = (top, power[top]);
         for i in places {
             if power[i] <= half {
                 let part = (power[last] - half) / (power[last] - power[i]);
                 return Some(frequency_hz[last] + part * (frequency_hz[i] - frequency_hz[last]));
             }
-            least = least.min(power[i]);
-            if power[i] > least + 0.1 * power[top] {
+            minimum = minimum.min(power[i]);
+            if power[i] > minimum + 0.1 * power[top] {
                 return None;
             }
             last = i;

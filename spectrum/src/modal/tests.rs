@@ -106,23 +106,23 @@ fn noisy(h: &[Complex<f64>], level: f64, rng: &mut ChaCha8Rng) -> Vec<Complex<f6
 fn covered(known: &[Known], level: f64, runs: u64) -> (f64, f64, usize, usize) {
     let f = grid(1200, 0.25);
     let clean = receptance(&f, known, 0.0);
-    let (mut frequency, mut damping, mut seen, mut wrong) = (0, 0, 0, 0);
+    let (mut frequency, mut damping, mut identified, mut wrong) = (0, 0, 0, 0);
     for seed in 0..runs {
         let h = noisy(&clean, level, &mut ChaCha8Rng::seed_from_u64(seed));
         for mode in identify_modes(&measured(&f, &h), [15.0, 280.0], COHERENCE_MIN) {
-            let near = |k: &&Known| (mode.frequency_hz / k.0 - 1.0).abs() < 0.04;
-            let Some((f_n, zeta, _)) = known.iter().find(near) else {
+            let is_near = |k: &&Known| (mode.frequency_hz / k.0 - 1.0).abs() < 0.04;
+            let Some((f_n, zeta, _)) = known.iter().find(is_near) else {
                 wrong += 1;
                 continue;
             };
-            seen += 1;
-            let off = |error: f64, sigma: f64| usize::from(error.abs() <= 2.0 * sigma);
-            frequency += off(mode.frequency_hz - f_n, mode.frequency_sigma_hz);
-            damping += off(mode.damping - zeta, mode.damping_sigma);
+            identified += 1;
+            let is_covered = |error: f64, sigma: f64| usize::from(error.abs() <= 2.0 * sigma);
+            frequency += is_covered(mode.frequency_hz - f_n, mode.frequency_sigma_hz);
+            damping += is_covered(mode.damping - zeta, mode.damping_sigma);
         }
     }
-    let share = |count: usize| count as f64 / seen.max(1) as f64;
-    (share(frequency), share(damping), seen, wrong)
+    let share = |count: usize| count as f64 / identified.max(1) as f64;
+    (share(frequency), share(damping), identified, wrong)
 }
 
 #[test]
@@ -130,12 +130,12 @@ fn the_stated_uncertainty_covers_from_half_a_percent_to_five_of_damping() {
     for zeta in [0.005, 0.01, 0.02, 0.05] {
         for level in [0.002, 0.01, 0.03] {
             let known = [(60.0, zeta, 10.0), (130.0, zeta, -6.0), (210.0, zeta, 3.0)];
-            let (frequency, damping, seen, wrong) = covered(&known, level, 40);
+            let (frequency, damping, identified, wrong) = covered(&known, level, 40);
             eprintln!(
-                "damping {zeta}, noise {level}: {frequency:.3} {damping:.3} of {seen}, {wrong} wrong"
+                "damping {zeta}, noise {level}: {frequency:.3} {damping:.3} of {identified}, {wrong} wrong"
             );
             assert!(frequency > 0.92 && damping > 0.92);
-            assert!(wrong <= 3 && seen > 40);
+            assert!(wrong <= 3 && identified > 40);
         }
     }
 }

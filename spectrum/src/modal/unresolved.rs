@@ -40,13 +40,13 @@ pub fn unresolved_peaks(
     let all = peaks::find_coherent_peaks(&measured, band_hz, least_coherence);
     let bin_hz = measured.bin_hz();
     let explained = |peak: &peaks::Peak| {
-        let near = |mode: &FittedMode| {
+        let is_near = |mode: &FittedMode| {
             let half_width_hz = mode.damping * mode.frequency_hz;
             let pole_hz = Complex::new(mode.frequency_hz, half_width_hz);
             (mode.frequency_hz - peak.frequency_hz).abs()
                 <= measured.reach_hz(pole_hz, BAND_HALF_WIDTHS)
         };
-        modes.iter().any(near)
+        modes.iter().any(is_near)
     };
     let strongest = all.iter().map(|peak| peak.accelerance).fold(0.0, f64::max);
     let unresolved_peak = |peak: &peaks::Peak| {

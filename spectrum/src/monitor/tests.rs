@@ -39,7 +39,7 @@ impl Rig {
     ) -> Vec<(f64, Verdict)> {
         let per_block = (0.002 * self.rate_hz).max(1.0) as u64;
         let end = self.frame + (seconds * self.rate_hz) as u64;
-        let mut said = Vec::new();
+        let mut events = Vec::new();
         while self.frame < end {
             let mut samples = Vec::new();
             for i in 0..per_block {
@@ -63,9 +63,9 @@ impl Rig {
             self.frame += per_block;
             self.t_ns += (per_block as f64 / self.rate_hz * 1e9).round() as u64;
             let now_s = self.frame as f64 / self.rate_hz;
-            said.extend(verdicts.iter().map(|verdict| (now_s, *verdict)));
+            events.extend(verdicts.iter().map(|verdict| (now_s, *verdict)));
         }
-        said
+        events
     }
 
     pub(super) fn lose_a_block(&mut self) {
@@ -101,16 +101,17 @@ fn a_tone_is_found_on_its_axis_with_its_frequency_and_amplitude() {
         (51_200.0, 35.0),
     ] {
         let mut rig = Rig::new(config(rate_hz), 1.0, 3);
-        let said = rig.run(4.0, tone_y(frequency_hz, 6.0, 2.0));
-        let (at_s, first) = said.first().expect("the tone is seen");
+        let events = rig.run(4.0, tone_y(frequency_hz, 6.0, 2.0));
+        let (at_s, first) = events.first().expect("the tone is seen");
         assert!((2.0..2.3).contains(at_s), "{rate_hz}: {at_s}");
         let cell_hz = 32.0;
         assert!((first.frequency_hz - frequency_hz).abs() < cell_hz);
-        let (_, last) = said.iter().rfind(|(_, v)| v.state == State::Confirmed).expect("confirmed");
+        let (_, last) =
+            events.iter().rfind(|(_, v)| v.state == State::Confirmed).expect("confirmed");
         assert!((last.frequency_hz - frequency_hz).abs() < 0.5, "{rate_hz}: {}", last.frequency_hz);
         assert!((last.amplitude_n - 6.0).abs() < 0.5, "{rate_hz}: {}", last.amplitude_n);
         assert_eq!(last.axis, Axis::Y);
-        assert!(said.iter().all(|(_, v)| v.line == first.line), "one line: {said:?}");
+        assert!(events.iter().all(|(_, v)| v.line == first.line), "one line: {events:?}");
     }
 }
 
@@ -118,8 +119,8 @@ fn a_tone_is_found_on_its_axis_with_its_frequency_and_amplitude() {
 fn noise_alone_raises_nothing() {
     for (seed, rate_hz) in (0..4).flat_map(|seed| [(seed, 2000.0), (seed, 248.0)]) {
         let mut rig = Rig::new(config(rate_hz), 3.0, seed);
-        let said = rig.run(60.0, |_, _| 0.0);
-        assert!(said.is_empty(), "{said:?}");
+        let events = rig.run(60.0, |_, _| 0.0);
+        assert!(events.is_empty(), "{events:?}");
     }
 }
 
@@ -127,8 +128,8 @@ fn noise_alone_raises_nothing() {
 fn a_line_that_stops_is_over_and_reported_once() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 5);
     rig.run(3.0, tone_y(72.0, 5.0, 1.5));
-    let said = rig.run(2.0, |_, _| 0.0);
-    let over: Vec<_> = said.iter().filter(|(_, v)| v.state == State::Over).collect();
+    let events = rig.run(2.0, |_, _| 0.0);
+    let over: Vec<_> = events.iter().filter(|(_, v)| v.state == State::Over).collect();
     assert_eq!(over.len(), 1);
     assert!((3.4..4.0).contains(&over[0].0), "{}", over[0].0);
     assert!(rig.watch.lines().is_empty());
@@ -137,8 +138,8 @@ fn a_line_that_stops_is_over_and_reported_once() {
 #[test]
 fn a_line_that_is_there_from_the_start_is_seen_too() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 6);
-    let said = rig.run(3.0, tone_y(72.0, 4.0, 0.0));
-    assert!(said.iter().any(|(_, v)| (v.frequency_hz - 72.0).abs() < 1.0), "{said:?}");
+    let events = rig.run(3.0, tone_y(72.0, 4.0, 0.0));
+    assert!(events.iter().any(|(_, v)| (v.frequency_hz - 72.0).abs() < 1.0), "{events:?}");
 }
 
 #[test]
@@ -147,8 +148,8 @@ fn a_second_of_air_is_enough_to_alarm_a_chatter_that_the_cut_brings_at_once() {
         let mut rig = Rig::new(config(10_000.0), 1.0, 8);
         let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
         rig.watch.set_process_state(process);
-        let said = rig.run(2.0, tone_y(frequency_hz, 20.0, 1.0));
-        let alarm = said.iter().find(|(_, v)| v.state == State::Alarm).expect("an alarm");
+        let events = rig.run(2.0, tone_y(frequency_hz, 20.0, 1.0));
+        let alarm = events.iter().find(|(_, v)| v.state == State::Alarm).expect("an alarm");
         assert!((1.0..latest_s).contains(&alarm.0), "{frequency_hz} Hz: {}", alarm.0);
     }
 }
@@ -158,13 +159,13 @@ fn a_gap_restarts_the_windows_and_is_counted() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 7);
     rig.run(2.0, |_, _| 0.0);
     rig.lose_a_block();
-    let said = rig.run(0.5, |_, _| 0.0);
-    assert!(said.is_empty());
+    let events = rig.run(0.5, |_, _| 0.0);
+    assert!(events.is_empty());
     let health = rig.watch.health();
     assert_eq!((health.gaps, health.lost_blocks), (1, 1));
     assert!(health.stream.contains(Fault::Gap));
-    let said = rig.run(1.0, tone_y(72.0, 5.0, 2.6));
-    assert!(!said.is_empty(), "the floor is kept over a gap, so the tone is seen at once");
+    let events = rig.run(1.0, tone_y(72.0, 5.0, 2.6));
+    assert!(!events.is_empty(), "the floor is kept over a gap, so the tone is seen at once");
 }
 
 #[test]
@@ -176,7 +177,7 @@ fn verdicts_do_not_depend_on_how_the_samples_are_cut() {
         .collect();
     let run = |frames: usize| {
         let mut watch = VibrationMonitor::new(config(10_000.0)).expect("a good configuration");
-        let mut said = Vec::new();
+        let mut events = Vec::new();
         for (seq, part) in samples.chunks(3 * frames).enumerate() {
             let t_ns = (seq * frames) as u64 * 100_000;
             let block = Block {
@@ -187,9 +188,9 @@ fn verdicts_do_not_depend_on_how_the_samples_are_cut() {
                 samples: part,
                 ..Block::default()
             };
-            said.extend(watch.push(&block).iter().copied());
+            events.extend(watch.push(&block).iter().copied());
         }
-        said
+        events
     };
     let one = run(1);
     assert!(!one.is_empty());
@@ -203,12 +204,13 @@ fn a_mode_that_rings_down_after_a_shock_warns_at_most() {
     rig.run(3.0, |_, _| 0.0);
     for k in 0..8 {
         let (f, start_s) = (40.0 + 9.0 * f64::from(k), 3.2 + 3.0 * f64::from(k));
-        let said = rig.run(3.0, move |channel, t| {
+        let events = rig.run(3.0, move |channel, t| {
             let s = (t - start_s).max(0.0);
             30.0 / (channel + 1) as f64 * (-0.04 * TAU * f * s).exp() * (TAU * f * s).sin()
         });
-        let alarmed = said.iter().any(|(_, v)| matches!(v.state, State::Alarm | State::Confirmed));
-        assert!(!alarmed, "{f} Hz: {said:?}");
+        let alarmed =
+            events.iter().any(|(_, v)| matches!(v.state, State::Alarm | State::Confirmed));
+        assert!(!alarmed, "{f} Hz: {events:?}");
     }
 }
 
@@ -221,13 +223,13 @@ fn a_line_that_the_spindle_takes_along_has_its_new_frequency_at_once() {
         let state = ProcessState { spindle_rpm: rpm, teeth: 2, ..ProcessState::default() };
         rig.watch.set_process_state(state);
         let from_s = turned;
-        let said = rig.run(seconds, move |_, t| 8.0 * (TAU * hz * (t - from_s)).sin());
+        let events = rig.run(seconds, move |_, t| 8.0 * (TAU * hz * (t - from_s)).sin());
         turned += seconds;
         let lines: Vec<f64> = rig.watch.lines().iter().map(|v| v.frequency_hz).collect();
         let astray = |f: &&f64| (**f - hz).abs() > 1.0;
         assert!(
             !lines.is_empty() && lines.iter().find(astray).is_none(),
-            "{lines:?}, {hz}: {said:?}"
+            "{lines:?}, {hz}: {events:?}"
         );
     }
 }
@@ -237,8 +239,8 @@ fn a_lower_threshold_finds_a_weaker_line() {
     let found = |threshold: f64| {
         let mut rig = Rig::new(MonitorConfig { threshold, ..config(1000.0) }, 1.0, 11);
         rig.run(4.0, |_, _| 0.0);
-        let said = rig.run(0.6, tone_y(90.0, 0.55, 4.0));
-        said.iter().any(|(_, v)| v.state != State::Over)
+        let events = rig.run(0.6, tone_y(90.0, 0.55, 4.0));
+        events.iter().any(|(_, v)| v.state != State::Over)
     };
     assert!(found(0.5) && !found(3.0));
 }

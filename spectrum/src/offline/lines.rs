@@ -114,7 +114,7 @@ impl SpectrumAverager {
 #[derive(Default)]
 struct NeighbourSums {
     /// Sums over 1, 2, 4, 8 and 16 bins, starting at each bin.
-    of: [Vec<f64>; 5],
+    sums_by_length: [Vec<f64>; 5],
     /// Sums over the 21 bins between [`LOBE_BINS`] and [`MEDIAN_BINS`] on one side, starting at each bin.
     side: Vec<f64>,
 }
@@ -135,27 +135,27 @@ impl NeighbourSums {
         for (sums, (left, right)) in sums.iter_mut().zip(left.iter().zip(right)) {
             add(sums, left + right);
         }
-        for at in candidates(power.len()).filter(|at| !inner.contains(at)) {
-            let reach = neighbour_bins(power.len(), at);
-            let left = &power[at - reach..at - LOBE_BINS];
-            let right = &power[at + LOBE_BINS + 1..at + reach + 1];
-            add(&mut to[at], left.iter().chain(right).sum());
+        for bin in candidates(power.len()).filter(|bin| !inner.contains(bin)) {
+            let reach = neighbour_bins(power.len(), bin);
+            let left = &power[bin - reach..bin - LOBE_BINS];
+            let right = &power[bin + LOBE_BINS + 1..bin + reach + 1];
+            add(&mut to[bin], left.iter().chain(right).sum());
         }
     }
 
     /// Computes [`Self::side`]. Sums of 21 bins are composed of sums of 16, 4 and 1, because differences of running sums lose digits near a strong
     /// line.
     fn sum_sides(&mut self, power: &[f64]) {
-        self.of[0].clear();
-        self.of[0].extend_from_slice(power);
-        for k in 1..self.of.len() {
-            let (done, rest) = self.of.split_at_mut(k);
+        self.sums_by_length[0].clear();
+        self.sums_by_length[0].extend_from_slice(power);
+        for k in 1..self.sums_by_length.len() {
+            let (done, rest) = self.sums_by_length.split_at_mut(k);
             let (half, shift) = (&done[k - 1], 1 << (k - 1));
             let shifted = half.get(shift..).unwrap_or_default();
             rest[0].clear();
             rest[0].extend(half.iter().zip(shifted).map(|(a, b)| a + b));
         }
-        let [ones, _, fours, _, sixteens] = &self.of;
+        let [ones, _, fours, _, sixteens] = &self.sums_by_length;
         let fours = fours.get(16..).unwrap_or_default();
         let ones = ones.get(20..).unwrap_or_default();
         self.side.clear();
@@ -192,31 +192,33 @@ impl AveragedSpectrum {
         let power = &self.mean.power;
         let step = self.mean.frequency.get(1).copied().unwrap_or(0.0);
         let mut found: Vec<(usize, Line)> = Vec::new();
-        for at in candidates(power.len()) {
-            let is_peak = power[at - 2..at + 3].iter().all(|p| *p <= power[at]) && power[at] > 0.0;
+        for bin in candidates(power.len()) {
+            let is_peak =
+                power[bin - 2..bin + 3].iter().all(|p| *p <= power[bin]) && power[bin] > 0.0;
             if !is_peak {
                 continue;
             }
-            let line = line_at_bin(power, at, step, floor(power, at));
-            if line.ratio >= LEAST_RATIO && line.ratio >= least_ratio(self.effective_averages(at)) {
-                found.push((at, line));
+            let line = line_at_bin(power, bin, step, floor(power, bin));
+            if line.ratio >= LEAST_RATIO && line.ratio >= least_ratio(self.effective_averages(bin))
+            {
+                found.push((bin, line));
             }
         }
-        let spilt = |at: usize, by: usize| {
-            let bins = at.abs_diff(by) as f64;
-            power[by] > power[at] && power[at] * bins * bins < LEAKAGE_PART * power[by]
+        let spilt = |bin: usize, by: usize| {
+            let bins = bin.abs_diff(by) as f64;
+            power[by] > power[bin] && power[bin] * bins * bins < LEAKAGE_PART * power[by]
         };
-        let own = |at: usize| !found.iter().any(|(by, _)| spilt(at, *by));
+        let is_genuine = |bin: usize| !found.iter().any(|(by, _)| spilt(bin, *by));
         let mut lines: Vec<Line> =
-            found.iter().filter(|(at, _)| own(*at)).map(|(_, line)| *line).collect();
+            found.iter().filter(|(bin, _)| is_genuine(*bin)).map(|(_, line)| *line).collect();
         lines.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
         lines
     }
 
     /// Effective number of segments for the noise around a bin: low if part of the recording is
     /// louder.
-    fn effective_averages(&self, at: usize) -> f64 {
-        let [sum, squares] = self.neighbour_power[at];
+    fn effective_averages(&self, bin: usize) -> f64 {
+        let [sum, squares] = self.neighbour_power[bin];
         if squares > 0.0 { sum * sum / squares } else { 1.0 }
     }
 }
@@ -227,47 +229,47 @@ impl AveragedSpectrum {
 pub fn line_near(spectrum: &Spectrum, frequency: f64, reach: f64) -> Option<Line> {
     let power = &spectrum.power;
     let step = *spectrum.frequency.get(1)?;
-    let inside = |at: &usize| (*at as f64 * step - frequency).abs() <= reach + 0.5 * step;
-    let at = (1 + LOBE_BINS..power.len().saturating_sub(LOBE_BINS + 1))
+    let inside = |bin: &usize| (*bin as f64 * step - frequency).abs() <= reach + 0.5 * step;
+    let bin = (1 + LOBE_BINS..power.len().saturating_sub(LOBE_BINS + 1))
         .filter(inside)
         .max_by(|a, b| power[*a].total_cmp(&power[*b]))?;
-    let floor = if at >= FIRST_BIN + LOBE_BINS + 2 && at + LOBE_BINS + 2 < power.len() {
-        floor(power, at)
+    let floor = if bin >= FIRST_BIN + LOBE_BINS + 2 && bin + LOBE_BINS + 2 < power.len() {
+        floor(power, bin)
     } else {
         0.0
     };
-    Some(line_at_bin(power, at, step, floor))
+    Some(line_at_bin(power, bin, step, floor))
 }
 
 /// The line whose peak is at a bin.
-fn line_at_bin(power: &[f64], at: usize, step: f64, floor: f64) -> Line {
-    let lobe = &power[at - LOBE_BINS..at + LOBE_BINS + 1];
+fn line_at_bin(power: &[f64], bin: usize, step: f64, floor: f64) -> Line {
+    let lobe = &power[bin - LOBE_BINS..bin + LOBE_BINS + 1];
     let over = lobe.iter().map(|p| (p - floor).max(0.0)).sum::<f64>() * step;
     Line {
-        frequency: (at as f64 + peak_offset(power, at)) * step,
+        frequency: (bin as f64 + peak_offset(power, bin)) * step,
         amplitude: (2.0 * over).sqrt(),
-        ratio: power[at] / floor.max(1e-300),
+        ratio: power[bin] / floor.max(1e-300),
     }
 }
 
 /// The noise floor at a bin: the geometric mean of the medians on both sides, equally wide, so that
 /// a slope of the spectrum has no effect; the larger median if they are based on few bins.
-fn floor(power: &[f64], at: usize) -> f64 {
-    let reach = neighbour_bins(power.len(), at);
+fn floor(power: &[f64], bin: usize) -> f64 {
+    let reach = neighbour_bins(power.len(), bin);
     let [left, right] =
-        [&power[at - reach..at - LOBE_BINS], &power[at + LOBE_BINS + 1..at + reach + 1]].map(
+        [&power[bin - reach..bin - LOBE_BINS], &power[bin + LOBE_BINS + 1..bin + reach + 1]].map(
             |side| {
                 let mut side = side.to_vec();
-                let middle = side.len() / 2;
-                *side.select_nth_unstable_by(middle, f64::total_cmp).1
+                let median_index = side.len() / 2;
+                *side.select_nth_unstable_by(median_index, f64::total_cmp).1
             },
         );
     if reach < MEDIAN_BINS / 2 { left.max(right) } else { (left * right).sqrt() }
 }
 
 /// Number of bins on each side for the noise around a bin.
-fn neighbour_bins(bins: usize, at: usize) -> usize {
-    MEDIAN_BINS.min(at - FIRST_BIN).min(bins - 1 - at)
+fn neighbour_bins(bins: usize, bin: usize) -> usize {
+    MEDIAN_BINS.min(bin - FIRST_BIN).min(bins - 1 - bin)
 }
 
 /// Ratio of power to median that noise reaches once in a million bins, for a number of averages.
@@ -281,9 +283,9 @@ fn least_ratio(averages: f64) -> f64 {
 }
 
 /// Position of the peak between the bins, in bins.
-fn peak_offset(power: &[f64], at: usize) -> f64 {
+fn peak_offset(power: &[f64], bin: usize) -> f64 {
     let log = |i: usize| power.get(i).map_or(f64::MIN_POSITIVE, |p| p.max(1e-300)).ln();
-    let (left, mid, right) = (log(at - 1), log(at), log(at + 1));
+    let (left, mid, right) = (log(bin - 1), log(bin), log(bin + 1));
     let bend = left - 2.0 * mid + right;
     if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }

@@ -29,18 +29,19 @@ pub fn speed_from_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
         while first < last && rises[last + 1] - rises[first + 1] >= (SPEED_S * rate_hz) as usize {
             first += 1;
         }
-        let middle = median(&turns[first..=last]);
-        if turns[last] as f64 > STANDSTILL_TURNS * middle {
+        let median_turn = median(&turns[first..=last]);
+        if turns[last] as f64 > STANDSTILL_TURNS * median_turn {
             first = last + 1;
             continue;
         }
         let window = turns.get(first..=last).unwrap_or_default();
-        let count: f64 = window.iter().map(|turn| (*turn as f64 / middle).round().max(1.0)).sum();
+        let count: f64 =
+            window.iter().map(|turn| (*turn as f64 / median_turn).round().max(1.0)).sum();
         let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
-        let at = rises[last + 1];
-        let until = (at + (2.0 * middle) as usize).min(tacho.len());
+        let rise = rises[last + 1];
+        let until = (rise + (2.0 * median_turn) as usize).min(tacho.len());
         // Overwritten from the next pulse on.
-        speed[at..until].fill(rpm);
+        speed[rise..until].fill(rpm);
     }
     speed
 }
@@ -61,13 +62,13 @@ fn rising_edges(tacho: &[f64]) -> Vec<usize> {
         return Vec::new();
     }
     let (mut is_high, mut rises) = (true, Vec::new());
-    for (at, x) in tacho.iter().enumerate() {
+    for (index, x) in tacho.iter().enumerate() {
         let part = (x - base) / height;
         if is_high && part < FALL_PART {
             is_high = false;
         } else if !is_high && part > RISE_PART {
             is_high = true;
-            rises.push(at);
+            rises.push(index);
         }
     }
     rises
@@ -108,7 +109,7 @@ pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
         knots.push((pair[1].0, length));
     }
     let mut knot = 0;
-    let at = |sample: usize| {
+    let position = |sample: usize| {
         while knot + 2 < knots.len() && knots[knot + 1].0 < sample as f64 {
             knot += 1;
         }
@@ -116,18 +117,18 @@ pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
         // Before the first mean and after the last, the feed is extrapolated.
         a + (b - a) * (sample as f64 - from) / (to - from)
     };
-    (0..position_mm.len()).map(at).collect()
+    (0..position_mm.len()).map(position).collect()
 }
 
 /// Feed at each sample, mm/s, from the path length.
 #[must_use]
 pub fn feed_along_path(path_mm: &[f64], rate_hz: f64) -> Vec<f64> {
     let reach = ((0.5 * PATH_S * rate_hz) as usize).max(1);
-    let at = |sample: usize| {
+    let speed = |sample: usize| {
         let from = sample.saturating_sub(reach);
         let to = (sample + reach).min(path_mm.len().saturating_sub(1));
         let steps = (to - from).max(1) as f64;
         (path_mm[to] - path_mm[from]) * rate_hz / steps
     };
-    (0..path_mm.len()).map(at).collect()
+    (0..path_mm.len()).map(speed).collect()
 }

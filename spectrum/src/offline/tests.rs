@@ -149,9 +149,9 @@ fn samples_that_were_not_taken_and_a_stuck_channel_are_found_with_their_time() {
     let channels: [&[f64]; 1] = [&x];
     let piece = Piece { start_s: 0.0, channels: &channels };
     let result = run_monitor(&mut watch, rate_hz, &[piece], |_, _| ProcessState::default());
-    let of = |fault| result.findings.iter().find(|f| f.fault == fault).expect("it is found");
-    assert!((of(Fault::NotFinite).from_s - 3.0).abs() < 0.01);
-    assert!((of(Fault::Stuck).from_s - 4.1).abs() < 0.05 && of(Fault::Stuck).to_s > 5.9);
+    let finding = |fault| result.findings.iter().find(|f| f.fault == fault).expect("it is found");
+    assert!((finding(Fault::NotFinite).from_s - 3.0).abs() < 0.01);
+    assert!((finding(Fault::Stuck).from_s - 4.1).abs() < 0.05 && finding(Fault::Stuck).to_s > 5.9);
 }
 
 #[test]
@@ -172,16 +172,16 @@ fn a_permanent_line_is_judged_by_its_frequency() {
     let channels: [&[f64]; 3] = [&quiet, &quiet, &quiet];
     let state = ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..ProcessState::default() };
     run_monitor(&mut watch, 1000.0, &[Piece { start_s: 0.0, channels: &channels }], |_, _| state);
-    let at = |hz: f64| {
+    let verdict_at = |hz: f64| {
         let standing =
             LineConditions { process: state, spindle_rpm: [28_000.0; 2], uncertainty_hz: 0.05 };
         watch.classify_steady_line(Axis::Y, hz, &standing)
     };
-    let alias = at(66.7);
+    let alias = verdict_at(66.7);
     assert!(alias.suspect_alias && alias.class == Class::Forced, "{alias:?}");
-    assert_eq!(at(466.7).class, Class::Forced);
-    assert_eq!(at(150.0).class, Class::Electrical);
-    assert!(!at(466.7).suspect_alias);
+    assert_eq!(verdict_at(466.7).class, Class::Forced);
+    assert_eq!(verdict_at(150.0).class, Class::Electrical);
+    assert!(!verdict_at(466.7).suspect_alias);
     let varied = |hz: f64| {
         let process = ProcessState { spindle_rpm: 1200.0, ..ProcessState::default() };
         let standing =

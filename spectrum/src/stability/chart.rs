@@ -50,8 +50,8 @@ pub fn limits_by_speed(
     let lobes = stability.lobes(depth_max_m);
     let [from, to] = from_to_rpm;
     let step = (to - from) / points.saturating_sub(1).max(1) as f64;
-    let at = |k: usize| point(stability, &lobes, from + k as f64 * step, depth_max_m);
-    (0..points).map(at).collect()
+    let limits_of = |k: usize| point(stability, &lobes, from + k as f64 * step, depth_max_m);
+    (0..points).map(limits_of).collect()
 }
 
 fn point(
@@ -83,15 +83,18 @@ pub fn nearest_speed_rpm(
     if holds(spindle_rpm)? {
         return Ok(Some(spindle_rpm));
     }
-    let far = |point: &&SpeedLimits| (point.spindle_rpm - spindle_rpm).abs();
+    let distance = |point: &&SpeedLimits| (point.spindle_rpm - spindle_rpm).abs();
     let stable = chart.iter().filter(|point| point.is_stable_at(depth_m));
-    let Some(found) = stable.min_by(|a, b| far(a).total_cmp(&far(b))) else { return Ok(None) };
+    let Some(found) = stable.min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+        return Ok(None);
+    };
     // Bisection between this speed and its unstable neighbour towards the given speed, or the given
     // speed itself.
     let towards = |rpm: &f64| (rpm - found.spindle_rpm) * (spindle_rpm - found.spindle_rpm) > 0.0;
     let others = chart.iter().map(|point| point.spindle_rpm).chain([spindle_rpm]).filter(towards);
-    let near = |rpm: &f64| (rpm - found.spindle_rpm).abs();
-    let neighbour = others.min_by(|a, b| near(a).total_cmp(&near(b))).unwrap_or(spindle_rpm);
+    let distance = |rpm: &f64| (rpm - found.spindle_rpm).abs();
+    let neighbour =
+        others.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(spindle_rpm);
     let (mut stable, mut unstable) = (found.spindle_rpm, neighbour);
     while (stable - unstable).abs() > SPEED_TOLERANCE * stable {
         let middle = 0.5 * (stable + unstable);
@@ -111,7 +114,7 @@ pub fn limits_by_feed_direction(
     angles: usize,
     depth_max_m: f64,
 ) -> Result<Vec<FeedDirectionLimits>, StabilityError> {
-    let at = |k: usize| {
+    let limits_of = |k: usize| {
         let angle_rad = TAU * k as f64 / angles as f64;
         let turned = stability.with_feed_rotated(angle_rad);
         let limit = turned.limit(spindle_rpm, depth_max_m)?;
@@ -121,5 +124,5 @@ pub fn limits_by_feed_direction(
             mode_coupling: turned.lobes(depth_max_m).mode_coupling(),
         })
     };
-    (0..angles).map(at).collect()
+    (0..angles).map(limits_of).collect()
 }

@@ -151,13 +151,13 @@ impl Lobes {
         value: impl Fn(f64, Complex<f64>) -> f64,
     ) -> (f64, Complex<f64>) {
         let (mut low, mut high) = (low, high);
-        let at = |sample: &Sample| value(sample.omega_rad_s, sample.eigenvalues[branch]);
-        let rises = at(&high) > at(&low);
+        let value_at = |sample: &Sample| value(sample.omega_rad_s, sample.eigenvalues[branch]);
+        let rises = value_at(&high) > value_at(&low);
         for _ in 0..HALVINGS {
             let omega_rad_s = 0.5 * (low.omega_rad_s + high.omega_rad_s);
             let eigenvalues = match_eigenvalues(low.eigenvalues, self.eigenvalues(omega_rad_s));
             let middle = Sample { omega_rad_s, eigenvalues };
-            if (at(&middle) > 0.0) == rises { high = middle } else { low = middle }
+            if (value_at(&middle) > 0.0) == rises { high = middle } else { low = middle }
         }
         (low.omega_rad_s, low.eigenvalues[branch])
     }

@@ -102,9 +102,9 @@ fn small_immersion_has_flip_lobes_that_the_zeroth_order_misses() {
     let points = limits_by_speed(&stability, [10_000.0, 25_000.0], 61, 0.05).unwrap();
     let flips = points.iter().filter(|point| {
         let Some(limit) = point.limit else { return false };
-        let at = stability.multiplier(point.spindle_rpm, limit.depth_m).unwrap();
+        let multiplier = stability.multiplier(point.spindle_rpm, limit.depth_m).unwrap();
         let misses = point.zeroth_order.is_none_or(|zeroth| zeroth.depth_m > 2.0 * limit.depth_m);
-        at.re < -0.99 && at.im.abs() < 1e-6 && misses
+        multiplier.re < -0.99 && multiplier.im.abs() < 1e-6 && misses
     });
     assert!(flips.count() > 3, "{points:?}");
 }
@@ -128,11 +128,11 @@ fn the_least_limit_in_turning_is_the_closed_form() {
     // Along the feed the chip pushes with K_rc.
     let least_m = 2.0 * k * zeta * (1.0 + zeta) / 2e8;
     let points = limits_by_speed(&turning(), [9000.0, 20_000.0], 221, 1.0).unwrap();
-    let least = |limit: &dyn Fn(&SpeedLimits) -> Option<Limit>| {
+    let smallest = |limit: &dyn Fn(&SpeedLimits) -> Option<Limit>| {
         let limits = points.iter().filter_map(limit);
         limits.min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap()
     };
-    for found in [least(&|point| point.zeroth_order), least(&|point| point.limit)] {
+    for found in [smallest(&|point| point.zeroth_order), smallest(&|point| point.limit)] {
         assert!((found.depth_m / least_m - 1.0).abs() < 3e-3, "{found:?} for {least_m} m");
         let expected_hz = frequency_hz * (1.0 + 2.0 * zeta).sqrt();
         assert!((found.frequency_hz / expected_hz - 1.0).abs() < 1e-3, "{found:?}");
@@ -215,9 +215,9 @@ proptest! {
             Some(limit) => {
                 prop_assert!(worst(0.999 * limit.depth_m) < 0.0, "{limit:?}");
                 prop_assert!(worst(1.001 * limit.depth_m) > 0.0, "{limit:?}");
-                let near = coupled(&stability, limit.depth_m);
-                let off = |value: &Complex<f64>| (value.im.abs() / TAU - limit.frequency_hz).abs();
-                prop_assert!(near.iter().any(|value| value.re.abs() < 1.0 && off(value) < 0.1), "{limit:?}");
+                let eigenvalues = coupled(&stability, limit.depth_m);
+                let deviation = |value: &Complex<f64>| (value.im.abs() / TAU - limit.frequency_hz).abs();
+                prop_assert!(eigenvalues.iter().any(|value| value.re.abs() < 1.0 && deviation(value) < 0.1), "{limit:?}");
             }
             None => prop_assert!(worst(most_m) < 0.0),
         }
@@ -233,11 +233,11 @@ proptest! {
         let turned = |v: [f64; 3]| -> [f64; 3] { (rotation * Vector3::from(v)).into() };
         let cutter = Cutter { chip_n_m2: [6e8, 2e8, 1e8], ..three_teeth(0.0, 2.0) };
         let modes = [FlexibleMode { direction: [1.0, 0.4, 0.7], ..two_modes()[0] }, two_modes()[1]];
-        let here = stability(&modes, cutter).limit(9000.0, 0.1).unwrap().unwrap();
-        let there = modes.map(|mode| FlexibleMode { direction: turned(mode.direction), ..mode });
+        let original = stability(&modes, cutter).limit(9000.0, 0.1).unwrap().unwrap();
+        let rotated = modes.map(|mode| FlexibleMode { direction: turned(mode.direction), ..mode });
         let axes = CutAxes::new(turned(X), turned(Z)).unwrap();
-        let there = Stability::new(&there, cutter, axes).unwrap().limit(9000.0, 0.1).unwrap().unwrap();
-        prop_assert!((here.depth_m / there.depth_m - 1.0).abs() < 1e-3, "{here:?} {there:?}");
+        let rotated = Stability::new(&rotated, cutter, axes).unwrap().limit(9000.0, 0.1).unwrap().unwrap();
+        prop_assert!((original.depth_m / rotated.depth_m - 1.0).abs() < 1e-3, "{original:?} {rotated:?}");
     }
 
     #[test]
@@ -265,8 +265,8 @@ proptest! {
                 }
             }
         }
-        let off = DirectionalCoefficients::new(&cutter, depth_m).mean_over_teeth(from, span) - sum / f64::from(n * n);
-        prop_assert!(off.norm() < 0.01 * 6e8, "{off}");
+        let difference = DirectionalCoefficients::new(&cutter, depth_m).mean_over_teeth(from, span) - sum / f64::from(n * n);
+        prop_assert!(difference.norm() < 0.01 * 6e8, "{difference}");
     }
 }
 
@@ -295,9 +295,9 @@ fn the_direction_of_feed_decides_about_mode_coupling() {
     let all = limits_by_feed_direction(&stability, 9000.0, 36, 0.02).unwrap();
     let depths: Vec<f64> =
         all.iter().map(|one| one.mode_coupling.map_or(f64::INFINITY, |l| l.depth_m)).collect();
-    let (least, most) =
+    let (depth_min, depth_max) =
         depths.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), x| (a.min(*x), b.max(*x)));
-    assert!(most > 3.0 * least, "{depths:?}");
+    assert!(depth_max > 3.0 * depth_min, "{depths:?}");
     // Forces in the plane do not depend on the sense of the feed along a line.
     for k in 0..18 {
         let [a, b] = [&all[k], &all[k + 18]].map(|one| one.limit.map(|l| l.depth_m));

@@ -52,8 +52,8 @@ impl<'a> TimeDomainReference<'a> {
                 let middle = angle + 0.5 * span / count;
                 let teeth = (0..cutter.teeth).map(|tooth| pitch * f64::from(tooth));
                 let is_cutting = |tooth: &f64| {
-                    let at = (middle + tooth - cutter.entry_rad).rem_euclid(TAU);
-                    at < cutter.exit_rad - cutter.entry_rad
+                    let tooth_angle = (middle + tooth - cutter.entry_rad).rem_euclid(TAU);
+                    tooth_angle < cutter.exit_rad - cutter.entry_rad
                 };
                 let cutting = teeth.filter(is_cutting).collect();
                 time_steps.push(TimeStep { angle, step_s: span / count / spindle_rad_s, cutting });
@@ -63,12 +63,12 @@ impl<'a> TimeDomainReference<'a> {
     }
 
     /// Force on the tool at an angle, from its displacement relative to one tooth period before.
-    fn force(&self, tick: &TimeStep, angle: f64, off: Plane) -> Plane {
+    fn force(&self, tick: &TimeStep, angle: f64, displacement: Plane) -> Plane {
         let [tangential, radial, _] = self.cutter.chip_n_m2;
         let mut force = [0.0; 2];
         for tooth in &tick.cutting {
             let (sin, cos) = (angle + tooth).sin_cos();
-            let chip = off[0] * sin + off[1] * cos;
+            let chip = displacement[0] * sin + displacement[1] * cos;
             let (f_t, f_r) = (tangential * chip * self.depth_m, radial * chip * self.depth_m);
             force[0] -= f_t * cos + f_r * sin;
             force[1] += f_t * sin - f_r * cos;
@@ -88,8 +88,8 @@ impl<'a> TimeDomainReference<'a> {
 
     /// Position and velocity of the tip.
     fn tip(&self, state: &[Plane]) -> [Plane; 2] {
-        let sum = |axis: usize, of: usize| -> f64 {
-            self.modes.iter().zip(state).map(|(mode, s)| mode.direction[axis] * s[of]).sum()
+        let sum = |axis: usize, order: usize| -> f64 {
+            self.modes.iter().zip(state).map(|(mode, s)| mode.direction[axis] * s[order]).sum()
         };
         [[sum(0, 0), sum(1, 0)], [sum(0, 1), sum(1, 1)]]
     }
@@ -141,9 +141,9 @@ impl<'a> TimeDomainReference<'a> {
         };
         let rates = |state: &[Plane], part: f64| {
             let [r, _] = self.tip(state);
-            let off = [r[0] - delayed(0, part), r[1] - delayed(1, part)];
+            let displacement = [r[0] - delayed(0, part), r[1] - delayed(1, part)];
             let angle = tick.angle + part * h * self.spindle_rad_s;
-            self.rates(state, self.force(tick, angle, off))
+            self.rates(state, self.force(tick, angle, displacement))
         };
         let moved = |rate: &[Plane], by: f64| -> Vec<Plane> {
             let one = |(s, k): (&Plane, &Plane)| [s[0] + by * k[0], s[1] + by * k[1]];
@@ -153,8 +153,9 @@ impl<'a> TimeDomainReference<'a> {
         let k2 = rates(&moved(&k1, 0.5 * h), 0.5);
         let k3 = rates(&moved(&k2, 0.5 * h), 0.5);
         let k4 = rates(&moved(&k3, h), 1.0);
-        let mean =
-            |i: usize, of: usize| (k1[i][of] + 2.0 * k2[i][of] + 2.0 * k3[i][of] + k4[i][of]) / 6.0;
+        let mean = |i: usize, order: usize| {
+            (k1[i][order] + 2.0 * k2[i][order] + 2.0 * k3[i][order] + k4[i][order]) / 6.0
+        };
         let one = |(i, s): (usize, &Plane)| [s[0] + h * mean(i, 0), s[1] + h * mean(i, 1)];
         state.iter().enumerate().map(one).collect()
     }

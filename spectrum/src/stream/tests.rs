@@ -154,8 +154,8 @@ fn zero_for_a_while_is_dead_and_any_other_constant_stuck_until_it_moves() {
             }
             stream.advance(1);
         }
-        let said = stream.health().channel[1];
-        (said.iter().collect::<Vec<_>>(), stream.is_suspended(1), stream.take_recovered())
+        let faults = stream.health().channel[1];
+        (faults.iter().collect::<Vec<_>>(), stream.is_suspended(1), stream.take_recovered())
     };
     let moving = |i: u32| (1.1 * f64::from(i)).cos();
     assert_eq!(run(2000, &moving), (vec![], false, 0));

@@ -54,8 +54,8 @@ impl MachiningConditions {
         if let Some(turns_hz) = self.spindle_rpm.map(|rpm| rpm / 60.0) {
             let multiple = |of_hz: f64| {
                 let order = (frequency_hz / of_hz).round();
-                let off = (order * of_hz / frequency_hz - 1.0).abs();
-                ((1.0..=10.0).contains(&order) && off <= tolerance).then_some(order as u32)
+                let deviation = (order * of_hz / frequency_hz - 1.0).abs();
+                ((1.0..=10.0).contains(&order) && deviation <= tolerance).then_some(order as u32)
             };
             let teeth = (self.teeth > 1).then(|| multiple(f64::from(self.teeth) * turns_hz));
             found.extend(match teeth.flatten() {
@@ -63,8 +63,8 @@ impl MachiningConditions {
                 None => multiple(turns_hz).map(Cause::Spindle),
             });
         }
-        let near = |mode: &&Mode| (mode.frequency_hz / frequency_hz - 1.0).abs() <= tolerance;
-        found.extend(self.modes.iter().filter(near).map(|mode| Cause::Mode(mode.frequency_hz)));
+        let is_near = |mode: &&Mode| (mode.frequency_hz / frequency_hz - 1.0).abs() <= tolerance;
+        found.extend(self.modes.iter().filter(is_near).map(|mode| Cause::Mode(mode.frequency_hz)));
         found
     }
 }

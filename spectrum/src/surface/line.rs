@@ -65,7 +65,7 @@ pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumErro
     let spectrum = AveragedSpectrum::from_runs([heights], &plan)?;
     let length_mm = heights.len() as f64 * spacing_mm;
     let bins = |ratio: f64| (PARABOLA_BINS * PARABOLA_BINS + 0.5 / ratio).sqrt();
-    let own = |line: &offline::Line| Line {
+    let to_line = |line: &offline::Line| Line {
         cycles_per_mm: line.frequency,
         sigma_cycles_per_mm: bins(line.ratio) / length_mm,
         amplitude: line.amplitude,
@@ -73,12 +73,12 @@ pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumErro
         multiple_of: None,
     };
     // A bin of noise over the middle of its neighbours spreads exponentially, and a long profile has many bins.
-    let least =
+    let ratio_min =
         (spectrum.mean.power.len() as f64 / FALSE_ALARM_PROBABILITY).ln() / std::f64::consts::LN_2;
     let all = spectrum.lines();
     let weakest = all.first().map_or(0.0, |line| AMPLITUDE_PART_MIN * line.amplitude);
-    let counts = |line: &&offline::Line| line.ratio >= least && line.amplitude >= weakest;
-    let mut found: Vec<Line> = all.iter().filter(counts).map(own).collect();
+    let counts = |line: &&offline::Line| line.ratio >= ratio_min && line.amplitude >= weakest;
+    let mut found: Vec<Line> = all.iter().filter(counts).map(to_line).collect();
     for i in 1..found.len() {
         found[i].multiple_of = find_multiple(&found[..i], &found[i], length_mm);
     }
@@ -87,12 +87,13 @@ pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumErro
 
 /// The stronger line that this one is a whole multiple of, the lowest multiple first.
 fn find_multiple(stronger: &[Line], line: &Line, length_mm: f64) -> Option<(usize, u32)> {
-    let fits = |of: &Line| {
-        let order = (line.cycles_per_mm / of.cycles_per_mm).round();
-        let off = (line.cycles_per_mm - order * of.cycles_per_mm).abs();
-        let within = line.tolerance(length_mm).max(order * of.sigma_cycles_per_mm);
-        ((2.0..=50.0).contains(&order) && off <= within).then_some(order as u32)
+    let fits = |fundamental: &Line| {
+        let order = (line.cycles_per_mm / fundamental.cycles_per_mm).round();
+        let deviation = (line.cycles_per_mm - order * fundamental.cycles_per_mm).abs();
+        let within = line.tolerance(length_mm).max(order * fundamental.sigma_cycles_per_mm);
+        ((2.0..=50.0).contains(&order) && deviation <= within).then_some(order as u32)
     };
-    let all = stronger.iter().enumerate().filter(|(_, of)| of.multiple_of.is_none());
-    all.filter_map(|(i, of)| Some((i, fits(of)?))).min_by_key(|(_, order)| *order)
+    let all =
+        stronger.iter().enumerate().filter(|(_, fundamental)| fundamental.multiple_of.is_none());
+    all.filter_map(|(i, fundamental)| Some((i, fits(fundamental)?))).min_by_key(|(_, order)| *order)
 }

@@ -7,11 +7,11 @@ use rand::{RngExt, SeedableRng};
 use std::f64::consts::TAU;
 
 fn waves(n: i32, spacing_mm: f64, waves: &[(f64, f64)]) -> Vec<f64> {
-    let at = |i: i32| {
+    let height = |i: i32| {
         let x = spacing_mm * f64::from(i);
         waves.iter().map(|(wavelength, amplitude)| amplitude * (TAU * x / wavelength).sin()).sum()
     };
-    (0..n).map(at).collect()
+    (0..n).map(height).collect()
 }
 
 fn noise(n: usize, seed: u64, redness: f64) -> Vec<f64> {
@@ -47,10 +47,10 @@ fn the_filter_keeps_a_constant_to_the_ends() {
 
 /// The standard's sum, point by point.
 fn gaussian_by_sums(z: &[f64], spacing_mm: f64, cut_off_mm: f64) -> Vec<f64> {
-    let at = |i: usize| {
-        let near = (0..z.len()).filter(|j| j.abs_diff(i) as f64 * spacing_mm <= cut_off_mm);
+    let smoothed = |i: usize| {
+        let window = (0..z.len()).filter(|j| j.abs_diff(i) as f64 * spacing_mm <= cut_off_mm);
         let (mut sum, mut weights) = (0.0, 0.0);
-        for j in near {
+        for j in window {
             let x = (j.abs_diff(i)) as f64 * spacing_mm / (GAUSS_ALPHA * cut_off_mm);
             let w = (-std::f64::consts::PI * x * x).exp();
             sum += w * z[j];
@@ -58,7 +58,7 @@ fn gaussian_by_sums(z: &[f64], spacing_mm: f64, cut_off_mm: f64) -> Vec<f64> {
         }
         sum / weights
     };
-    (0..z.len()).map(at).collect()
+    (0..z.len()).map(smoothed).collect()
 }
 
 #[test]
@@ -189,8 +189,8 @@ fn a_lines_uncertainty_holds_what_noise_does_to_it() {
         let mut z = waves(4000, 0.001, &[(wavelength, 0.4)]);
         z.iter_mut().zip(noise(4000, seed, 0.0)).for_each(|(z, n)| *z += n);
         let found = lines(&z, 0.001).expect("lines");
-        let off = (found[0].cycles_per_mm - 1.0 / wavelength) / found[0].sigma_cycles_per_mm;
-        within += u32::from(off.abs() < 2.0);
+        let error = (found[0].cycles_per_mm - 1.0 / wavelength) / found[0].sigma_cycles_per_mm;
+        within += u32::from(error.abs() < 2.0);
     }
     assert!(within >= 186, "{within} of 200 within two standard uncertainties");
 }
@@ -207,14 +207,14 @@ fn noise_white_or_red_shows_lines_rarely() {
 
 #[test]
 fn impossible_profiles_are_refused_with_a_reason() {
-    let at = |cut_off_mm| SeparationSettings::at_mm(cut_off_mm);
-    assert!(matches!(separate(&[0.0; 4], 0.1, &at(1.0)), Err(SurfaceError::TooShort { .. })));
+    let settings = |cut_off_mm| SeparationSettings::at_mm(cut_off_mm);
+    assert!(matches!(separate(&[0.0; 4], 0.1, &settings(1.0)), Err(SurfaceError::TooShort { .. })));
     assert!(matches!(
-        separate(&[f64::NAN; 9], 0.1, &at(1.0)),
+        separate(&[f64::NAN; 9], 0.1, &settings(1.0)),
         Err(SurfaceError::NotFinite { index: 0 })
     ));
-    assert!(separate(&[0.0; 9], 0.0, &at(1.0)).is_err());
-    assert!(separate(&[0.0; 9], 0.1, &at(0.05)).is_err());
+    assert!(separate(&[0.0; 9], 0.0, &settings(1.0)).is_err());
+    assert!(separate(&[0.0; 9], 0.1, &settings(0.05)).is_err());
     assert!(parameters_by_segment(&[0.0; 9], 0.1, 5.0).is_err());
 }
 

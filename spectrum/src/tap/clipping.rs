@@ -21,7 +21,7 @@ pub(super) fn clipped_extremes(samples: &[f64]) -> [Option<f64>; 2] {
 
 fn is_clipped(samples: &[f64], end: f64, rounding: f64) -> bool {
     runs(samples, end).any(|(start, length)| {
-        let before = start.checked_sub(length).and_then(|at| samples.get(at));
+        let before = start.checked_sub(length).and_then(|index| samples.get(index));
         let after = samples.get(start + 2 * length - 1);
         let fallen = |x: Option<&f64>| x.map_or(0.0, |x| (x - end).abs());
         length >= RUN_MIN && fallen(before).max(fallen(after)) > RESOLUTION_STEPS * rounding
@@ -30,11 +30,11 @@ fn is_clipped(samples: &[f64], end: f64, rounding: f64) -> bool {
 
 /// Starts and lengths of the runs of samples that equal a value.
 pub(super) fn runs(samples: &[f64], value: f64) -> impl Iterator<Item = (usize, usize)> + '_ {
-    let mut at = 0;
+    let mut position = 0;
     std::iter::from_fn(move || {
-        let start = at + samples.get(at..)?.iter().position(|x| *x == value)?;
+        let start = position + samples.get(position..)?.iter().position(|x| *x == value)?;
         let length = samples[start..].iter().take_while(|x| **x == value).count();
-        at = start + length;
+        position = start + length;
         Some((start, length))
     })
 }

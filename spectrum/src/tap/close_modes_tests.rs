@@ -9,13 +9,13 @@ use crate::modal::{
 
 /// Six hits, a person's intervals about `between_s`, ringing carried over from hit to hit.
 fn six_hits(known: &[Known], between_s: f64, noise: f64, seed: u64) -> TapTest {
-    let at: Vec<_> = (0..6_u32)
+    let hits: Vec<_> = (0..6_u32)
         .map(|k| {
             let hand_s = 0.003 * f64::from(k * k % 5);
             (0.3 + between_s * f64::from(k) + hand_s, 200.0 + 20.0 * f64::from(k))
         })
         .collect();
-    let mut force = blows(0.3 + 6.0 * between_s, &at);
+    let mut force = blows(0.3 + 6.0 * between_s, &hits);
     let mut response = acceleration(&force, known);
     let size = response.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
     with_noise(&mut force, 0.5, 2 * seed);

@@ -80,13 +80,13 @@ pub(super) fn find_candidates(
         if found.last().is_some_and(|last| i - last.contact.start < bounce.max(1)) {
             continue;
         }
-        let least = (CONTACT_PART * blow(peak)).max(0.5 * NOISE_SIGMAS * noise_n);
+        let threshold_n = (CONTACT_PART * blow(peak)).max(0.5 * NOISE_SIGMAS * noise_n);
         let mut first = peak;
-        while first > 0 && blow(first - 1) > least {
+        while first > 0 && blow(first - 1) > threshold_n {
             first -= 1;
         }
         let mut end = peak + 1;
-        while end < force.len() && blow(end) > least {
+        while end < force.len() && blow(end) > threshold_n {
             end += 1;
         }
         let before = (2 * (end - first)).max(LEAD_SAMPLES_MIN);
@@ -117,9 +117,12 @@ pub(super) fn find_candidates(
 pub(super) fn block_length(strikes: &[HitCandidate], requested: Option<usize>) -> usize {
     let mut rooms: Vec<f64> =
         strikes.iter().map(|strike| strike.available_samples as f64).collect();
-    let least = TRUNCATED_BELOW * median(&mut rooms);
-    let common =
-        strikes.iter().map(|s| s.available_samples).filter(|room| *room as f64 >= least).min();
+    let samples_min = TRUNCATED_BELOW * median(&mut rooms);
+    let common = strikes
+        .iter()
+        .map(|s| s.available_samples)
+        .filter(|room| *room as f64 >= samples_min)
+        .min();
     requested.or(common).unwrap_or(0).max(2)
 }
 
@@ -160,14 +163,14 @@ impl HitCandidate {
     /// rise.
     fn second_hit(&self, block: &[f64]) -> Option<(usize, f64)> {
         let blow = |i: usize| self.sign * (block[i] - self.offset_n);
-        let least = (SECOND_HIT_PART * self.peak_n).max(NOISE_SIGMAS * self.noise_n);
+        let rise_min = (SECOND_HIT_PART * self.peak_n).max(NOISE_SIGMAS * self.noise_n);
         let peak = self.peak - self.start;
         let rises = |places: &mut dyn Iterator<Item = usize>| {
             let (mut lowest, mut highest) = (self.peak_n, None::<(usize, f64)>);
             for i in places {
                 lowest = lowest.min(blow(i).max(0.0));
                 let rise = blow(i) - lowest;
-                if rise > least && highest.is_none_or(|(_, most)| rise > most) {
+                if rise > rise_min && highest.is_none_or(|(_, most)| rise > most) {
                     highest = Some((i, rise));
                 }
             }

@@ -36,9 +36,9 @@ pub(super) fn acceleration(force: &[f64], known: &[Known]) -> Vec<f64> {
 }
 
 /// A record of half-sine blows of 2.5 ms: seconds and peaks.
-pub(super) fn blows(length_s: f64, at: &[(f64, f64)]) -> Vec<f64> {
+pub(super) fn blows(length_s: f64, hits: &[(f64, f64)]) -> Vec<f64> {
     let mut force = vec![0.0; (length_s * RATE_HZ) as usize];
-    for (at_s, peak_n) in at {
+    for (at_s, peak_n) in hits {
         for (i, f) in force.iter_mut().enumerate() {
             let part = (i as f64 / RATE_HZ - at_s) / 0.0025;
             if (0.0..1.0).contains(&part) {
@@ -116,8 +116,9 @@ fn every_hit_is_found_with_its_force_and_contact() {
 
 #[test]
 fn bad_hits_are_refused_with_the_reason_and_the_good_ones_stay() {
-    let at = [(0.5, 300.0), (2.5, 200.0), (4.5, 900.0), (6.5, 250.0), (8.5, 280.0), (10.2, 200.0)];
-    let mut blow = at.to_vec();
+    let hits =
+        [(0.5, 300.0), (2.5, 200.0), (4.5, 900.0), (6.5, 250.0), (8.5, 280.0), (10.2, 200.0)];
+    let mut blow = hits.to_vec();
     blow.push((2.538, 45.0));
     let mut force = blows(10.5, &blow);
     let mut response = acceleration(&force, &ROBOT);
@@ -136,8 +137,8 @@ fn bad_hits_are_refused_with_the_reason_and_the_good_ones_stay() {
     assert!(why[4].is_none(), "{why:?}");
     assert!(matches!(why[5], Some(HitRejection::Truncated { .. })), "{why:?}");
     assert_eq!((why.len(), tap.frf.hits), (6, 2));
-    let words = why[1].expect("refused").to_string();
-    assert!(words.starts_with("struck twice: again with 23 %"), "{words}");
+    let reason = why[1].expect("refused").to_string();
+    assert!(reason.starts_with("struck twice: again with 23 %"), "{reason}");
 }
 
 #[test]
@@ -172,11 +173,11 @@ fn a_record_without_a_hit_says_what_it_saw() {
 
 #[test]
 fn modes_of_a_robot_come_back_from_five_noisy_hits_within_their_uncertainty() {
-    let (mut inside, mut all, mut off) = ([0, 0, 0], 0, [0.0_f64; 3]);
+    let (mut inside, mut all, mut error_max) = ([0, 0, 0], 0, [0.0_f64; 3]);
     for seed in 0..20 {
-        let at: Vec<_> =
+        let hits: Vec<_> =
             (0..5).map(|k| (0.3 + 3.0 * f64::from(k), 200.0 + 50.0 * f64::from(k))).collect();
-        let mut force = blows(15.3, &at);
+        let mut force = blows(15.3, &hits);
         let mut response = acceleration(&force, &ROBOT);
         let size = response.iter().fold(0.0_f64, |top, x| top.max(x.abs()));
         with_noise(&mut force, 1.0, 2 * seed);
@@ -189,17 +190,17 @@ fn modes_of_a_robot_come_back_from_five_noisy_hits_within_their_uncertainty() {
             inside[0] += u32::from((mode.frequency_hz - f_n).abs() < 2.0 * mode.frequency_sigma_hz);
             inside[1] += u32::from((mode.damping - zeta).abs() < 2.0 * mode.damping_sigma);
             inside[2] += u32::from((mode.mass_kg - mass).abs() < 2.0 * mode.mass_sigma_kg);
-            off[2] = off[2].max((mode.mass_kg / mass - 1.0).abs());
-            off[0] = off[0].max((mode.frequency_hz / f_n - 1.0).abs());
-            off[1] = off[1].max((mode.damping / zeta - 1.0).abs());
+            error_max[2] = error_max[2].max((mode.mass_kg / mass - 1.0).abs());
+            error_max[0] = error_max[0].max((mode.frequency_hz / f_n - 1.0).abs());
+            error_max[1] = error_max[1].max((mode.damping / zeta - 1.0).abs());
             assert!(mode.coherence.expect("five hits") > 0.95, "{mode:?}");
         }
     }
     eprintln!(
-        "of {all}: {inside:?} within two sigma; worst off {off:.4?} (part of frequency, damping, mass)"
+        "of {all}: {inside:?} within two sigma; worst off {error_max:.4?} (part of frequency, damping, mass)"
     );
     assert!(inside.iter().all(|n| f64::from(*n) > 0.9 * f64::from(all)));
-    assert!(off[0] < 0.005 && off[1] < 0.2 && off[2] < 0.3);
+    assert!(error_max[0] < 0.005 && error_max[1] < 0.2 && error_max[2] < 0.3);
 }
 
 #[test]
@@ -221,8 +222,8 @@ fn a_mode_that_has_not_rung_down_is_windowed_and_its_damping_is_still_right() {
 
 #[test]
 fn noise_on_the_response_leaves_h1_right_and_noise_on_the_force_h2_and_the_truth_is_between() {
-    let at: Vec<_> = (0..40).map(|k| (0.2 + f64::from(k), 250.0)).collect();
-    let clean_force = blows(40.2, &at);
+    let hits: Vec<_> = (0..40).map(|k| (0.2 + f64::from(k), 250.0)).collect();
+    let clean_force = blows(40.2, &hits);
     let clean = acceleration(&clean_force, &[(67.0, 0.05, 40.0)]);
     let plain = TapConfig { windows: false, ..config() };
     let truth = one(&clean_force, &clean, &plain).expect("hits").frf;

@@ -7,7 +7,9 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tests::clients::skipped;
-use tests::egm::{BridgeRig, EgmRobot, STOPPED, bridge, config, heard, joints, socket, target};
+use tests::egm::{
+    BridgeRig, EgmRobot, STOPPED, bridge, config, joints, receive_datagram, socket, target,
+};
 use tests::place::TestDirectory;
 use tests::process::Process;
 use tests::rate_check::RateCheck;
@@ -37,12 +39,12 @@ impl Cell {
         let daemon = daemon(&place);
         let application = socket();
         let config = config(accuracy, "joints", application.local_addr().ok(), "");
-        let (bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
+        let (bridge, address) = bridge(TRUED, &[], "egm", &place, &config);
         assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
         Self {
             daemon,
             bridge,
-            rig: BridgeRig { robot: EgmRobot::new(at, &POSE), application },
+            rig: BridgeRig { robot: EgmRobot::new(address, &POSE), application },
             place,
         }
     }
@@ -51,11 +53,11 @@ impl Cell {
     fn stand(&mut self, cycles: usize, gauge: &mut RateCheck) -> [f64; 6] {
         let mut correction = [0.0; 6];
         for cycle in 0..cycles {
-            let told = self.rig.cycle(&POSE);
-            assert!(told.is_some(), "cycle {cycle} has no answer");
-            let told = told.unwrap();
-            for (c, (told, pose)) in correction.iter_mut().zip(told.iter().zip(POSE)) {
-                *c = told - pose;
+            let sent = self.rig.cycle(&POSE);
+            assert!(sent.is_some(), "cycle {cycle} has no answer");
+            let sent = sent.unwrap();
+            for (c, (joint, pose)) in correction.iter_mut().zip(sent.iter().zip(POSE)) {
+                *c = joint - pose;
             }
             let rad = correction.map(f64::to_radians);
             gauge.take(trued_client::monotonic_ns(), &rad).unwrap();
@@ -106,7 +108,7 @@ fn followed(python: &Path) -> usize {
     // The machine is shared: the bridge waits for the daemon, so that the correction is tested, not
     // the load of the machine.
     let config = config("off", "joints", Some(free), "[timing]\nanswer_within_ms = 100.0\n");
-    let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
+    let (mut bridge, address) = bridge(TRUED, &[], "egm", &place, &config);
     assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let (port, cycles) = (free.port().to_string(), (BEGINNING + JUDGED).to_string());
     let script = peer("egm_application.py");
@@ -117,16 +119,16 @@ fn followed(python: &Path) -> usize {
     );
     assert!(application.wait_for_output("listening", LIMIT), "{:#?}", application.lines());
 
-    let mut robot = EgmRobot::new(at, &POSE);
+    let mut robot = EgmRobot::new(address, &POSE);
     let (mut missed, mut uneven) = (0, 0);
-    let mut said = Instant::now();
+    let mut last_sent = Instant::now();
     for _ in 0..BEGINNING + JUDGED {
         let start = Instant::now();
-        let is_late = start.duration_since(said) > CYCLE.mul_f64(1.25);
-        said = start;
+        let is_late = start.duration_since(last_sent) > CYCLE.mul_f64(1.25);
+        last_sent = start;
         robot.say();
         match robot.hear() {
-            Some(told) => robot.joints = joints(&told),
+            Some(answer) => robot.joints = joints(&answer),
             None => missed += 1,
         }
         uneven += usize::from(is_late || start.elapsed() > CYCLE);
@@ -155,20 +157,20 @@ fn judge(place: &TestDirectory, lines: &[String], counted: &[String]) -> usize {
     assert!(rows.windows(2).all(|two| two[1][0] - two[0][0] == 1.0), "one after the other");
     let targets: Vec<Vec<f64>> = rows.iter().map(|row| row[1..7].to_vec()).collect();
     let wanted = corrected(place, &targets);
-    let own = count(counted, "answers with a new correction");
-    let (mut worst, mut least, mut others) = (0.0_f64, f64::INFINITY, 0);
+    let corrected_answers = count(counted, "answers with a new correction");
+    let (mut worst, mut least_correction, mut others) = (0.0_f64, f64::INFINITY, 0);
     for (row, wanted) in rows.iter().zip(&wanted).skip(BEGINNING) {
-        let off = row[7..].iter().zip(wanted).map(|(seen, wanted)| (seen - wanted).abs());
-        let off = off.fold(0.0, f64::max);
-        others += usize::from(off >= EXACT_DEG);
-        worst = worst.max(if off < EXACT_DEG { off } else { 0.0 });
+        let errors = row[7..].iter().zip(wanted).map(|(sent, wanted)| (sent - wanted).abs());
+        let error = errors.fold(0.0, f64::max);
+        others += usize::from(error >= EXACT_DEG);
+        worst = worst.max(if error < EXACT_DEG { error } else { 0.0 });
         let moved = wanted.iter().zip(&row[1..7]).map(|(wanted, q)| (wanted - q).abs());
-        least = least.min(moved.fold(0.0, f64::max));
+        least_correction = least_correction.min(moved.fold(0.0, f64::max));
     }
     println!(
-        "{worst:.2e} deg off at most, corrected by {least:.4} deg or more, {own} by their own answer, {others} of the judged not"
+        "{worst:.2e} deg off at most, corrected by {least_correction:.4} deg or more, {corrected_answers} by their own answer, {others} of the judged not"
     );
-    assert!(least > 0.01, "there is something to correct: {least}");
+    assert!(least_correction > 0.01, "there is something to correct: {least_correction}");
     others
 }
 
@@ -184,8 +186,8 @@ fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in
     cell.daemon = daemon(&cell.place);
     assert!(cell.bridge.wait_for_output("connected to the daemon, process", LIMIT));
     let again = cell.settle(&mut gauge);
-    let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    assert!(off < 1e-6, "{again:?} after {stood:?}");
+    let change = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(change < 1e-6, "{again:?} after {stood:?}");
 }
 
 #[test]
@@ -194,8 +196,12 @@ fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
     assert!(cell.bridge.wait_for_output("trued must not correct it as well", LIMIT));
     let mut gauge = RateCheck::new(&[RATE_RAD_S; 6]);
     assert_eq!(largest(&cell.stand(100, &mut gauge)), 0.0);
-    let own = count(&ended(&mut cell.bridge), "answers with a new correction");
-    assert!(own > 0, "the daemon sees every target all the same: {:#?}", cell.bridge.lines());
+    let corrected_answers = count(&ended(&mut cell.bridge), "answers with a new correction");
+    assert!(
+        corrected_answers > 0,
+        "the daemon sees every target all the same: {:#?}",
+        cell.bridge.lines()
+    );
 }
 
 #[test]
@@ -234,13 +240,13 @@ fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_withou
             cell.rig.robot.hear().is_none(),
             "the controller's own watch over its sensor stays"
         );
-        assert!(heard(&cell.rig.application).is_some());
+        assert!(receive_datagram(&cell.rig.application).is_some());
         std::thread::sleep(CYCLE);
     }
     cell.rig.robot.socket.set_read_timeout(Some(LIMIT)).unwrap();
     let again = cell.stand(1, &mut gauge);
-    let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-    assert!(off < 1e-3, "{again:?} after {stood:?}");
+    let change = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(change < 1e-3, "{again:?} after {stood:?}");
     assert!(count(&ended(&mut cell.bridge), "cycles without a datagram of the application") > 250);
 }
 
@@ -248,30 +254,30 @@ fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_withou
 fn across_a_path_the_robot_receives_y_and_z_at_its_slower_rate() {
     let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 48.0\nstale_ms = 1000.0\n"));
     let _daemon = daemon(&place);
-    let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
+    let (mut bridge, address) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
     assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
-    let mut robot = EgmRobot::new(at, &POSE);
+    let mut robot = EgmRobot::new(address, &POSE);
     robot.socket.set_read_timeout(Some(CYCLE)).unwrap();
-    let (mut told, start) = (Vec::new(), Instant::now());
+    let (mut corrections, start) = (Vec::new(), Instant::now());
     for cycle in 0..400 {
         robot.joints[0] = POSE[0] + 0.01 * f64::from(cycle);
         robot.say();
-        if let Some((bytes, _)) = heard(&robot.socket) {
-            told.push(tests::egm::proto::SensorPathCorr::decode(&bytes[..]).unwrap());
+        if let Some((bytes, _)) = receive_datagram(&robot.socket) {
+            corrections.push(tests::egm::proto::SensorPathCorr::decode(&bytes[..]).unwrap());
         }
         std::thread::sleep(CYCLE);
     }
     let periods = start.elapsed().as_secs_f64() / 0.048;
     assert!(
-        !told.is_empty() && told.len() as f64 <= 1.15 * periods + 1.0,
+        !corrections.is_empty() && corrections.len() as f64 <= 1.15 * periods + 1.0,
         "{} in {periods}",
-        told.len()
+        corrections.len()
     );
     let numbers: Vec<u32> =
-        told.iter().map(|one| one.header.as_ref().unwrap().seqno.unwrap()).collect();
+        corrections.iter().map(|one| one.header.as_ref().unwrap().seqno.unwrap()).collect();
     assert!(numbers.windows(2).all(|two| two[1] == two[0] + 1), "{numbers:?}");
-    let last = told.last().unwrap().path_corr.as_ref().unwrap().pos.as_ref().unwrap();
-    println!("{} path corrections, the last y {:.3} z {:.3} mm", told.len(), last.y, last.z);
+    let last = corrections.last().unwrap().path_corr.as_ref().unwrap().pos.as_ref().unwrap();
+    println!("{} path corrections, the last y {:.3} z {:.3} mm", corrections.len(), last.y, last.z);
     assert_eq!(last.x, 0.0);
     // The arm sags by some tenths of a mm, and the tool points forward and down: there is a
     // component across the path.
@@ -295,34 +301,35 @@ fn a_seventh_axis_is_corrected_by_the_model_and_other_external_axes_pass() {
     let application = socket();
     let tables = config("off", "joints", application.local_addr().ok(), "");
     let tables = tables.replace("[application]", "seventh_after = 2\n[application]");
-    let (bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
+    let (bridge, address) = bridge(TRUED, &[], "egm", &place, &tables);
     assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
     let [first, second, third, rest @ ..] = SEVEN_POSE;
     let axes: Vec<f64> = [first, second].into_iter().chain(rest).collect();
-    let mut robot = EgmRobot::new(at, &axes);
-    let mut told = None;
+    let mut robot = EgmRobot::new(address, &axes);
+    let mut answer = None;
     for cycle in 0..BEGINNING {
         robot.say();
-        let (_, to) = heard(&application).unwrap();
+        let (_, to) = receive_datagram(&application).unwrap();
         let mut sent = target(cycle as u32, &axes);
         sent.planned.as_mut().unwrap().external =
             Some(tests::egm::proto::Joints { joints: vec![third, 44.0, 55.0] });
         application.send_to(&sent.encode_to_vec(), to).unwrap();
-        told = robot.hear();
+        answer = robot.hear();
         std::thread::sleep(CYCLE);
     }
-    let told = told.unwrap();
-    let external = told.planned.as_ref().unwrap().external.as_ref().unwrap().joints.clone();
+    let answer = answer.unwrap();
+    let external = answer.planned.as_ref().unwrap().external.as_ref().unwrap().joints.clone();
     assert_eq!(external[1..], [44.0, 55.0]);
-    let mut seen = joints(&told);
-    seen.insert(2, external[0]);
+    let mut sent_deg = joints(&answer);
+    sent_deg.insert(2, external[0]);
     let wanted = corrected(&place, &vec![SEVEN_POSE.to_vec(); 1000]).pop().unwrap();
-    let off = seen.iter().zip(&wanted).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+    let error_deg =
+        sent_deg.iter().zip(&wanted).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
     println!(
-        "seven axes: {off:.1e} deg off at most, the seventh corrected by {:.4} deg",
+        "seven axes: {error_deg:.1e} deg off at most, the seventh corrected by {:.4} deg",
         external[0] - third
     );
-    assert!(off < 1e-9, "{seen:?}, expected {wanted:?}");
+    assert!(error_deg < 1e-9, "{sent_deg:?}, expected {wanted:?}");
     assert!((external[0] - third).abs() > 0.01, "the seventh axis has something to correct");
 }
 
@@ -339,8 +346,8 @@ fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
         assert_eq!(largest(&late) == 0.0, is_out, "after {cycles} cycles: {late:?}");
         cell.daemon.signal(rustix::process::Signal::CONT);
         let again = cell.stand(800, &mut gauge);
-        let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        assert!(off < 1e-6, "{again:?} after {stood:?}");
+        let change = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        assert!(change < 1e-6, "{again:?} after {stood:?}");
     }
     let counted = ended(&mut cell.bridge);
     assert!(count(&counted, "answers with the last correction (daemon late)") > 0);

@@ -72,9 +72,9 @@ fn ended(bridge: &mut Process) -> Vec<String> {
 
 /// A count of a bridge, printed at its end.
 fn count(lines: &[String], what: &str) -> u64 {
-    let told =
+    let number =
         lines.iter().find_map(|line| line.strip_prefix(what)?.strip_prefix(": ")?.parse().ok());
-    told.unwrap_or(0)
+    number.unwrap_or(0)
 }
 
 /// Result of `trued correct` for these joints, degrees, 4 ms apart.

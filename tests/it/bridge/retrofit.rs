@@ -16,24 +16,25 @@ fn a_retrofitted_cell_mills_nearer_to_its_path() {
     for _ in 0..ROUNDS {
         let done = run(TRUED, &[], 7);
         let [without, with] = done.mean_and_largest_m();
-        let of = |what| count(&done.counted, what) as f64;
-        let own = of("answers with a new correction") / of("answers to the robot");
+        let count_of = |what| count(&done.counted, what) as f64;
+        let own_share =
+            count_of("answers with a new correction") / count_of("answers to the robot");
         println!(
             "mean {:.3} to {:.3} mm, largest {:.3} to {:.3} mm, {:.1} % by their own correction",
             1e3 * without.0,
             1e3 * with.0,
             1e3 * without.1,
             1e3 * with.1,
-            100.0 * own
+            100.0 * own_share
         );
         assert_eq!(done.missed, 0, "{:#?}", done.counted);
-        assert!(of("force samples") > 500.0, "{:#?}", done.counted);
+        assert!(count_of("force samples") > 500.0, "{:#?}", done.counted);
         // Busy or not, an intermittent correction never makes the error much larger than without one.
         assert!(with.1 < 1.2 * without.1, "{with:?} after {without:?}: {:#?}", done.counted);
         if with.0 < 0.25 * without.0 && with.1 < 0.6 * without.1 {
             return;
         }
-        assert!(own < OWN_SHARE, "{with:?} after {without:?}: {:#?}", done.counted);
+        assert!(own_share < OWN_SHARE, "{with:?} after {without:?}: {:#?}", done.counted);
     }
     let why = "this machine is busy: in every round the daemon was late for some answers";
     skipped(scratch(), "the retrofitted cell", why);

@@ -70,18 +70,18 @@ fn an_independent_controller_finds_no_fault_in_ten_thousand_answers_and_no_jump_
     controller.arg(peer("rsi_controller.py")).arg(place.file("ethernet.xml")).arg(CYCLES);
     controller.arg(bridge.id().to_string()).current_dir(place.root());
     let output = controller.output().unwrap();
-    let said = figures(&output);
-    println!("{said:#?}");
+    let results = figures(&output);
+    println!("{results:#?}");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let number = |name: &str| said[name].parse::<f64>().unwrap();
+    let number = |name: &str| results[name].parse::<f64>().unwrap();
     let list =
-        |name: &str| -> Vec<f64> { said[name].split(' ').map(|n| n.parse().unwrap()).collect() };
+        |name: &str| -> Vec<f64> { results[name].split(' ').map(|n| n.parse().unwrap()).collect() };
     assert_eq!((number("accepted"), number("faulty")), (10_000.0, 0.0));
     let (setpoint, correction) = (list("setpoint"), list("correction"));
     let wanted = corrected(&place, &vec![setpoint.clone(); 1000]).pop().unwrap();
     for i in 0..6 {
-        let off = correction[i] - (wanted[i] - setpoint[i]);
-        assert!(off.abs() < RESOLUTION_DEG, "axis {}: {off} deg off", i + 1);
+        let error_deg = correction[i] - (wanted[i] - setpoint[i]);
+        assert!(error_deg.abs() < RESOLUTION_DEG, "axis {}: {error_deg} deg off", i + 1);
     }
     assert!(correction.iter().any(|c| c.abs() > 0.05), "{correction:?}");
     assert_eq!(number("twice_accepted"), 1.0);
@@ -102,7 +102,7 @@ fn a_bridge_prints_its_counts_when_it_ends() {
     let cell = std::fs::read_to_string(place.file("cell.toml")).unwrap();
     place.write("cell.toml", &format!("{cell}\n[cycle]\nperiod_ms = 4.0\nstale_ms = 200.0\n"));
     // No daemon: zeros are answered all the same.
-    let (mut bridge, at) = bridge(TRUED, &[], "rsi", &place, &text);
+    let (mut bridge, address) = bridge(TRUED, &[], "rsi", &place, &text);
     let robot = tests::egm::socket();
     let telegram = |ipoc: u32| {
         format!(
@@ -110,8 +110,8 @@ fn a_bridge_prints_its_counts_when_it_ends() {
         )
     };
     for ipoc in [1000, 1004, 1008] {
-        robot.send_to(telegram(ipoc).as_bytes(), at).unwrap();
-        let (answer, _) = tests::egm::heard(&robot).unwrap();
+        robot.send_to(telegram(ipoc).as_bytes(), address).unwrap();
+        let (answer, _) = tests::egm::receive_datagram(&robot).unwrap();
         let zeros: String = (1..=6).map(|i| format!(" A{i}=\"0.000000\"")).collect();
         let wanted =
             format!("<Sen Type=\"Trued\"><AKorr{zeros} /><DiO>5</DiO><IPOC>{ipoc}</IPOC></Sen>");

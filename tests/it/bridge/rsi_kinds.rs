@@ -9,7 +9,7 @@ use physics::Chain;
 use recording::model::RobotModel;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Duration;
-use tests::egm::{bridge, heard, socket};
+use tests::egm::{bridge, receive_datagram, socket};
 use tests::place::TestDirectory;
 use tests::process::Process;
 
@@ -25,7 +25,7 @@ struct Controller {
     place: TestDirectory,
     _daemon: Process,
     bridge: Process,
-    at: SocketAddr,
+    address: SocketAddr,
     socket: UdpSocket,
     ipoc: u64,
     late: u64,
@@ -42,9 +42,9 @@ impl Controller {
              [setpoint]\nholds_correction = false\n[correction]\n{correction}\n[others]\nDiO = 0\n"
         );
         let daemon = daemon(&place);
-        let (bridge, at) = bridge(TRUED, &[], "rsi", &place, &text);
+        let (bridge, address) = bridge(TRUED, &[], "rsi", &place, &text);
         assert!(bridge.wait_for_output("connected to the daemon", LIMIT), "{:#?}", bridge.lines());
-        Self { place, _daemon: daemon, bridge, at, socket: socket(), ipoc: 1000, late: 0 }
+        Self { place, _daemon: daemon, bridge, address, socket: socket(), ipoc: 1000, late: 0 }
     }
 
     /// One telegram of a robot at rest, and the six values of its answer.
@@ -55,8 +55,8 @@ impl Controller {
             "<Rob Type=\"KUKA\"><ASPos{axes} /><Delay D=\"{}\" /><IPOC>{}</IPOC></Rob>",
             self.late, self.ipoc
         );
-        self.socket.send_to(telegram.as_bytes(), self.at).unwrap();
-        let (answer, _) = heard(&self.socket).expect("an answer");
+        self.socket.send_to(telegram.as_bytes(), self.address).unwrap();
+        let (answer, _) = receive_datagram(&self.socket).expect("an answer");
         let answer = String::from_utf8(answer).unwrap();
         assert!(answer.contains(&format!("<IPOC>{}</IPOC>", self.ipoc)), "{answer}");
         self.ipoc += 4;
@@ -96,12 +96,13 @@ fn relative_corrections_add_up_to_the_models_though_some_come_late() {
         cycle += 1;
     }
     let wanted = controller.wanted();
-    let off = (0..6).fold(0.0_f64, |most, i| most.max((sum[i] - (wanted[i] - POSE[i])).abs()));
+    let error_deg =
+        (0..6).fold(0.0_f64, |most, i| most.max((sum[i] - (wanted[i] - POSE[i])).abs()));
     println!(
-        "relative: {off:.1e} deg off, increments up to {largest:.4} deg, of those lost {lost:.4}"
+        "relative: {error_deg:.1e} deg off, increments up to {largest:.4} deg, of those lost {lost:.4}"
     );
     assert!(lost > 20.0 * WRITTEN, "what was lost would be missed: {lost}");
-    assert!(off < WRITTEN, "{sum:?}, wanted {wanted:?} at {POSE:?}");
+    assert!(error_deg < WRITTEN, "{sum:?}, wanted {wanted:?} at {POSE:?}");
     assert!(largest < 0.06, "{largest} deg at once");
     let counted = ended(&mut controller.bridge);
     assert_eq!(count(&counted, "late answers counted by the controller"), 8, "{counted:#?}");
@@ -113,15 +114,15 @@ fn a_pose_correction_puts_the_controllers_tool_where_the_corrected_joints_do() {
         let names = ["X", "Y", "Z", "A", "B", "C"].map(|name| format!("RKorr.{name}"));
         let kind = format!("kind = \"pose\"\nframe = \"{frame}\"\nsums = \"absolute\"");
         let mut controller = Controller::start(WIDE, &names, 1, &kind);
-        let told = (0..200).map(|_| controller.cycle()).last().unwrap();
+        let correction = (0..200).map(|_| controller.cycle()).last().unwrap();
         let arm = RobotModel::read(&controller.place.file("model.toml")).unwrap().physics.arm;
-        let at = |degrees: &[f64; 6]| {
+        let tool_pose = |degrees: &[f64; 6]| {
             let mut q = physics::Joints::default();
             q.iter_mut().zip(degrees).for_each(|(q, degrees)| *q = degrees.to_radians());
             Chain::nominal(&arm, &q).base_from_tool
         };
-        let (before, after) = (at(&POSE), at(&controller.wanted()));
-        let [x, y, z, a, b, c] = told;
+        let (before, after) = (tool_pose(&POSE), tool_pose(&controller.wanted()));
+        let [x, y, z, a, b, c] = correction;
         let shift = glam::DVec3::new(x, y, z) * 1e-3;
         // As KUKA's frames: about z, then the new y, then the new x.
         let turn = DMat3::from_rotation_z(a.to_radians())
@@ -134,8 +135,8 @@ fn a_pose_correction_puts_the_controllers_tool_where_the_corrected_joints_do() {
         let off_mm = (origin - after.origin).length() * 1e3;
         let turned = (rotation - after.rotation).to_cols_array();
         let off_rad = turned.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        println!("pose in {frame}: {told:?}, {off_mm:.1e} mm and {off_rad:.1e} rad off");
-        assert!(shift.length() > 1e-4, "there is something to correct: {told:?}");
+        println!("pose in {frame}: {correction:?}, {off_mm:.1e} mm and {off_rad:.1e} rad off");
+        assert!(shift.length() > 1e-4, "there is something to correct: {correction:?}");
         assert!(off_mm < WRITTEN && off_rad < WRITTEN.to_radians(), "{off_mm} mm, {off_rad} rad");
     }
 }

@@ -20,9 +20,9 @@ fn the_library_exports_what_the_header_declares_and_nothing_else() {
     let exported: BTreeSet<&str> = text.lines().filter_map(|l| l.split(' ').next()).collect();
     let header = fs::read_to_string(root().join("client/c/include/trued.h")).unwrap();
     let code: String = header.lines().filter(|line| !line.trim_start().starts_with("//")).collect();
-    let words = code.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '('));
-    let declared: BTreeSet<&str> = words
-        .filter_map(|word| word.split_once('('))
+    let tokens = code.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_' || c == '('));
+    let declared: BTreeSet<&str> = tokens
+        .filter_map(|token| token.split_once('('))
         .map(|(name, _)| name)
         .filter(|name| name.starts_with("trued_"))
         .collect();
@@ -48,8 +48,8 @@ fn every_misuse_is_the_right_error_and_breaks_nothing() {
     let prefix = Prefix::install("misuse");
     let Some(program) = built(&prefix, Language::C, "misuse") else { return };
     let (place, _daemon) = lockstep(TABLES);
-    let said = figures(&run(&mut beside(&place, &program)));
-    assert_eq!(said["faults"], "0");
+    let results = figures(&run(&mut beside(&place, &program)));
+    assert_eq!(results["faults"], "0");
 
     if !has("valgrind") {
         skipped(scratch(), "misuse under valgrind", "no `valgrind`");

@@ -102,8 +102,8 @@ impl<'a> FaultyDaemon<'a> {
 
 /// A loop in one language, under faults; returns its evaluation.
 fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Evaluation {
-    let asked = std::env::var("TRUED_LOOP_CYCLES").ok();
-    let cycles = asked.map_or(CYCLES, |cycles| cycles.parse().expect("a number of cycles"));
+    let given = std::env::var("TRUED_LOOP_CYCLES").ok();
+    let cycles = given.map_or(CYCLES, |cycles| cycles.parse().expect("a number of cycles"));
     let place = TestDirectory::new("full", "");
     let mut struck = FaultyDaemon::start(&place, seed);
     let file = place.file("records");

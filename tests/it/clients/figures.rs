@@ -15,16 +15,16 @@ fn said_by(program: &Path, targets: &str, arguments: &[&Path]) -> BTreeMap<Strin
     let mut command = Command::new(program);
     command.args(arguments).env(shm_schema::RUNTIME_DIR_ENV, place.root());
     let output = run(command.args([tests::place::CELL, targets]));
-    let mut said = figures(&output);
-    println!("{}: {said:?}", program.display());
-    said.retain(|name, _| !name.starts_with("round_trip"));
+    let mut results = figures(&output);
+    println!("{}: {results:?}", program.display());
+    results.retain(|name, _| !name.starts_with("round_trip"));
     assert!(daemon.end().success());
     assert_eq!(place.remaining_names(), Vec::<String>::new(), "a client that left leaves nothing");
-    said
+    results
 }
 
 fn rust(targets: &str) -> BTreeMap<String, String> {
-    let said = said_by(Path::new(EVERY_CALL), targets, &[]);
+    let results = said_by(Path::new(EVERY_CALL), targets, &[]);
     for (name, value) in [
         ("targets", targets),
         ("force_blocks", "350"),
@@ -42,10 +42,10 @@ fn rust(targets: &str) -> BTreeMap<String, String> {
         ("trim_state", "0"),
         ("trim_points", "0"),
     ] {
-        assert_eq!(said.get(name).map(String::as_str), Some(value), "{name}");
+        assert_eq!(results.get(name).map(String::as_str), Some(value), "{name}");
     }
-    assert!(said["corrected"].parse::<u32>().unwrap() > 0, "{said:?}");
-    said
+    assert!(results["corrected"].parse::<u32>().unwrap() > 0, "{results:?}");
+    results
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn a_c_program_leaks_nothing_and_touches_nothing_that_is_not_its_own() {
             Path::new("--errors-for-leak-kinds=definite,indirect"),
             &program,
         ];
-        let said = said_by(Path::new("valgrind"), "300", &arguments);
-        assert_eq!(said, expected, "{language:?}");
+        let results = said_by(Path::new("valgrind"), "300", &arguments);
+        assert_eq!(results, expected, "{language:?}");
     }
 }

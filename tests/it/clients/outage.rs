@@ -17,7 +17,7 @@ use tests::process::Process;
 struct ProcessOutput {
     name: String,
     process: Process,
-    heard: usize,
+    lines_read: usize,
 }
 
 /// Events of a busy machine in between, and their end.
@@ -40,8 +40,8 @@ impl ProcessOutput {
     fn line(&mut self, kind: &str) -> String {
         let start = Instant::now();
         loop {
-            if let Some(line) = self.process.lines().get(self.heard) {
-                self.heard += 1;
+            if let Some(line) = self.process.lines().get(self.lines_read) {
+                self.lines_read += 1;
                 return line.clone();
             }
             assert!(start.elapsed() < LIMIT, "{} never said {kind}", self.name);
@@ -51,8 +51,8 @@ impl ProcessOutput {
 }
 
 fn named(line: &str) -> String {
-    let said = line.split(':').next().unwrap_or_default().to_lowercase();
-    said.trim_start_matches("trued_").trim_start_matches("error_").to_owned()
+    let kind = line.split(':').next().unwrap_or_default().to_lowercase();
+    kind.trim_start_matches("trued_").trim_start_matches("error_").to_owned()
 }
 
 /// The example in every language supported by this machine.
@@ -118,34 +118,34 @@ fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
         let place = TestDirectory::new("shadow", "");
         arguments.push(CELL.into());
         let process = Process::start(program.to_str().unwrap(), &arguments, &place);
-        let mut told = ProcessOutput { name, process, heard: 0 };
-        told.next("no_daemon");
+        let mut output = ProcessOutput { name, process, lines_read: 0 };
+        output.next("no_daemon");
         let mut first = daemon(&place);
-        told.next("ok");
+        output.next("ok");
         first.kill();
-        told.next("daemon_lost");
+        output.next("daemon_lost");
         let second = daemon(&place);
-        told.next("daemon_restarted");
-        told.next("ok");
+        output.next("daemon_restarted");
+        output.next("ok");
 
         let dir = place.cell().dir().to_path_buf();
         as_another_users(&dir);
-        told.next("wrong_user");
+        output.next("wrong_user");
         as_ours(&dir);
-        told.next("ok");
+        output.next("ok");
 
         let current = dir.join("current");
         let ours = fs::read_to_string(&current).unwrap();
         // One that runs would put it right at once.
         second.signal(Signal::STOP);
         as_another_version(&current);
-        told.next("version_mismatch");
+        output.next("version_mismatch");
         fs::write(&current, ours).unwrap();
         second.signal(Signal::CONT);
-        told.next("ok");
+        output.next("ok");
         drop(second);
-        told.next("daemon_lost");
-        println!("{}: {:#?}", told.name, told.process.lines());
+        output.next("daemon_lost");
+        println!("{}: {:#?}", output.name, output.process.lines());
     }
 }
 

@@ -65,10 +65,10 @@ fn python_holds_a_kilohertz() {
         let mut command = Command::new(python);
         command.arg(root().join("client/python/tests/kilohertz.py"));
         command.env(shm_schema::RUNTIME_DIR_ENV, place.root());
-        let said = figures(&run(command.args([tests::place::CELL, "3"])));
-        println!("{said:?}");
-        let number = |name: &str| said[name].parse::<f64>().unwrap();
-        assert!(number("cpu_us") < CPU_US_MAX, "whatever else runs here: {said:?}");
+        let results = figures(&run(command.args([tests::place::CELL, "3"])));
+        println!("{results:?}");
+        let number = |name: &str| results[name].parse::<f64>().unwrap();
+        assert!(number("cpu_us") < CPU_US_MAX, "whatever else runs here: {results:?}");
         let is_answered = number("answered") > 0.5 * number("cycles");
         best = best.max(if is_answered { number("rate_hz") } else { 0.0 });
         if best > 990.0 {

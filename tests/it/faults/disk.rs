@@ -25,8 +25,9 @@ fn scratch() -> &'static Path {
 
 fn until(monitor: &mut Monitor, what: &str, holds: impl Fn(&Status) -> bool) -> Duration {
     let start = Instant::now();
-    let seen = wait_for(AWAIT_LIMIT, || monitor.status().is_some_and(|status| holds(&status)));
-    assert!(seen, "{what}: {:?}", monitor.status());
+    let is_reached =
+        wait_for(AWAIT_LIMIT, || monitor.status().is_some_and(|status| holds(&status)));
+    assert!(is_reached, "{what}: {:?}", monitor.status());
     start.elapsed()
 }
 
@@ -40,13 +41,13 @@ fn on_a_small_disk(place: &TestDirectory, kilobytes: u32) -> Option<Process> {
 fn on_a_disk(place: &TestDirectory, options: &str) -> Option<Process> {
     let disk = place.file("box");
     fs::create_dir(&disk).unwrap();
-    let words =
+    let script =
         format!("mount -t tmpfs -o {options} tmpfs \"$1\" && exec \"$2\" run --config \"$3\"");
     let mut command = Command::new("unshare");
     if !rustix::process::geteuid().is_root() {
         command.args(["--user", "--map-root-user"]);
     }
-    command.args(["--mount", "sh", "-c", &words, "sh"]);
+    command.args(["--mount", "sh", "-c", &script, "sh"]);
     command.arg(&disk).arg(TRUED).arg(place.file("cell.toml"));
     let mut daemon = Process::spawn(&mut command, place);
     wait_for(AWAIT_LIMIT, || {
@@ -232,16 +233,19 @@ fn full_shared_memory_refuses_new_clients_and_ends_no_process() {
         );
     }
     assert!(shell.wait_for_output("Connected", AWAIT_LIMIT), "{:#?}", shell.lines());
-    let said = shell.lines();
-    let place_of = |words: &str| said.iter().position(|line| line.starts_with(words));
-    assert!(place_of("Connected") > place_of("room again"), "not before there was room: {said:#?}");
+    let lines = shell.lines();
+    let place_of = |start: &str| lines.iter().position(|line| line.starts_with(start));
+    assert!(
+        place_of("Connected") > place_of("room again"),
+        "not before there was room: {lines:#?}"
+    );
     std::thread::sleep(Duration::from_millis(300));
     shell.close_input();
-    let said = shell.lines();
-    assert!(said.iter().any(|line| line == "daemon 0"), "{said:#?}");
+    let lines = shell.lines();
+    assert!(lines.iter().any(|line| line == "daemon 0"), "{lines:#?}");
     assert!(
-        !said.iter().any(|line| line.contains("Bus error") || line.starts_with("broken")),
-        "{said:#?}"
+        !lines.iter().any(|line| line.contains("Bus error") || line.starts_with("broken")),
+        "{lines:#?}"
     );
     fs::remove_file(&config).unwrap();
 }

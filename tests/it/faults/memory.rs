@@ -105,8 +105,8 @@ fn a_daemon_whose_cell_another_one_took_ends_and_leaves_it_alone() {
     pair.daemon.signal(Signal::CONT);
     let mut first = std::mem::replace(&mut pair.daemon, second);
     assert_eq!(first.wait().code(), SYSTEM_FAILED, "{:#?}", first.lines());
-    let words = first.lines().join("\n");
-    assert!(words.contains(&format!("process {}", pair.daemon.id())), "{words}");
+    let output = first.lines().join("\n");
+    assert!(output.contains(&format!("process {}", pair.daemon.id())), "{output}");
     pair.wait_answered();
     pair.end();
 }
@@ -149,8 +149,8 @@ fn a_cell_of_another_user_is_refused_and_reported() {
     chown(&dir, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
     let mut daemon = Process::daemon(TRUED, &place);
     assert_eq!(daemon.wait().code(), SYSTEM_FAILED);
-    let words = daemon.lines().join("\n");
-    assert!(words.contains(&format!("belongs to user {SOMEBODY}")), "{words}");
+    let output = daemon.lines().join("\n");
+    assert!(output.contains(&format!("belongs to user {SOMEBODY}")), "{output}");
     fs::remove_dir(&dir).unwrap();
 }
 

@@ -30,8 +30,8 @@ fn at_work() -> ServedCell<'static> {
 
 /// Random numbers whose seed is printed.
 fn chance() -> TestRng {
-    let asked = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
-    let seed = asked.unwrap_or_else(monotonic_ns);
+    let given = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
+    let seed = given.unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
     TestRng::new(seed)
 }

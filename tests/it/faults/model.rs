@@ -45,10 +45,10 @@ fn a_model_that_is_being_written_is_never_taken_by_half() {
     let hash = monitor.status().unwrap().model_hash;
     let (mut done, start) = (0, Instant::now());
     while start.elapsed() < Duration::from_secs(4) {
-        let said = monitor.reload(Some(&path), AWAIT_LIMIT).unwrap();
-        done += u32::from(said.answer() == Ok(Answer::Done));
+        let answer = monitor.reload(Some(&path), AWAIT_LIMIT).unwrap();
+        done += u32::from(answer.answer() == Ok(Answer::Done));
         std::thread::sleep(Duration::from_millis(50));
-        assert_eq!(monitor.status().unwrap().model_hash, hash, "half a model: {}", said.message);
+        assert_eq!(monitor.status().unwrap().model_hash, hash, "half a model: {}", answer.message);
     }
     over.store(true, Relaxed);
     writer.join().unwrap();
@@ -66,9 +66,9 @@ fn a_pipe_or_a_device_as_a_model_is_refused_at_once() {
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let mut monitor = Monitor::connect_to(&pair.place.cell(), AWAIT_LIMIT).unwrap();
     for path in [pipe.as_path(), "/dev/zero".as_ref(), pair.place.root()] {
-        let said = monitor.reload(Some(path), AWAIT_LIMIT).unwrap();
-        assert_eq!(said.answer(), Ok(Answer::Refused), "{}", said.message);
-        assert!(said.message.as_str().contains("expected a file"), "{}", said.message);
+        let answer = monitor.reload(Some(path), AWAIT_LIMIT).unwrap();
+        assert_eq!(answer.answer(), Ok(Answer::Refused), "{}", answer.message);
+        assert!(answer.message.as_str().contains("expected a file"), "{}", answer.message);
     }
     assert_eq!(monitor.ping(AWAIT_LIMIT).unwrap().answer(), Ok(Answer::Done));
     drop(monitor);

@@ -16,9 +16,9 @@ fn a_client_that_writes_into_its_sent_messages_breaks_no_bound() {
     assert!(daemon.wait_for_output("ready", AWAIT_LIMIT), "{:?}", daemon.lines());
     let mut chance = chance();
     let mut client = MessageCorruptor::join(&place, &daemon, chance.next_u64());
-    let [said, written] = client.corrupt_messages(&daemon, MESSAGES, chance);
-    println!("{said} answers looked at, {written} words written into {MESSAGES} messages");
-    assert!(said > 100 && written > MESSAGES);
+    let [answers, written] = client.corrupt_messages(&daemon, MESSAGES, chance);
+    println!("{answers} answers looked at, {written} words written into {MESSAGES} messages");
+    assert!(answers > 100 && written > MESSAGES);
     assert!(daemon.is_running(), "{:#?}", daemon.lines());
     println!("corrected again after {:?}", client.wait_corrected());
     drop(client);

@@ -46,17 +46,17 @@ fn main() -> ExitCode {
             turns.push(round_trip_us(&trued, program, &cores));
         }
     }
-    let least = |turns: &[f64]| turns.iter().copied().fold(f64::INFINITY, f64::min);
-    let rust = least(&turns[0]);
+    let minimum = |turns: &[f64]| turns.iter().copied().fold(f64::INFINITY, f64::min);
+    let rust = minimum(&turns[0]);
     println!("round trip, µs: lowest median of {ROUNDS} runs of {TARGETS} targets, by turns");
     let mut holds = true;
     for ((language, _), turns) in programs.iter().zip(&mut turns) {
-        let ratio = least(turns) / rust;
+        let ratio = minimum(turns) / rust;
         holds &= ratio <= BAR;
         turns.sort_by(f64::total_cmp);
-        let (least, middle) = (turns[0], turns[ROUNDS / 2]);
+        let (minimum, median) = (turns[0], turns[ROUNDS / 2]);
         println!(
-            "{language:<5} {least:7.3}  {ratio:5.3} times Rust  (middle of the runs {middle:.3})"
+            "{language:<5} {minimum:7.3}  {ratio:5.3} times Rust  (middle of the runs {median:.3})"
         );
     }
     println!("bar {BAR}: {}", if holds { "held" } else { "MISSED" });

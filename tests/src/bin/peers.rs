@@ -44,9 +44,9 @@ fn main() -> ExitCode {
 /// Builds the C++ program; the error names what is missing on this machine.
 fn built(scratch: &Path) -> Result<PathBuf, String> {
     let python = environment(&scratch.join("pinocchio"), &PACKAGES)?;
-    let asked = "import sysconfig; print(sysconfig.get_path('purelib'))";
-    let said = Command::new(python).args(["-c", asked]).output().map_err(|e| e.to_string())?;
-    let packages = String::from_utf8_lossy(&said.stdout).trim().to_owned();
+    let script = "import sysconfig; print(sysconfig.get_path('purelib'))";
+    let output = Command::new(python).args(["-c", script]).output().map_err(|e| e.to_string())?;
+    let packages = String::from_utf8_lossy(&output.stdout).trim().to_owned();
     let prefix = PathBuf::from(packages).join("cmeel.prefix");
     let (include, lib) = (prefix.join("include"), prefix.join("lib"));
     let program = scratch.join("pinocchio-beside");
@@ -86,8 +86,8 @@ impl ComparedProgram {
     fn numbers(&mut self) -> Result<Vec<f64>, String> {
         let mut line = String::new();
         self.answers.read_line(&mut line).map_err(|e| e.to_string())?;
-        let words = line.split_whitespace().map(str::parse);
-        let numbers: Result<Vec<f64>, _> = words.collect();
+        let fields = line.split_whitespace().map(str::parse);
+        let numbers: Result<Vec<f64>, _> = fields.collect();
         numbers.ok().filter(|n| !n.is_empty()).ok_or_else(|| format!("expected numbers: {line}"))
     }
 
@@ -157,8 +157,10 @@ fn apart(
             return Err(format!("{} numbers beside {}", a.len(), b.len()));
         }
         // NaN does not agree.
-        let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
-        most = off.fold(most, |most, off| if off.is_nan() { f64::NAN } else { most.max(off) });
+        let differences = a.iter().zip(&b).map(|(a, b)| (a - b).abs());
+        most = differences.fold(most, |most, difference| {
+            if difference.is_nan() { f64::NAN } else { most.max(difference) }
+        });
     }
     Ok(most)
 }
@@ -167,8 +169,8 @@ fn apart(
 fn ours() -> Result<String, String> {
     let bench = ["bench", "--package", "corrector", "--bench", "beside", "--no-run"];
     let built = Command::new("cargo").args(bench).output().map_err(|why| why.to_string())?;
-    let said = String::from_utf8_lossy(&built.stderr);
-    let line = said.lines().find(|line| line.trim_start().starts_with("Executable"));
+    let stderr = String::from_utf8_lossy(&built.stderr);
+    let line = stderr.lines().find(|line| line.trim_start().starts_with("Executable"));
     let path = line.and_then(|line| line.split_once('(')?.1.strip_suffix(')'));
-    path.map(str::to_owned).ok_or_else(|| format!("cargo built nothing:\n{said}"))
+    path.map(str::to_owned).ok_or_else(|| format!("cargo built nothing:\n{stderr}"))
 }

@@ -103,7 +103,7 @@ fn mean_and_largest(of: &[f64]) -> (f64, f64) {
     (1e3 * sum / of.len().max(1) as f64, 1e3 * of.iter().fold(0.0_f64, |most, x| most.max(*x)))
 }
 
-fn told(name: &str, account: &PoseStatistics) -> bool {
+fn print_statistics(name: &str, account: &PoseStatistics) -> bool {
     let count = account.before_m.len();
     let (before, most_before) = mean_and_largest(&account.before_m);
     let (after, most_after) = mean_and_largest(&account.after_m);
@@ -125,14 +125,14 @@ fn run(count: usize) -> Result<bool, String> {
         let model = RobotModel::parse(preset.name, preset.text).map_err(|e| e.to_string())?;
         let arm = model.physics.arm;
         if (6..=7).contains(&arm.count()) {
-            held &= told(preset.name, &account(arm, count)?);
+            held &= print_statistics(preset.name, &account(arm, count)?);
         }
     }
     Ok(held)
 }
 
 fn main() -> ExitCode {
-    let count = std::env::args().nth(1).map_or(Ok(COUNT), |word| word.parse());
+    let count = std::env::args().nth(1).map_or(Ok(COUNT), |argument| argument.parse());
     match count.map_err(|e| e.to_string()).and_then(run) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::from(1),

@@ -39,7 +39,7 @@ fn main() {
         Err(fault) => return println!("{fault}"),
     };
     match std::env::args().nth(1).as_deref() {
-        Some("monitor") => look(&cell, &over),
+        Some("monitor") => watch(&cell, &over),
         Some("force") => push(&cell, &over),
         _ => run(&cell, &over, &clock_ns),
     }
@@ -84,7 +84,7 @@ fn run(cell: &Cell, over: &AtomicBool, clock_ns: &AtomicI64) {
 }
 
 /// A monitor: prints a line for each new status.
-fn look(cell: &Cell, over: &AtomicBool) {
+fn watch(cell: &Cell, over: &AtomicBool) {
     let Some(mut monitor) = joined(over, || Monitor::connect_to(cell, PATIENCE)) else { return };
     let mut seen_ns = 0;
     while !over.load(Relaxed) {

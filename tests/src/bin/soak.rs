@@ -36,7 +36,9 @@ struct FaultStatistics {
 }
 
 fn main() {
-    let number = |at: usize| std::env::args().nth(at).and_then(|word| word.parse::<f64>().ok());
+    let number = |index: usize| {
+        std::env::args().nth(index).and_then(|argument| argument.parse::<f64>().ok())
+    };
     let minutes = number(1).unwrap_or(60.0);
     let seed = number(2).map_or_else(trued_client::monotonic_ns, |seed| seed as u64);
     let has_disk = std::env::args().nth(3).as_deref() == Some(WITH_DISK);
@@ -106,19 +108,19 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool
     let mut pair = ServedCell::with(programs, place, daemon);
     pair.start_observers();
     pair.wait_answered();
-    let (start, mut seen) = (Instant::now(), BTreeMap::<&str, FaultStatistics>::new());
+    let (start, mut statistics) = (Instant::now(), BTreeMap::<&str, FaultStatistics>::new());
     let mut resident = Vec::new();
     while start.elapsed().as_secs_f64() < seconds {
         let spares = start.elapsed().as_secs_f64() > seconds / 3.0;
-        let least = if spares { DEADLY } else { 0 };
-        let kind = kinds[least + chance.below((kinds.len() - least) as u64) as usize];
+        let first_kind = if spares { DEADLY } else { 0 };
+        let kind = kinds[first_kind + chance.below((kinds.len() - first_kind) as u64) as usize];
         let before_kb = pair.daemon.resident_kb().unwrap_or(0);
         println!("{:.2} s, {before_kb} kB: {kind}", start.elapsed().as_secs_f64());
         let time = strike(kind, &mut pair, &mut chance).max(pair.wait_answered());
-        let seen = seen.entry(kind).or_default();
-        seen.times += 1;
-        seen.worst = seen.worst.max(time);
-        seen.late += u32::from(time > BAR);
+        let statistics = statistics.entry(kind).or_default();
+        statistics.times += 1;
+        statistics.worst = statistics.worst.max(time);
+        statistics.late += u32::from(time > BAR);
         assert!(pair.daemon.is_running(), "the daemon ended by itself: {:#?}", pair.daemon.lines());
         if spares {
             resident.extend(pair.daemon.resident_kb());
@@ -129,16 +131,16 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64, has_disk: bool) -> bool
     println!(
         "black boxes read up to {recorded_ns} ns; nothing left in shared memory; no bound broken"
     );
-    told(&seen) & flat(&resident)
+    print_results(&statistics) & flat(&resident)
 }
 
 /// Prints the results; returns whether nothing was late.
-fn told(seen: &BTreeMap<&str, FaultStatistics>) -> bool {
+fn print_results(statistics: &BTreeMap<&str, FaultStatistics>) -> bool {
     println!("{:<24} {:>6} {:>12} {:>6}", "fault", "times", "worst, ms", "late");
-    for (kind, FaultStatistics { times, worst, late }) in seen {
+    for (kind, FaultStatistics { times, worst, late }) in statistics {
         println!("{kind:<24} {times:>6} {:>12.1} {late:>6}", worst.as_secs_f64() * 1e3);
     }
-    let late: u32 = seen.values().map(|seen| seen.late).sum();
+    let late: u32 = statistics.values().map(|statistics| statistics.late).sum();
     println!("{late} late by the bar of {BAR:?}");
     late == 0
 }

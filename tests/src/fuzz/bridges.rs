@@ -24,7 +24,7 @@ static RSI: LazyLock<RsiConfig> = LazyLock::new(|| {
     RsiConfig::parse(NAME, text, ethernet).expect("the house's own example")
 });
 
-fn own(config: &RsiConfig) -> &Group {
+fn correction_group(config: &RsiConfig) -> &Group {
     match &config.correction {
         RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
     }
@@ -45,8 +45,13 @@ pub(super) fn rsi(bytes: &[u8]) {
 
 /// An answer fits, or there is none; read like its receiver, it has the intended content.
 fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
-    let own = own(config);
-    let form = AnswerTemplate::new(&config.ethernet, own, config.feed.as_ref(), &config.others);
+    let correction_group = correction_group(config);
+    let form = AnswerTemplate::new(
+        &config.ethernet,
+        correction_group,
+        config.feed.as_ref(),
+        &config.others,
+    );
     let mut to = vec![0; DATAGRAM_MAX];
     let length = form.write(&mut to, numbers, 0.5, ipoc).expect("it fits into a datagram");
     assert_eq!(
@@ -56,12 +61,12 @@ fn answered(config: &RsiConfig, numbers: &[f64; NUMBERS_MAX], ipoc: &str) {
     );
     let answer = std::str::from_utf8(&to[..length]).expect("text");
     let as_sent = answer.replacen("<Sen", "<Rob", 1).replace("</Sen>", "</Rob>");
-    let heard = Telegram::read(as_sent.as_bytes()).expect("as well-formed as the controller's");
-    assert_eq!(heard.ipoc, ipoc, "{answer}");
-    let heard = heard.numbers(own).expect("every number under its name");
-    for (i, name) in own.names.iter().enumerate() {
-        let (heard, meant) = (heard[i].to_bits(), rounded(numbers[i]).to_bits());
-        assert_eq!(heard, meant, "{name} in {answer}");
+    let received = Telegram::read(as_sent.as_bytes()).expect("as well-formed as the controller's");
+    assert_eq!(received.ipoc, ipoc, "{answer}");
+    let received = received.numbers(correction_group).expect("every number under its name");
+    for (i, name) in correction_group.names.iter().enumerate() {
+        let (received, meant) = (received[i].to_bits(), rounded(numbers[i]).to_bits());
+        assert_eq!(received, meant, "{name} in {answer}");
     }
 }
 

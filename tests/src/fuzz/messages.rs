@@ -38,8 +38,8 @@ pub(super) fn commands(bytes: &[u8]) {
     let limits = Limits::new(0.02, 0.05, 5.0).expect("bounds as a cell has them");
     let settings = Settings { mode: Mode::Full, ..Settings::with_envelope(limits) };
     let mut corrector = Corrector::new(settings);
-    for (at, command) in messages::<Command>(bytes).enumerate() {
-        let now_ns = (at as u64 + 1) * PERIOD_NS;
+    for (index, command) in messages::<Command>(bytes).enumerate() {
+        let now_ns = (index as u64 + 1) * PERIOD_NS;
         let _ = (command.joints().len(), format!("{command:?}"));
         if command.check().is_err() {
             continue;
@@ -135,9 +135,9 @@ fn horizons(bytes: &[u8]) {
     }
 }
 
-fn each<T: Payload + Debug>(bytes: &[u8], words: impl Fn(&T) -> String) {
+fn each<T: Payload + Debug>(bytes: &[u8], describe: impl Fn(&T) -> String) {
     for message in messages::<T>(bytes) {
         let _ = message.check().map_err(|fault| fault.to_string());
-        assert!(!words(&message).is_empty());
+        assert!(!describe(&message).is_empty());
     }
 }

@@ -31,7 +31,7 @@ fn smooth(k: u64) -> f64 {
     2.5e-4 * (1.0 - (5.0 * k as f64 * 1e-3).cos()).powi(2)
 }
 
-fn told(from: u64, c: impl Fn(u64) -> f64) -> Result<(), String> {
+fn judge(from: u64, c: impl Fn(u64) -> f64) -> Result<(), String> {
     let mut oracle = oracle();
     for k in 0..from {
         oracle.take(k * MS, k * MS, &Q, &sent(smooth(k)))?;
@@ -41,7 +41,7 @@ fn told(from: u64, c: impl Fn(u64) -> f64) -> Result<(), String> {
 
 #[test]
 fn a_smooth_correction_breaks_nothing_and_each_kind_of_step_is_seen() {
-    assert_eq!(told(300, smooth), Ok(()));
+    assert_eq!(judge(300, smooth), Ok(()));
     for (what, c) in [
         ("a dropped correction", 0.0),
         ("a step", smooth(300) + 1e-4),
@@ -49,9 +49,9 @@ fn a_smooth_correction_breaks_nothing_and_each_kind_of_step_is_seen() {
         ("no number", f64::NAN),
         ("beyond the angle", 0.03),
     ] {
-        assert!(told(300, |_| c).is_err(), "{what}");
+        assert!(judge(300, |_| c).is_err(), "{what}");
     }
-    assert!(told(300, |k| if k == 350 { 0.0 } else { smooth(k) }).is_err(), "one tick");
+    assert!(judge(300, |k| if k == 350 { 0.0 } else { smooth(k) }).is_err(), "one tick");
 }
 
 #[test]
@@ -102,9 +102,9 @@ fn shadow_mode_is_the_command_to_the_bit() {
     let mut oracle = oracle();
     oracle.set_shadow(0, true);
     assert_eq!(oracle.take(0, 0, &Q, &Q), Ok(()));
-    let mut off = Q;
-    off[3] = off[3].next_up();
-    assert!(oracle.take(MS, MS, &Q, &off).is_err());
+    let mut altered = Q;
+    altered[3] = altered[3].next_up();
+    assert!(oracle.take(MS, MS, &Q, &altered).is_err());
 }
 
 #[test]
@@ -205,8 +205,8 @@ fn what_two_limiters_send_in_uneven_time_keeps_the_jerk_that_jitter_allows() {
             }
             let is_there = cell.gone == 0;
             let c = client.step(cell.now_ns, if is_there { proposed } else { 0.0 }, is_there);
-            if let Err(words) = oracle.take(cell.now_ns, cell.now_ns, &Q, &sent(c)) {
-                panic!("seed {seed}, tick {tick}: {words}");
+            if let Err(violation) = oracle.take(cell.now_ns, cell.now_ns, &Q, &sent(c)) {
+                panic!("seed {seed}, tick {tick}: {violation}");
             }
         }
     }

@@ -53,8 +53,8 @@ pub struct Summary {
 
 impl Summary {
     fn breaks(&mut self, text: &str) {
-        let at = format!("target {} of run {}: {text}", self.sent, self.runs);
-        self.broken.get_or_insert(at);
+        let message = format!("target {} of run {}: {text}", self.sent, self.runs);
+        self.broken.get_or_insert(message);
     }
 }
 

@@ -184,8 +184,8 @@ impl Plant {
         self.under_way.push_back(feed_override * self.constant);
         let taken =
             if self.under_way.len() > DEAD_TICKS { self.under_way.pop_front() } else { None };
-        let asked = if self.is_stopped { 0.0 } else { taken.unwrap_or(self.share) };
-        self.share += (asked - self.share) * (1.0 - (-dt_s / SMOOTHING_S).exp());
+        let requested = if self.is_stopped { 0.0 } else { taken.unwrap_or(self.share) };
+        self.share += (requested - self.share) * (1.0 - (-dt_s / SMOOTHING_S).exp());
         self.at_m += self.share * PROGRAMMED_M_S * dt_s;
         self.force_n = FULL_N * depth(self.at_m) * self.share;
         let ripple = 1.0 + RIPPLE * (2.0 * rng.uniform() - 1.0);
@@ -336,8 +336,8 @@ impl SimulatedLink {
             && fallen <= down_per_s * dt_s + 1e-9
             && risen <= up_per_s * dt_s + 1e-9;
         if !is_good {
-            let at = self.run.ticks.len();
-            self.run.broken.get_or_insert(format!("tick {at}: from {before} to {feed_override}"));
+            let tick = self.run.ticks.len();
+            self.run.broken.get_or_insert(format!("tick {tick}: from {before} to {feed_override}"));
         }
     }
 
@@ -386,7 +386,12 @@ impl SimulatedLink {
     fn next_command(&mut self) -> Command {
         let tick = self.run.ticks.len();
         self.now_ns += TICK_NS;
-        let due = self.plan.events.iter().filter(|(at, _)| *at == tick).map(|(_, event)| *event);
+        let due = self
+            .plan
+            .events
+            .iter()
+            .filter(|(at_tick, _)| *at_tick == tick)
+            .map(|(_, event)| *event);
         let due: Vec<Event> = due.collect();
         due.into_iter().for_each(|event| self.happen(event));
         self.sense();

@@ -225,10 +225,11 @@ impl SimulatedLink {
         let target =
             self.output.target(&q_cmd[..JOINTS], self.newest.as_ref(), Some(&sent), read_ns);
         let target = target.expect("a command of numbers");
-        if let Err(words) = self.oracle.take(read_ns, sent.t_ns, &q_cmd[..JOINTS], target.joints())
+        if let Err(violation) =
+            self.oracle.take(read_ns, sent.t_ns, &q_cmd[..JOINTS], target.joints())
         {
-            let at = self.run.ticks.len();
-            self.run.broken.get_or_insert(format!("tick {at}: {words}"));
+            let tick = self.run.ticks.len();
+            self.run.broken.get_or_insert(format!("tick {tick}: {violation}"));
         }
         let mut q = [0.0; JOINTS_MAX];
         q[..JOINTS].copy_from_slice(target.joints());
@@ -332,8 +333,12 @@ impl Link for SimulatedLink {
             return None;
         }
         self.now_ns += TICK_NS;
-        let due: Vec<Event> =
-            self.events.iter().filter(|(at, _)| *at == tick).map(|(_, event)| *event).collect();
+        let due: Vec<Event> = self
+            .events
+            .iter()
+            .filter(|(at_tick, _)| *at_tick == tick)
+            .map(|(_, event)| *event)
+            .collect();
         due.into_iter().for_each(|event| self.happen(event));
         let q = self.command();
         let setpoint = Setpoint::new(&q[..JOINTS]).at_ns(self.now_ns);

@@ -68,8 +68,10 @@ impl InvariantMonitor {
     /// The daemon ends: its losses must all be counted.
     pub(super) fn end(&mut self, exchange: &Exchange, after_a_calm: bool) {
         if after_a_calm && (self.longest < SETTLED || self.most_exact < SETTLED) {
-            let (said, sent) = (self.longest, self.most_exact);
-            self.breaks(&format!("{said} good answers, {sent} sent, long after the last fault"));
+            let (answered, sent) = (self.longest, self.most_exact);
+            self.breaks(&format!(
+                "{answered} good answers, {sent} sent, long after the last fault"
+            ));
         }
         let dropped = exchange.counters.recorder_dropped.load(Relaxed);
         let kept = self.recorded + exchange.cycles.len() as u64 + dropped;
@@ -90,7 +92,7 @@ impl InvariantMonitor {
         let (Ok(status), Ok(reason)) = (answer.status(), answer.reason()) else {
             return self.breaks(&format!("no such word: {answer:?}"));
         };
-        *summary.said.entry(format!("{status}/{reason}")).or_default() += 1;
+        *summary.counts.entry(format!("{status}/{reason}")).or_default() += 1;
         if answer.seq != self.last_seq + 1 {
             self.breaks(&format!("number {} after {}", answer.seq, self.last_seq));
         }
@@ -100,10 +102,10 @@ impl InvariantMonitor {
             self.breaks(&format!("a number that is none: {answer:?}"));
         }
         let correction = &answer.correction[..JOINTS];
-        if let Err(words) =
+        if let Err(violation) =
             self.daemon.take(answer.received_ns, answer.t_ns, &[0.0; JOINTS], correction)
         {
-            self.breaks(&format!("the daemon: {words}: {answer:?}"));
+            self.breaks(&format!("the daemon: {violation}: {answer:?}"));
         }
         self.settle(status, reason, calm, exchange);
     }
@@ -128,9 +130,10 @@ impl InvariantMonitor {
 
     /// What the client sends.
     pub(super) fn sent(&mut self, now_ns: u64, sent: &Sent, answer: Option<&Corrected>) {
-        *self.summary.said.entry(format!("client: {:?}", sent.source)).or_default() += 1;
-        if let Err(words) = self.client.take(now_ns, sent.stamp_ns, &sent.command, &sent.target) {
-            self.breaks(&format!("the client: {words}: {sent:?}"));
+        *self.summary.counts.entry(format!("client: {:?}", sent.source)).or_default() += 1;
+        if let Err(violation) = self.client.take(now_ns, sent.stamp_ns, &sent.command, &sent.target)
+        {
+            self.breaks(&format!("the client: {violation}: {sent:?}"));
         }
         let is_exact = answer.is_some_and(|answer| answer.correction == sent.correction);
         if sent.source == Source::Corrected && !is_exact {

@@ -136,9 +136,9 @@ impl SimulatedLink<'_> {
         let target = self.output.target(sent.joints(), self.newest.as_ref(), Some(&sent), read_ns);
         let target = target.expect("a command of numbers");
         let judged = self.oracle.take(read_ns, sent.t_ns, sent.joints(), target.joints());
-        if let Err(words) = judged {
+        if let Err(violation) = judged {
             let row = self.row;
-            self.outcome.broken.get_or_insert(format!("row {row}: {words}"));
+            self.outcome.broken.get_or_insert(format!("row {row}: {violation}"));
         }
         let mut q = [0.0; JOINTS_MAX];
         q[..JOINTS].copy_from_slice(target.joints());

@@ -47,7 +47,7 @@ pub struct Summary {
     /// Time from the last fault of each storm until the daemon's own correction was sent again, ms.
     pub back_after_ms: Vec<u64>,
     /// Counts of the daemon's statuses and reasons, and of the sources of the client's targets.
-    pub said: BTreeMap<String, u64>,
+    pub counts: BTreeMap<String, u64>,
     /// Hash of all published numbers: distinguishes two runs.
     pub hash: u64,
     /// The violation, as text; a run ends with the first.

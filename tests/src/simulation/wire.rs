@@ -122,10 +122,10 @@ impl FaultyLink {
         });
         if self.read_due_ns.is_some_and(|due_ns| due_ns <= now_ns) {
             self.read_due_ns = None;
-            let (here, later) = self.to_client.iter().partition(|(at_ns, _)| *at_ns <= now_ns);
-            let here: Vec<(u64, Corrected)> = here;
+            let (arrived, later) = self.to_client.iter().partition(|(at_ns, _)| *at_ns <= now_ns);
+            let arrived: Vec<(u64, Corrected)> = arrived;
             self.to_client = later;
-            let newest = here.last().map(|(_, answer)| *answer);
+            let newest = arrived.last().map(|(_, answer)| *answer);
             if let Some(sent) = self.client.send(newest, now_ns) {
                 self.watch.sent(now_ns, &sent, self.client.answered());
             }

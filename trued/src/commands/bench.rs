@@ -30,7 +30,7 @@ const PAGE: &str = "bench.html";
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
     #[command(flatten)]
-    asked: BenchOptions,
+    options: BenchOptions,
     /// Directory for the page (`bench.html`) and the plots; if not given, neither is written
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -44,12 +44,12 @@ pub(crate) struct Bench {
 
 impl Bench {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        if let Some(words) = &self.part {
-            harness::part(words).map_err(failure)?;
+        if let Some(arguments) = &self.part {
+            harness::part(arguments).map_err(failure)?;
             return Ok(Answer::Done);
         }
         let stop = interrupt::flag()?;
-        let plan = self.asked.plan()?;
+        let plan = self.options.plan()?;
         let mut outputs = console.outputs();
         if let Some(out) = &self.out {
             outputs = outputs.in_folder(out).page(out.join(PAGE));
@@ -94,10 +94,10 @@ impl Bench {
         for means in &machine.means {
             console.say(format!("  {means}"))?;
         }
-        for words in tables::tables(findings) {
-            let title = console.paint(Emphasis::Strong, &words.title);
-            let table = words.rows.into_iter().fold(TextTable::new(words.heads), TextTable::row);
-            console.say(format!("\n{title}\n{}", on_stdout(&table).trim_end()))?;
+        for table in tables::tables(findings) {
+            let title = console.paint(Emphasis::Strong, &table.title);
+            let text = table.rows.into_iter().fold(TextTable::new(table.heads), TextTable::row);
+            console.say(format!("\n{title}\n{}", on_stdout(&text).trim_end()))?;
         }
         if let Some(out) = &self.out {
             outputs.put_page(&out.join(PAGE), page::render(findings));
@@ -124,9 +124,9 @@ impl Programs for ThisProgram {
         Ok(command)
     }
 
-    fn part(&self, words: &str) -> std::io::Result<Command> {
+    fn part(&self, arguments: &str) -> std::io::Result<Command> {
         let mut command = this_program()?;
-        command.args(["bench", "--part", words]);
+        command.args(["bench", "--part", arguments]);
         Ok(command)
     }
 }

@@ -46,10 +46,10 @@ struct BridgeOptions {
 impl Bridge {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let options = Options { stop: interrupt::flag()?, ..Options::default() };
-        let mut told = Ok(None);
-        let mut ready = |at| {
-            told = console
-                .say(format!("ready: listening on {at}"))
+        let mut printed = Ok(None);
+        let mut ready = |address| {
+            printed = console
+                .say(format!("ready: listening on {address}"))
                 .and_then(|()| start_watchdog(&options));
         };
         match &self.protocol {
@@ -63,7 +63,7 @@ impl Bridge {
             }
         }
         .map_err(failure)?;
-        if let Some(attendant) = told? {
+        if let Some(attendant) = printed? {
             // The loop has ended, and the service manager has been informed.
             let _ = attendant.join();
         }
@@ -80,9 +80,10 @@ fn start_watchdog(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> 
     let options = options.clone();
     let attend = move || {
         while !options.stop.load(Relaxed) {
-            let [heard, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
-            let words = format!("{heard} datagrams received from the robot, {sent} replies sent");
-            manager.report_alive(0, options.iterations.load(Relaxed), &words);
+            let [received, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
+            let summary =
+                format!("{received} datagrams received from the robot, {sent} replies sent");
+            manager.report_alive(0, options.iterations.load(Relaxed), &summary);
             std::thread::sleep(PERIOD);
         }
         manager.stopping();

@@ -212,8 +212,8 @@ impl Mark {
         }
         if self.text.len() > MARK_BYTES_MAX {
             let length = self.text.len();
-            let words = format!("TEXT: has {length} bytes, expected at most {MARK_BYTES_MAX}");
-            return Err(Failure::input(words));
+            let message = format!("TEXT: has {length} bytes, expected at most {MARK_BYTES_MAX}");
+            return Err(Failure::input(message));
         }
         let (cell, mut monitor) = self.which.join()?;
         let response = monitor.mark(&self.text, ANSWER_TIMEOUT).map_err(Failure::system)?;

@@ -229,7 +229,7 @@ fn has_ending(path: &Path, ending: &str) -> bool {
 impl Target {
     fn of(out: &Path) -> Result<Self, Failure> {
         // `.`, `/`, a device: the files' names begin with NAME.
-        if out.file_name().is_none() || out.metadata().is_ok_and(|there| !there.is_file()) {
+        if out.file_name().is_none() || out.metadata().is_ok_and(|metadata| !metadata.is_file()) {
             let what = format!("--out {}: not a valid file name", out.display());
             return Err(Failure::input(format!("{what}; give one such as --out run.csv")));
         }

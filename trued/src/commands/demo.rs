@@ -98,10 +98,10 @@ impl Demo {
     /// The command line with which a user would repeat this run.
     fn repeat_invocation(&self, console: &Console, seed: u64, out: &Path) -> Invocation {
         let seed = seed.to_string();
-        let words = ["demo", "--seed", &seed].map(str::to_owned).into_iter();
+        let arguments = ["demo", "--seed", &seed].map(str::to_owned).into_iter();
         let quick = self.quick.then(|| "--quick".to_owned());
         let out = ["--out".to_owned(), out.display().to_string()];
-        console.invocation().typed(words.chain(quick).chain(out))
+        console.invocation().typed(arguments.chain(quick).chain(out))
     }
 }
 

@@ -72,8 +72,8 @@ enum DiagnosisInput {
 impl DiagnosisInput {
     /// Reads recordings of one robot, or one of forces alone.
     fn of(reading: &Reading, recordings: &[PathBuf]) -> Result<Self, Failure> {
-        let looked = recordings.first().map(|first| reading.inspect(first)).transpose()?;
-        let read = match looked {
+        let inspected = recordings.first().map(|first| reading.inspect(first)).transpose()?;
+        let read = match inspected {
             Some(InspectedRecording::WithoutArm(alone)) if has_force(&alone.1) => {
                 if recordings.len() > 1 {
                     let why = "recordings with forces only are diagnosed one at a time; give one RECORDING";

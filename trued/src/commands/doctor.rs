@@ -51,14 +51,14 @@ fn verdict(diagnosis: &Diagnosis) -> String {
 }
 
 fn print_check(console: &mut Console, check: &Check) -> Result<(), Failure> {
-    let (paint, word) = match check.state {
+    let (paint, label) = match check.state {
         State::Pass => (Emphasis::Good, "pass"),
         State::Fix => (Emphasis::Bad, "fix"),
         State::Unknown => (Emphasis::Caution, "unknown"),
     };
-    let word = console.paint(paint, &format!("{word:<7}"));
+    let label = console.paint(paint, &format!("{label:<7}"));
     let fix = if check.fix.is_empty() { String::new() } else { format!("; {}", check.fix) };
-    console.say(format!("{word}  {:<20} {}{fix}", check.name, check.found))
+    console.say(format!("{label}  {:<20} {}{fix}", check.name, check.found))
 }
 
 /// The schema of the result.

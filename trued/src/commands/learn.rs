@@ -90,15 +90,15 @@ impl Learn {
     fn check_distinct(&self) -> Result<(), Failure> {
         let place = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
         let files: Vec<&PathBuf> = [&self.path].into_iter().chain(&self.measured).collect();
-        for (at, file) in files.iter().enumerate() {
+        for (index, file) in files.iter().enumerate() {
             let shown = file.display();
             match files.iter().position(|other| place(other) == place(file)) {
-                Some(first) if first < at && first == 0 => {
+                Some(first) if first < index && first == 0 => {
                     return Err(Failure::input(format!(
                         "{shown} is given as path and as measurement of it, expected two files: the commanded path, and the recording of a run"
                     )));
                 }
-                Some(first) if first < at => {
+                Some(first) if first < index => {
                     return Err(Failure::input(format!(
                         "{shown} is given twice, expected a file for each run: one run counted twice would look free of random errors"
                     )));

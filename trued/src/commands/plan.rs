@@ -162,8 +162,8 @@ struct Input {
     recordings: Vec<Recording>,
 }
 
-fn share(word: &str) -> Result<f64, String> {
-    let share: f64 = word.parse().map_err(|_| format!("`{word}` is no number"))?;
+fn share(text: &str) -> Result<f64, String> {
+    let share: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
     if share > 0.0 && share < 0.5 {
         Ok(share)
     } else {

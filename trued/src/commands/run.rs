@@ -52,10 +52,10 @@ impl Run {
             return Err(Failure::input(why));
         }
         logs::never_wait()?;
-        let mut told = Ok(());
+        let mut printed = Ok(());
         let stop = interrupt::flag()?;
-        daemon::run(cells, &stop, || told = console.say("ready")).map_err(failure)?;
-        told?;
+        daemon::run(cells, &stop, || printed = console.say("ready")).map_err(failure)?;
+        printed?;
         Ok(Answer::Done)
     }
 

@@ -69,11 +69,11 @@ fn show(console: &mut Console, cell: &str, monitor: &mut Monitor) -> Outcome {
             break status;
         }
         if begun.elapsed() > FIRST_STATUS_TIMEOUT {
-            let words = format!(
+            let message = format!(
                 "cell `{cell}`: connected to the daemon, but received no status within {FIRST_STATUS_TIMEOUT:?}"
             );
             return Err(Failure::system(format!(
-                "{words}; check whether it is stopped or overloaded"
+                "{message}; check whether it is stopped or overloaded"
             )));
         }
         std::thread::sleep(POLL_EVERY);

@@ -74,14 +74,14 @@ impl LimitCheck {
 
     /// An upper limit on a number.
     pub(super) fn at_most(what: &str, value: f64, limit: f64, unit: &str) -> Self {
-        let told = |x: f64| format!("{} {unit}", significant(x, 3));
-        Self::new(what, told(value), format!("at most {}", told(limit)), value <= limit)
+        let with_unit = |x: f64| format!("{} {unit}", significant(x, 3));
+        Self::new(what, with_unit(value), format!("at most {}", with_unit(limit)), value <= limit)
     }
 
     /// A lower limit on a number.
     pub(super) fn at_least(what: &str, value: f64, limit: f64, unit: &str) -> Self {
-        let told = |x: f64| format!("{} {unit}", significant(x, 3));
-        Self::new(what, told(value), format!("at least {}", told(limit)), value >= limit)
+        let with_unit = |x: f64| format!("{} {unit}", significant(x, 3));
+        Self::new(what, with_unit(value), format!("at least {}", with_unit(limit)), value >= limit)
     }
 
     /// An interval that has to contain a value.
@@ -127,11 +127,11 @@ impl Case {
     ) -> (Self, Option<DiagnosisResult>) {
         let mut case = Self::from_outcome(name, concealed, command, answer);
         let RunOutcome::Done(folder) = answer else { return (case, None) };
-        let said = DiagnosisResult::read(folder, domain);
-        case.verdict = said.verdict().replace('_', " ");
-        case.short = format!("{}: {}", case.verdict, said.names(5));
-        case.add_findings(&said);
-        (case, Some(said))
+        let result = DiagnosisResult::read(folder, domain);
+        case.verdict = result.verdict().replace('_', " ");
+        case.short = format!("{}: {}", case.verdict, result.names(5));
+        case.add_findings(&result);
+        (case, Some(result))
     }
 
     fn add_findings(&mut self, result: &DiagnosisResult) {
@@ -196,10 +196,10 @@ impl Case {
         }
         let reasons = result.not_tested();
         let more = reasons.len().saturating_sub(REASONS_LISTED);
-        let mut told: Vec<String> = reasons.into_iter().take(REASONS_LISTED).collect();
-        told.extend((more > 0).then(|| format!("{more} more reasons")));
-        if !told.is_empty() {
-            self.shortfall_notes.push(format!("Not tested: {}.", told.join("; ")));
+        let mut listed: Vec<String> = reasons.into_iter().take(REASONS_LISTED).collect();
+        listed.extend((more > 0).then(|| format!("{more} more reasons")));
+        if !listed.is_empty() {
+            self.shortfall_notes.push(format!("Not tested: {}.", listed.join("; ")));
         }
     }
 
@@ -256,7 +256,7 @@ pub(super) fn outcome_text(answer: &RunOutcome) -> String {
     match answer {
         RunOutcome::Done(_) => "done".to_owned(),
         RunOutcome::Late(limit_s) => format!("no answer within {limit_s} s"),
-        RunOutcome::Refused(said) => format!("refused: {said}"),
+        RunOutcome::Refused(message) => format!("refused: {message}"),
         RunOutcome::NotRun => "not run".to_owned(),
     }
 }

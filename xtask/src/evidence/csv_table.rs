@@ -23,16 +23,19 @@ impl CsvTable {
 
     /// A column as numbers; NaN for missing ones.
     pub(super) fn numbers(&self, name: &str) -> Vec<f64> {
-        let at = self.head.iter().position(|head| head == name);
-        let number =
-            |row: &Vec<String>| at.and_then(|at| row.get(at)?.parse().ok()).unwrap_or(f64::NAN);
+        let column = self.head.iter().position(|head| head == name);
+        let number = |row: &Vec<String>| {
+            column.and_then(|column| row.get(column)?.parse().ok()).unwrap_or(f64::NAN)
+        };
         self.rows.iter().map(number).collect()
     }
 
     /// A column of texts.
     pub(super) fn texts(&self, name: &str) -> Vec<String> {
-        let at = self.head.iter().position(|head| head == name);
-        let text = |row: &Vec<String>| at.and_then(|at| row.get(at).cloned()).unwrap_or_default();
+        let column = self.head.iter().position(|head| head == name);
+        let text = |row: &Vec<String>| {
+            column.and_then(|column| row.get(column).cloned()).unwrap_or_default()
+        };
         self.rows.iter().map(text).collect()
     }
 
@@ -44,24 +47,24 @@ impl CsvTable {
 
     /// The column `name`, replacing an existing one.
     pub(super) fn with_column(mut self, name: &str, value: impl Fn(usize) -> String) -> Self {
-        let at = self.head.iter().position(|head| head == name).unwrap_or_else(|| {
+        let column = self.head.iter().position(|head| head == name).unwrap_or_else(|| {
             self.head.push(name.to_owned());
             self.head.len() - 1
         });
         for (k, row) in self.rows.iter_mut().enumerate() {
             row.resize(self.head.len(), String::new());
-            row[at] = value(k);
+            row[column] = value(k);
         }
         self
     }
 
     /// The same rows with the cells of `columns` emptied in the rows `gone`.
-    pub(super) fn clear_cells(&self, columns: &[&String], gone: &[bool]) -> Self {
+    pub(super) fn clear_cells(&self, columns: &[&String], cleared: &[bool]) -> Self {
         let mut sheet = self.clone();
-        let at: Vec<usize> =
+        let places: Vec<usize> =
             (0..self.head.len()).filter(|k| columns.contains(&&self.head[*k])).collect();
-        for (row, _) in sheet.rows.iter_mut().zip(gone).filter(|(_, gone)| **gone) {
-            at.iter().for_each(|k| row[*k].clear());
+        for (row, _) in sheet.rows.iter_mut().zip(cleared).filter(|(_, cleared)| **cleared) {
+            places.iter().for_each(|k| row[*k].clear());
         }
         sheet
     }
@@ -111,7 +114,7 @@ mod tests {
     #[test]
     fn a_random_half_is_half_and_follows_its_seed() {
         let one = random_half(100, 1);
-        assert_eq!(one.iter().filter(|seen| **seen).count(), 50);
+        assert_eq!(one.iter().filter(|is_chosen| **is_chosen).count(), 50);
         assert_eq!(one, random_half(100, 1));
         assert_ne!(one, random_half(100, 2));
     }

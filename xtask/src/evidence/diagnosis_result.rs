@@ -140,8 +140,8 @@ impl<'a> FindingView<'a> {
     /// All parameters: `level_N 20.4 (19.9 to 20.9)`.
     pub(super) fn parameters(&self) -> String {
         let all = self.0["parameters"].as_object();
-        let told = |(key, one): (&String, &Value)| {
-            let said = |value: &Value, ci: &Value| {
+        let parameter_text = |(key, one): (&String, &Value)| {
+            let value_text = |value: &Value, ci: &Value| {
                 let number = |value: &Value| significant(value.as_f64().unwrap_or(f64::NAN), 3);
                 if ci[0] == ci[1] {
                     return number(value);
@@ -155,15 +155,17 @@ impl<'a> FindingView<'a> {
                     format!("of {} numbers, the largest {largest}", list.len())
                 }
                 Some(list) => {
-                    let each =
-                        list.iter().enumerate().map(|(k, value)| said(value, &one["ci95"][k]));
+                    let each = list
+                        .iter()
+                        .enumerate()
+                        .map(|(k, value)| value_text(value, &one["ci95"][k]));
                     each.collect::<Vec<_>>().join("; ")
                 }
-                None => said(&one["value"], &one["ci95"]),
+                None => value_text(&one["value"], &one["ci95"]),
             };
             format!("{key} {values}")
         };
-        all.into_iter().flatten().map(told).collect::<Vec<_>>().join(", ")
+        all.into_iter().flatten().map(parameter_text).collect::<Vec<_>>().join(", ")
     }
 }
 

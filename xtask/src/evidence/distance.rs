@@ -95,17 +95,17 @@ fn fit_rigid_motion<'a>(points: impl Iterator<Item = &'a [Point; 2]> + Clone) ->
     let mut normal = [[0.0; 7]; 6];
     for [m, p] in points {
         let r = difference(p, &middle);
-        let off = difference(m, p);
+        let residual = difference(m, p);
         // Rows of d(turn × r + shift).
         let rows = [
             [0.0, r[2], -r[1], 1.0, 0.0, 0.0],
             [-r[2], 0.0, r[0], 0.0, 1.0, 0.0],
             [r[1], -r[0], 0.0, 0.0, 0.0, 1.0],
         ];
-        for (row, off) in rows.iter().zip(off) {
+        for (row, residual) in rows.iter().zip(residual) {
             for i in 0..6 {
                 (0..6).for_each(|j| normal[i][j] += row[i] * row[j]);
-                normal[i][6] += row[i] * off;
+                normal[i][6] += row[i] * residual;
             }
         }
     }
@@ -176,15 +176,16 @@ mod tests {
         let held: Vec<bool> = (0..40).map(|k| k % 2 == 1).collect();
         let (mut m, mut p) = ("x,y,z\n".to_owned(), "x,y,z\n".to_owned());
         for (k, held) in held.iter().enumerate() {
-            let mut at = apply(&turn, &place(k));
-            at[0] += if *held { 1e-3 } else { 0.0 };
-            m += &format!("{},{},{}\n", at[0], at[1], at[2]);
-            let at = place(k);
-            p += &format!("{},{},{}\n", at[0], at[1], at[2]);
+            let mut point = apply(&turn, &place(k));
+            point[0] += if *held { 1e-3 } else { 0.0 };
+            m += &format!("{},{},{}\n", point[0], point[1], point[2]);
+            let point = place(k);
+            p += &format!("{},{},{}\n", point[0], point[1], point[2]);
         }
         let names = || ["x", "y", "z"].map(str::to_owned);
         let columns = [Columns { measured: names(), predicted: names(), metres: [1.0, 1.0] }];
-        let off = mean_distance(&CsvTable::read(&m), &CsvTable::read(&p), &columns, None, &held);
-        assert!((off - 1e-3).abs() < 1e-9, "{off}");
+        let distance =
+            mean_distance(&CsvTable::read(&m), &CsvTable::read(&p), &columns, None, &held);
+        assert!((distance - 1e-3).abs() < 1e-9, "{distance}");
     }
 }

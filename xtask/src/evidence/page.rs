@@ -109,8 +109,8 @@ fn write_case(text: &mut String, case: &Case) {
     line(text, &format!("### {}\n", case.name));
     line(text, &format!("Concealed: {}. `{}`\n", case.concealed, case.command));
     line(text, &format!("Said: **{}**.\n", case.verdict));
-    for said in &case.statements {
-        line(text, &format!("- {said}"));
+    for statement in &case.statements {
+        line(text, &format!("- {statement}"));
     }
     if !case.statements.is_empty() {
         line(text, "");

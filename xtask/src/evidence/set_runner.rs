@@ -95,11 +95,11 @@ impl SetRunner {
     }
 
     /// Stores the drawing of the set: the first one offered by a run.
-    pub(super) fn offer_figure(&self, page: &Path, caption: &str, says: &str) {
+    pub(super) fn offer_figure(&self, page: &Path, caption: &str, caption_text: &str) {
         let page = fs::read_to_string(page).unwrap_or_default();
         let mut figure = self.figure.borrow_mut();
         if let (None, Some(drawing)) = (figure.as_ref(), Svg::of_page(&page, caption)) {
-            *figure = Some(Figure { caption: says.to_owned(), drawing });
+            *figure = Some(Figure { caption: caption_text.to_owned(), drawing });
         }
     }
 
@@ -124,11 +124,12 @@ impl SetRunner {
             fs::remove_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
         }
         let place = run.to_owned();
-        let words: Vec<String> = arguments.iter().map(|word| word.replace("OUT", &place)).collect();
+        let arguments_filled: Vec<String> =
+            arguments.iter().map(|argument| argument.replace("OUT", &place)).collect();
         // A command that writes single files needs the folder; one that requires an empty folder
         // gets it too.
         fs::create_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
-        let outcome = self.run(run, &words)?;
+        let outcome = self.run(run, &arguments_filled)?;
         fs::write(&kept, format!("{key}\n{outcome}")).map_err(|why| why.to_string())?;
         Ok(parse_outcome(&outcome, out))
     }
@@ -144,13 +145,13 @@ impl SetRunner {
         let Some(status) = wait_with_limit(child, self.limit_s)? else {
             return Ok(format!("late {}", self.limit_s));
         };
-        let said = fs::read_to_string(&log).unwrap_or_default();
+        let output = fs::read_to_string(&log).unwrap_or_default();
         // Exit code 1 is a result too: a check that found faults.
         Ok(match status.code() {
             Some(0 | 1) => "done".to_owned(),
             _ => {
                 // The first of several faults is below a line with their number.
-                let why = said.lines().find_map(|line| line.strip_prefix("error: "));
+                let why = output.lines().find_map(|line| line.strip_prefix("error: "));
                 let why = why.unwrap_or("without a word").trim_start_matches("error: ");
                 format!("refused {why}")
             }
@@ -167,9 +168,9 @@ impl SetRunner {
             self.digest.get_or_init(|| Sha256::digest(program).to_vec());
         }
         hash.update(self.digest.get().map_or(&[][..], Vec::as_slice));
-        for word in arguments {
-            hash.update(word.as_bytes());
-            let path = self.folder.join(word);
+        for argument in arguments {
+            hash.update(argument.as_bytes());
+            let path = self.folder.join(argument);
             for path in
                 [path.clone(), path.with_extension("mapping.toml"), path.with_extension("toml")]
             {

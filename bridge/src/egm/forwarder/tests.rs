@@ -12,7 +12,7 @@ const MS: u64 = 1_000_000;
 const ROBOT: &str = "192.168.125.1:6510";
 const APPLICATION: &str = "127.0.0.1:6511";
 
-fn at(address: &str) -> SocketAddr {
+fn socket_address(address: &str) -> SocketAddr {
     address.parse().unwrap()
 }
 
@@ -24,9 +24,9 @@ fn middle_over<L: Link>(guidance: Guidance, feed: Corrections<L>) -> (Forwarder<
     let counts = Arc::new(Counts::default());
     let arm = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics.arm;
     let settings = Settings {
-        robot: at(ROBOT).ip(),
+        robot: socket_address(ROBOT).ip(),
         robot_port: None,
-        application: Some(at(APPLICATION)),
+        application: Some(socket_address(APPLICATION)),
         guidance,
         order: JointOrder { count: 6, seventh_after: None },
         is_shadow: false,
@@ -68,7 +68,8 @@ fn answered<L: Link>(
     ms: u64,
 ) -> Option<(Vec<u8>, SocketAddr)> {
     let mut datagram = datagram.to_vec();
-    let screened = forwarder.receive_from_application(&datagram, at(APPLICATION), ms * MS)?;
+    let screened =
+        forwarder.receive_from_application(&datagram, socket_address(APPLICATION), ms * MS)?;
     let to = forwarder.answer(&mut datagram, &screened)?;
     Some((datagram, to))
 }
@@ -77,8 +78,8 @@ fn answered<L: Link>(
 fn nothing_is_sent_before_the_controller_has_spoken_nor_after_it_fell_silent() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
     assert!(answered(&mut forwarder, &target(0), 0).is_none());
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), MS));
-    assert_eq!(answered(&mut forwarder, &target(1), 2), Some((target(1), at(ROBOT))));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), MS));
+    assert_eq!(answered(&mut forwarder, &target(1), 2), Some((target(1), socket_address(ROBOT))));
     assert!(answered(&mut forwarder, &target(2), 100).is_some());
     assert!(answered(&mut forwarder, &target(3), 1300).is_none());
     assert_eq!(counts.get(Count::Early), 2);
@@ -87,17 +88,21 @@ fn nothing_is_sent_before_the_controller_has_spoken_nor_after_it_fell_silent() {
 #[test]
 fn foreign_datagrams_reach_nobody() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    assert!(!forwarder.receive_from_robot(&feedback(1), at("192.168.125.2:6510"), 0));
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
-    assert!(forwarder.receive_from_application(&target(1), at("127.0.0.1:7000"), MS).is_none());
+    assert!(!forwarder.receive_from_robot(&feedback(1), socket_address("192.168.125.2:6510"), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
+    assert!(
+        forwarder
+            .receive_from_application(&target(1), socket_address("127.0.0.1:7000"), MS)
+            .is_none()
+    );
     assert_eq!(counts.get(Count::Foreign), 2);
 }
 
 #[test]
 fn a_second_mechanical_unit_is_refused_while_the_first_one_lives() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    let other = at("192.168.125.1:51000");
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    let other = socket_address("192.168.125.1:51000");
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     for number in 2..200 {
         assert!(!forwarder.receive_from_robot(
             &feedback(7 * number),
@@ -106,11 +111,11 @@ fn a_second_mechanical_unit_is_refused_while_the_first_one_lives() {
         ));
         assert!(forwarder.receive_from_robot(
             &feedback(number),
-            at(ROBOT),
+            socket_address(ROBOT),
             u64::from(number) * 4 * MS
         ));
         let (_, to) = answered(&mut forwarder, &target(number), u64::from(number) * 4 + 1).unwrap();
-        assert_eq!(to, at(ROBOT));
+        assert_eq!(to, socket_address(ROBOT));
     }
     assert_eq!((counts.get(Count::OtherUnit), counts.get(Count::Sessions)), (198, 1));
     // The first one is gone, and the other one continues.
@@ -124,19 +129,22 @@ fn a_second_mechanical_unit_is_refused_while_the_first_one_lives() {
 fn a_mechanical_unit_that_is_named_is_the_only_one() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
     forwarder.settings.robot_port = Some(51_000);
-    assert!(!forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
-    assert!(forwarder.receive_from_robot(&feedback(1), at("192.168.125.1:51000"), MS));
+    assert!(!forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address("192.168.125.1:51000"), MS));
     assert_eq!(counts.get(Count::OtherUnit), 1);
 }
 
 #[test]
 fn broken_datagrams_reach_nobody_and_the_next_good_one_does() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     let good = target(1);
     for cut in [0, 1, 5, good.len() - 1] {
         assert!(answered(&mut forwarder, &good[..cut], 1).is_none(), "{cut} bytes");
-        assert!(!forwarder.receive_from_robot(&feedback(2)[..cut], at(ROBOT), MS), "{cut} bytes");
+        assert!(
+            !forwarder.receive_from_robot(&feedback(2)[..cut], socket_address(ROBOT), MS),
+            "{cut} bytes"
+        );
     }
     for bad in [f64::NAN, f64::INFINITY] {
         let no_number = message(2, 2, 3, &[0.0, bad, 0.0, 0.0, 0.0, 0.0], None);
@@ -149,22 +157,23 @@ fn broken_datagrams_reach_nobody_and_the_next_good_one_does() {
 #[test]
 fn a_repeated_target_goes_out_again_and_an_overtaken_one_does_not() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     for (number, goes) in [(5, true), (5, true), (7, true), (6, false), (8, true)] {
         assert_eq!(answered(&mut forwarder, &target(number), 1).is_some(), goes, "number {number}");
     }
-    let seen = [Count::Repeated, Count::Old, Count::ApplicationMissed].map(|what| counts.get(what));
-    assert_eq!(seen, [1, 1, 1]);
+    let counted =
+        [Count::Repeated, Count::Old, Count::ApplicationMissed].map(|what| counts.get(what));
+    assert_eq!(counted, [1, 1, 1]);
 }
 
 #[test]
 fn repeated_feedback_is_seen_once_and_missed_feedback_is_counted() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
     let passed = [1, 1, 4, 3, 5]
-        .map(|number| forwarder.receive_from_robot(&feedback(number), at(ROBOT), MS));
+        .map(|number| forwarder.receive_from_robot(&feedback(number), socket_address(ROBOT), MS));
     assert_eq!(passed, [true, false, true, false, true]);
-    let seen = [Count::Repeated, Count::Old, Count::RobotMissed].map(|what| counts.get(what));
-    assert_eq!(seen, [1, 1, 2]);
+    let counted = [Count::Repeated, Count::Old, Count::RobotMissed].map(|what| counts.get(what));
+    assert_eq!(counted, [1, 1, 2]);
 }
 
 #[test]
@@ -173,7 +182,7 @@ fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
     for number in 1..=5 {
         assert!(forwarder.receive_from_robot(
             &feedback(number),
-            at(ROBOT),
+            socket_address(ROBOT),
             u64::from(number) * 4 * MS
         ));
         assert!(forwarder.own_path_correction(&mut [0; 200], u64::from(number) * 4 * MS).is_none());
@@ -187,7 +196,7 @@ fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
 #[test]
 fn other_targets_are_forwarded_unchanged_and_counted() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     let others = [
         message(2, 1, 3, &[], None),
         message(2, 2, 3, &[1.0; 7], None),
@@ -202,7 +211,7 @@ fn other_targets_are_forwarded_unchanged_and_counted() {
 #[test]
 fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
     let (mut forwarder, counts) = forwarder(Guidance::Joints);
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     // `EgmSensor.speedRef` is field 3: without `planned`, with an empty one, with a pose.
     let alone = message(3, 1, 3, &[1.5, 0.0, -2.0, 0.0, 0.0, 0.25], None);
     let mut beside_nothing = message(2, 2, 3, &[], None);
@@ -210,8 +219,9 @@ fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
     for speeds in [alone, beside_nothing] {
         assert_eq!(answered(&mut forwarder, &speeds, 1).unwrap().0, speeds);
     }
-    let seen = [Count::Plain, Count::NotCorrected, Count::Corrected].map(|what| counts.get(what));
-    assert_eq!(seen, [2, 0, 0]);
+    let counted =
+        [Count::Plain, Count::NotCorrected, Count::Corrected].map(|what| counts.get(what));
+    assert_eq!(counted, [2, 0, 0]);
 }
 
 #[test]
@@ -222,7 +232,7 @@ fn a_controller_that_restarts_is_a_new_run() {
     // count.
     let numbers = numbers.into_iter().chain([(5, 1500), (60, 3000), (560, 3004)]);
     let passed: Vec<bool> = numbers
-        .map(|(n, ms)| forwarder.receive_from_robot(&feedback(n), at(ROBOT), ms * MS))
+        .map(|(n, ms)| forwarder.receive_from_robot(&feedback(n), socket_address(ROBOT), ms * MS))
         .collect();
     assert_eq!(passed[..6], [true, true, false, false, false, false]);
     assert!(passed[6..].iter().all(|passed| *passed), "{passed:?}");
@@ -234,8 +244,8 @@ fn a_controller_that_waits_longer_keeps_its_run_where_the_configuration_says_so(
     for (ends_after_s, sessions) in [(1, 2), (2, 1)] {
         let (mut forwarder, counts) = forwarder(Guidance::Joints);
         forwarder.settings.runs.ends_after = Duration::from_secs(ends_after_s);
-        assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
-        assert!(forwarder.receive_from_robot(&feedback(2), at(ROBOT), 1500 * MS));
+        assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
+        assert!(forwarder.receive_from_robot(&feedback(2), socket_address(ROBOT), 1500 * MS));
         assert_eq!(counts.get(Count::Sessions), sessions, "{ends_after_s} s");
     }
 }
@@ -243,7 +253,7 @@ fn a_controller_that_waits_longer_keeps_its_run_where_the_configuration_says_so(
 #[test]
 fn of_a_path_y_and_z_are_changed_and_x_is_not() {
     let (mut forwarder, _) = forwarder(Guidance::Path);
-    assert!(forwarder.receive_from_robot(&feedback(1), at(ROBOT), 0));
+    assert!(forwarder.receive_from_robot(&feedback(1), socket_address(ROBOT), 0));
     let mut bytes = vec![0; 100];
     let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
     let length = PathCorrMessage::write(&mut bytes, header, [0.5, 1.0, -2.0], 7).unwrap();
@@ -262,7 +272,11 @@ fn sent(
     state: u64,
 ) -> Vec<u8> {
     let feedback = message(2, number, 2, &stands_deg, Some(state));
-    assert!(forwarder.receive_from_robot(&feedback, at(ROBOT), u64::from(4 * number) * MS));
+    assert!(forwarder.receive_from_robot(
+        &feedback,
+        socket_address(ROBOT),
+        u64::from(4 * number) * MS
+    ));
     answered(forwarder, &target(number), u64::from(4 * number) + 1).unwrap().0
 }
 
@@ -296,7 +310,7 @@ fn many_missing_numbers_may_be_a_run_that_begins_elsewhere() {
             middle_over(Guidance::Joints, Corrections::with_link(Corrected(-1e-3)));
         let _ = sent(&mut forwarder, 1, [9.0; 6], 3);
         let feedback = message(2, number, 2, &commanded, Some(3));
-        assert!(forwarder.receive_from_robot(&feedback, at(ROBOT), 400 * MS));
+        assert!(forwarder.receive_from_robot(&feedback, socket_address(ROBOT), 400 * MS));
         let (sent, _) = answered(&mut forwarder, &target(2), 401).unwrap();
         assert_eq!(sent != target(2), is_corrected, "{number}");
     }

@@ -107,30 +107,30 @@ fn missing_information_is_unknown_and_never_passes() {
 #[test]
 fn nonsense_is_never_good_and_never_a_panic() {
     for nonsense in ["", "\u{fffd}\u{0}", "-", "99999999999999999999999", "1-", "\n\n:\n"] {
-        let said = || text(nonsense);
+        let contents = || text(nonsense);
         let idle = IdleState {
             name: nonsense.into(),
             latency_us: nonsense.into(),
             disable: nonsense.into(),
         };
-        let (governor, siblings, fair_runtime_ns) = (said(), said(), said());
+        let (governor, siblings, fair_runtime_ns) = (contents(), contents(), contents());
         let core = Core { number: 0, governor, siblings, idle: vec![idle], fair_runtime_ns };
         let texts = KernelInfo {
-            version: said(),
-            realtime: said(),
+            version: contents(),
+            realtime: contents(),
             cores: vec![core],
-            isolated: said(),
-            nohz_full: said(),
-            rt_runtime_us: said(),
-            limits: said(),
-            status: said(),
-            mounts: said(),
+            isolated: contents(),
+            nohz_full: contents(),
+            rt_runtime_us: contents(),
+            limits: contents(),
+            status: contents(),
+            mounts: contents(),
             shm_free_bytes: None,
-            clock_source: said(),
-            clock_sources: said(),
-            swaps: said(),
-            cpuinfo: said(),
-            product: said(),
+            clock_source: contents(),
+            clock_sources: contents(),
+            swaps: contents(),
+            cpuinfo: contents(),
+            product: contents(),
         };
         let good = run_checks(&texts).into_iter().find(|check| check.state == State::Pass);
         assert_eq!(good, None, "{nonsense:?}");

@@ -97,8 +97,8 @@ fn value(found: &Json, datatype: DataType) -> Option<Value> {
         (DataType::Boolean, found) => found.as_bool().map(Value::Boolean),
         (DataType::String, Json::String(text)) => Some(Value::String(text.clone())),
         (DataType::String, Json::Array(list)) => {
-            let words: Vec<&str> = list.iter().filter_map(Json::as_str).collect();
-            Some(Value::String(words.join(",")))
+            let texts: Vec<&str> = list.iter().filter_map(Json::as_str).collect();
+            Some(Value::String(texts.join(",")))
         }
         (DataType::String, Json::Object(_)) => Some(Value::String(found.to_string())),
         (DataType::String, _) => None,

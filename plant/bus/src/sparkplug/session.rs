@@ -104,11 +104,11 @@ impl Sparkplug {
 
     /// Delivers until `stop` is set; `tell` gets each change of the connection in words.
     pub fn run(&mut self, stop: &AtomicBool, tell: &mut dyn FnMut(&str)) {
-        let mut told = String::new();
-        let mut tell = |words: &str| {
-            if words != told {
-                tell(words);
-                words.clone_into(&mut told);
+        let mut last = String::new();
+        let mut tell = |text: &str| {
+            if text != last {
+                tell(text);
+                text.clone_into(&mut last);
             }
         };
         while !stop.load(Relaxed) {
@@ -140,7 +140,7 @@ impl Sparkplug {
         self.publish_births(&mut connection)?;
         let mut written = Instant::now();
         while !stop.load(Relaxed) {
-            connection.look(self.settings.look_every)?;
+            connection.poll(self.settings.look_every)?;
             if std::mem::take(&mut connection.is_rebirth_asked) {
                 self.publish_births(&mut connection)?;
             }
@@ -292,7 +292,7 @@ impl Connection {
     }
 
     /// Takes what has come; waits for it no longer than `within`.
-    fn look(&mut self, within: Duration) -> Result<(), Ended> {
+    fn poll(&mut self, within: Duration) -> Result<(), Ended> {
         if let Some(packet) = self.next(within)? {
             self.take(&packet);
         }

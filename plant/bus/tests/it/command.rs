@@ -35,12 +35,15 @@ fn input_that_cannot_be_used_is_named_with_a_remedy() {
         (vec!["fleet", "--expect", "cell", "--connect", "tcp/127.0.0.1:1"], "write GROUP/CELL"),
         (vec!["fleet"], "no endpoint"),
     ];
-    for (words, expected) in cases {
-        let said = plant(&words).output().unwrap();
-        let text = String::from_utf8_lossy(&said.stderr).into_owned();
-        assert!(said.status.code() == Some(2) && text.contains(expected), "{words:?}: {text}");
+    for (arguments, expected) in cases {
+        let output = plant(&arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            output.status.code() == Some(2) && text.contains(expected),
+            "{arguments:?}: {text}"
+        );
     }
     let nobody = endpoint();
-    let said = plant(&["fleet", "--connect", &nobody]).output().unwrap();
-    assert_eq!(said.status.code(), Some(3), "{said:?}");
+    let output = plant(&["fleet", "--connect", &nobody]).output().unwrap();
+    assert_eq!(output.status.code(), Some(3), "{output:?}");
 }

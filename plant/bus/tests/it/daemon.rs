@@ -42,17 +42,18 @@ impl Scene {
 
     fn bridge(&self) -> Process {
         let spool = self.folder.0.join("spool");
-        let words = ["bridge", "cell", "--group", "line", "--rate-hz", "10", "--spool"];
-        let mut command = plant(&words);
+        let arguments = ["bridge", "cell", "--group", "line", "--rate-hz", "10", "--spool"];
+        let mut command = plant(&arguments);
         command.arg(spool).args(["--listen", &self.endpoint]);
         Process::start(command.env("TRUED_RUNTIME_DIR", self.folder.0.join("run")), "ready")
     }
 
     /// Exit code and output of `trued-plant fleet`.
-    fn fleet(&self, words: &[&str]) -> (i32, String) {
-        let said = plant(&["fleet", "--connect", &self.endpoint]).args(words).output().unwrap();
-        let text = String::from_utf8_lossy(&said.stdout).into_owned();
-        (said.status.code().unwrap(), text)
+    fn fleet(&self, arguments: &[&str]) -> (i32, String) {
+        let output =
+            plant(&["fleet", "--connect", &self.endpoint]).args(arguments).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code().unwrap(), text)
     }
 
     fn row(&self) -> Value {

@@ -16,22 +16,24 @@ fn the_commands_of_the_page_run_as_written() {
     let lines: Vec<&str> =
         blocks.flat_map(str::lines).filter(|line| line.starts_with("trued-plant ")).collect();
     assert!(lines.len() >= 4, "{lines:?}");
-    let (folder, at) = (Folder::new(), endpoint());
+    let (folder, address) = (Folder::new(), endpoint());
     let mut bridges = Vec::new();
     for line in lines {
-        let line = line.replace("tcp/127.0.0.1:7447", &at);
-        let words: Vec<&str> = line.split_whitespace().skip(1).collect();
-        let command = |words: &[&str]| {
-            let mut command: Command = plant(words);
+        let line = line.replace("tcp/127.0.0.1:7447", &address);
+        let arguments: Vec<&str> = line.split_whitespace().skip(1).collect();
+        let command = |arguments: &[&str]| {
+            let mut command: Command = plant(arguments);
             command.current_dir(&folder.0).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
             command
         };
-        if words[0] == "bridge" {
-            bridges.push(Process::start(&mut command(&words), "ready"));
+        if arguments[0] == "bridge" {
+            bridges.push(Process::start(&mut command(&arguments), "ready"));
             continue;
         }
         // No daemon runs here, so that each cell has an alarm.
-        until(&line, || (command(&words).output().unwrap().status.code() == Some(1)).then_some(()));
+        until(&line, || {
+            (command(&arguments).output().unwrap().status.code() == Some(1)).then_some(())
+        });
     }
     assert!(!bridges.is_empty());
 }
@@ -50,7 +52,7 @@ fn the_reference_names_every_option_key_and_setting() {
         }
     }
     let settings = format!("{:?}", bus::Settings::default());
-    for field in settings.split([' ', '{']).filter_map(|word| word.strip_suffix(':')) {
+    for field in settings.split([' ', '{']).filter_map(|token| token.strip_suffix(':')) {
         assert!(reference.contains(&format!("`{field}`")), "{field}");
     }
     let reasons = serde_json::to_value(schemars::schema_for!(bus::acceptance::Reason)).unwrap();

@@ -18,7 +18,7 @@ pub(crate) fn python(package: &str, version: &str, import: &str) -> Result<PathB
         Command::new(python)
             .args(["-c", &format!("import {import}")])
             .output()
-            .is_ok_and(|said| said.status.success())
+            .is_ok_and(|output| output.status.success())
     };
     if has(&python) {
         return Ok(python);
@@ -26,9 +26,13 @@ pub(crate) fn python(package: &str, version: &str, import: &str) -> Result<PathB
     let made = Command::new("python3").args(["-m", "venv"]).arg(&folder).output();
     made.map_err(|why| format!("python3: {why}"))?;
     let package = format!("{package}=={version}");
-    let words = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", &package];
-    let said = Command::new(&python).args(words).output().map_err(|why| why.to_string())?;
-    if has(&python) { Ok(python) } else { Err(String::from_utf8_lossy(&said.stderr).into_owned()) }
+    let arguments = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", &package];
+    let output = Command::new(&python).args(arguments).output().map_err(|why| why.to_string())?;
+    if has(&python) {
+        Ok(python)
+    } else {
+        Err(String::from_utf8_lossy(&output.stderr).into_owned())
+    }
 }
 
 /// A cable between the follower and the bridge that can be pulled.
@@ -47,12 +51,12 @@ impl Cable {
         let address = bridge.strip_prefix("tcp/").unwrap().to_owned();
         let (is_plugged, open) = (Arc::clone(&plugged), Arc::clone(&ends));
         std::thread::spawn(move || {
-            for near in listener.incoming().flatten() {
-                let Ok(far) = TcpStream::connect(&address) else { continue };
+            for local in listener.incoming().flatten() {
+                let Ok(remote) = TcpStream::connect(&address) else { continue };
                 if !is_plugged.load(Relaxed) {
                     continue;
                 }
-                for (from, to) in [(&near, &far), (&far, &near)] {
+                for (from, to) in [(&local, &remote), (&remote, &local)] {
                     let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
                     open.lock().unwrap().push(from.try_clone().unwrap());
                     std::thread::spawn(move || copy(from, to));
@@ -88,8 +92,8 @@ fn copy(mut from: TcpStream, mut to: TcpStream) {
 fn followed(file: &Path) -> Vec<(u64, u64)> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     let lines = text.lines().map(|line| {
-        let mut words = line.split(' ').map(|word| word.parse().unwrap_or(0));
-        (words.next().unwrap(), words.next().unwrap())
+        let mut fields = line.split(' ').map(|field| field.parse().unwrap_or(0));
+        (fields.next().unwrap(), fields.next().unwrap())
     });
     lines.collect()
 }
@@ -101,21 +105,21 @@ fn a_subscriber_in_python_gets_every_message_once_and_in_order_whoever_is_paused
         Ok(python) => python,
         Err(why) => return skipped("a Zenoh subscriber in Python", &why),
     };
-    let (folder, at) = (Folder::new(), endpoint());
+    let (folder, address) = (Folder::new(), endpoint());
     let (spool, file) = (folder.0.join("spool"), folder.0.join("followed"));
     let bridge = || {
         let spool = spool.to_str().unwrap();
-        let words = ["bridge", "cell", "--group", "line", "--spool", spool, "--rate-hz", "10"];
-        let mut command = plant(&words);
+        let arguments = ["bridge", "cell", "--group", "line", "--spool", spool, "--rate-hz", "10"];
+        let mut command = plant(&arguments);
         // The absence of a daemon is published as well.
-        command.args(["--listen", &at]).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
+        command.args(["--listen", &address]).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
         Process::start(&mut command, "ready")
     };
-    let cable = Cable::to(&at);
+    let cable = Cable::to(&address);
     let follower = || {
         let script = Path::new(HERE).join("examples/follow.py");
-        let words = [cable.endpoint.as_str(), "line/cell", file.to_str().unwrap()];
-        Process::start(Command::new(&python).arg(script).args(words), "ready")
+        let arguments = [cable.endpoint.as_str(), "line/cell", file.to_str().unwrap()];
+        Process::start(Command::new(&python).arg(script).args(arguments), "ready")
     };
     let numbers = || followed(&file).len();
     let gets = |more: usize| {

@@ -43,8 +43,9 @@ impl Scene {
     }
 
     fn bridge(&self, with_models: bool) -> Process {
-        let words = ["bridge", "cell", "--group", "line", "--listen", &self.endpoint, "--spool"];
-        let mut command = plant(&words);
+        let arguments =
+            ["bridge", "cell", "--group", "line", "--listen", &self.endpoint, "--spool"];
+        let mut command = plant(&arguments);
         command.arg(self.path("spool"));
         if with_models {
             command.arg("--models").arg(self.owner.file());
@@ -59,11 +60,11 @@ impl Scene {
         path
     }
 
-    fn offer(&self, model: &Path, words: &[&str]) -> (i32, String) {
+    fn offer(&self, model: &Path, arguments: &[&str]) -> (i32, String) {
         let mut command = plant(&["offer", "line/cell", "--connect", &self.endpoint]);
-        let said = command.arg(model).args(words).output().unwrap();
-        let text = [said.stdout, said.stderr].concat();
-        (said.status.code().unwrap(), String::from_utf8_lossy(&text).into_owned())
+        let output = command.arg(model).args(arguments).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code().unwrap(), String::from_utf8_lossy(&text).into_owned())
     }
 
     /// The body of the last event on the bus.
@@ -129,16 +130,16 @@ fn an_offered_model_is_loaded_where_the_owner_says_so_and_a_refused_one_changes_
     for _ in 0..100 {
         let _ = client.exchange(&[0.2, 0.3, -0.2, 0.3, 0.8, 0.1], Duration::from_millis(10));
     }
-    for (reason, path, words) in cases {
+    for (reason, path, part) in cases {
         let (code, text) = scene.offer(&path, &["--json"]);
-        assert!(code == 1 && text.contains(words), "{reason}: {text}");
-        let told: Value = serde_json::from_str(&text).unwrap();
+        assert!(code == 1 && text.contains(part), "{reason}: {text}");
+        let answer: Value = serde_json::from_str(&text).unwrap();
         assert_eq!(
-            (&told["schema"], &told["body"]["event"]),
+            (&answer["schema"], &answer["body"]["event"]),
             (&"trued.plant/1".into(), &"model_refused".into())
         );
-        assert_eq!(told["body"]["reason"], reason, "{told:#}");
-        assert_eq!(scene.last_event(), told["body"], "the bus tells the same");
+        assert_eq!(answer["body"]["reason"], reason, "{answer:#}");
+        assert_eq!(scene.last_event(), answer["body"], "the bus tells the same");
     }
     assert_eq!(owner.kept(), kept);
     let narrow = scene.write("e.toml", &narrow, &owner.sign(&narrow, 9, day));
@@ -174,13 +175,13 @@ fn an_offer_without_signature_too_large_or_to_many_cells_at_once_is_refused_befo
         ("trued/line/cell/offer", &large, Some(&signature), "expected at most"),
     ];
     let before = scene.owner.kept();
-    for (key, model, signature, words) in cases {
-        let asked = session.get(key).payload(model.clone());
-        let asked = asked.attachment(signature.cloned().map(String::into_bytes));
-        let replies = zenoh::Wait::wait(asked).unwrap();
+    for (key, model, signature, part) in cases {
+        let query = session.get(key).payload(model.clone());
+        let query = query.attachment(signature.cloned().map(String::into_bytes));
+        let replies = zenoh::Wait::wait(query).unwrap();
         let reply = replies.recv().unwrap();
         let why = reply.result().unwrap_err().payload().try_to_string().unwrap().into_owned();
-        assert!(why.contains(words), "{words}: {why}");
+        assert!(why.contains(part), "{part}: {why}");
     }
     assert_eq!(scene.owner.kept(), before);
     let last = scene.last_event();
@@ -195,12 +196,12 @@ fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_not
     let signed = scene.write("good.toml", &text, &owner.sign(&text, 7, in_a_day_unix_ms()));
     assert_eq!(scene.offer(&signed, &["--within-s", "1"]).0, 3, "nobody answers");
     let bridge = scene.bridge(false);
-    let (code, said) = scene.offer(&signed, &[]);
-    assert!(code == 1 && said.contains("without `--models`"), "{said}");
+    let (code, text) = scene.offer(&signed, &[]);
+    assert!(code == 1 && text.contains("without `--models`"), "{text}");
     drop(bridge);
     let bridge = scene.bridge(true);
-    let (code, said) = scene.offer(&signed, &[]);
-    assert!(code == 0 && said.contains("not loaded into the daemon"), "{said}");
+    let (code, text) = scene.offer(&signed, &[]);
+    assert!(code == 0 && text.contains("not loaded into the daemon"), "{text}");
     assert_eq!(scene.last_event()["event"], "model_staged");
     let kept = owner.kept();
     assert_eq!(kept.len(), 3, "{:?}", kept.keys());
@@ -209,7 +210,7 @@ fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_not
     std::fs::write(owner.file(), file.replace("\"stage\"", "\"load\"")).unwrap();
     let _bridge = scene.bridge(true);
     let signed = scene.write("good.toml", &text, &owner.sign(&text, 8, in_a_day_unix_ms()));
-    let (code, said) = scene.offer(&signed, &["--json"]);
-    assert!(code == 1 && said.contains("\"daemon_away\""), "{said}");
+    let (code, text) = scene.offer(&signed, &["--json"]);
+    assert!(code == 1 && text.contains("\"daemon_away\""), "{text}");
     assert_eq!(owner.kept(), kept);
 }

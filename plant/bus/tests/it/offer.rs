@@ -88,10 +88,10 @@ impl Owner {
         taken
     }
 
-    fn refused(&self, model: &str, signature: &str, reason: Reason, words: &str) {
+    fn refused(&self, model: &str, signature: &str, reason: Reason, part: &str) {
         let refusal = self.offer(model, signature).unwrap_err();
         assert_eq!(refusal.reason, reason, "{refusal}");
-        assert!(refusal.message.contains(words), "{words}: {refusal}");
+        assert!(refusal.message.contains(part), "{part}: {refusal}");
     }
 }
 
@@ -211,16 +211,16 @@ fn a_model_of_another_robot_is_refused_with_the_difference() {
     let owner = Owner::new("load");
     let sister = model("1600-00002", 820.0);
     let signature = owner.sign(&sister, 7, NOW + 1);
-    let words = "serial \"1600-00002\" instead of \"1600-00001\"";
-    owner.refused(&sister, &signature, Reason::OtherRobot, words);
+    let difference = "serial \"1600-00002\" instead of \"1600-00001\"";
+    owner.refused(&sister, &signature, Reason::OtherRobot, difference);
     let displaced = model(SERIAL, 820.0).replacen(
         "point_mm = [0.0, 0.0, 486.5]",
         "point_mm = [0.5, 0.0, 486.5]",
         1,
     );
     let signature = owner.sign(&displaced, 7, NOW + 1);
-    let words = "the axis of joint 1 is displaced by 0.500 mm";
-    owner.refused(&displaced, &signature, Reason::OtherRobot, words);
+    let difference = "the axis of joint 1 is displaced by 0.500 mm";
+    owner.refused(&displaced, &signature, Reason::OtherRobot, difference);
 }
 
 #[test]
@@ -269,23 +269,23 @@ fn an_owners_file_that_cannot_be_used_is_refused_with_what_is_wrong() {
         (&key, "RWQ".to_owned(), "second line of a minisign.pub"),
         ("robot.toml", "none.toml".to_owned(), "none.toml"),
     ];
-    for (from, to, words) in cases {
+    for (from, to, part) in cases {
         std::fs::write(owner.file(), good.replace(from, &to)).unwrap();
-        let said = Acceptance::read(&owner.file()).unwrap_err().to_string();
-        assert!(said.contains(words) && said.contains("models.toml"), "{words}: {said}");
+        let message = Acceptance::read(&owner.file()).unwrap_err().to_string();
+        assert!(message.contains(part) && message.contains("models.toml"), "{part}: {message}");
     }
     std::fs::write(owner.file(), good.replace(&format!("\"{key}\""), "")).unwrap();
     assert!(Acceptance::read(&owner.file()).unwrap_err().to_string().contains("at least one"));
     std::fs::write(owner.file(), &good).unwrap();
     let held = owner.acceptance();
-    let said = Acceptance::read(&owner.file()).unwrap_err().to_string();
-    assert!(said.contains("another bridge uses this folder"), "{said}");
+    let message = Acceptance::read(&owner.file()).unwrap_err().to_string();
+    assert!(message.contains("another bridge uses this folder"), "{message}");
     drop(held);
     // A counter that cannot be read must not count as none.
     std::fs::write(owner.folder.0.join("models/counter"), "seven").unwrap();
     assert!(Acceptance::read(&owner.file()).unwrap_err().to_string().contains("expected a number"));
     let nameless = model(SERIAL, 815.0).replacen(&format!("serial = \"{SERIAL}\"\n"), "", 1);
     std::fs::write(owner.folder.0.join("robot.toml"), nameless).unwrap();
-    let said = Acceptance::read(&owner.file()).unwrap_err().to_string();
-    assert!(said.contains("states no serial number"), "{said}");
+    let message = Acceptance::read(&owner.file()).unwrap_err().to_string();
+    assert!(message.contains("states no serial number"), "{message}");
 }

@@ -43,9 +43,9 @@ impl Scene {
     }
 
     /// Answers by key, as JSON; an error as text.
-    fn ask(&self, selector: &str) -> Vec<(String, Value)> {
-        let asked = self.session.get(selector).target(QueryTarget::All);
-        let replies = asked.timeout(Duration::from_secs(5)).wait().unwrap();
+    fn query(&self, selector: &str) -> Vec<(String, Value)> {
+        let query = self.session.get(selector).target(QueryTarget::All);
+        let replies = query.timeout(Duration::from_secs(5)).wait().unwrap();
         let mut answers = Vec::new();
         while let Ok(reply) = replies.recv() {
             answers.push(match reply.result() {
@@ -62,7 +62,7 @@ impl Scene {
     }
 
     fn history(&self, from: u64) -> History {
-        let answers = self.ask(&format!("trued/line/cell/history?from={from}"));
+        let answers = self.query(&format!("trued/line/cell/history?from={from}"));
         assert_eq!(answers.len(), 1);
         serde_json::from_value(answers[0].1.clone()).unwrap()
     }
@@ -71,11 +71,11 @@ impl Scene {
 #[test]
 fn a_subscriber_sees_each_kind_at_its_key_as_json() {
     let scene = Scene::new();
-    let heard = scene.session.declare_subscriber("trued/*/*/*").wait().unwrap();
+    let subscriber = scene.session.declare_subscriber("trued/*/*/*").wait().unwrap();
     // A subscription takes a moment to reach the other side; what is sent before is in the history.
     let sample = until("a sample", || {
         scene.send(Kind::Event, &json!({"n": 1}));
-        heard.try_recv().ok().flatten()
+        subscriber.try_recv().ok().flatten()
     });
     assert_eq!(sample.key_expr().as_str(), "trued/line/cell/event");
     assert_eq!(*sample.encoding(), Encoding::APPLICATION_JSON);
@@ -89,16 +89,16 @@ fn the_last_message_of_each_kind_is_answered_and_the_token_goes_with_the_bridge(
     scene.send(Kind::Health, &json!({"n": 2}));
     scene.send(Kind::Summary, &json!({"n": 3}));
     let answers = until("two answers", || {
-        Some(scene.ask("trued/line/*/*")).filter(|answers| answers.len() == 3)
+        Some(scene.query("trued/line/*/*")).filter(|answers| answers.len() == 3)
     });
     let keys: Vec<&str> = answers.iter().map(|(key, _)| key.as_str()).collect();
     let expected = ["trued/line/cell/health", "trued/line/cell/history", "trued/line/cell/summary"];
     assert_eq!(keys, expected);
     assert_eq!((&answers[0].1, &answers[2].1), (&json!({"n": 2}), &json!({"n": 3})));
-    assert_eq!(scene.ask("trued/other/*/summary"), []);
+    assert_eq!(scene.query("trued/other/*/summary"), []);
     let tokens = |scene: &Scene| {
-        let asked = scene.session.liveliness().get("trued/*/*/alive").wait().unwrap();
-        asked.iter().filter(|reply| reply.result().is_ok()).count()
+        let replies = scene.session.liveliness().get("trued/*/*/alive").wait().unwrap();
+        replies.iter().filter(|reply| reply.result().is_ok()).count()
     };
     assert_eq!(tokens(&scene), 1);
     scene.bus = None;
@@ -128,7 +128,7 @@ fn what_was_missed_is_answered_in_order_page_by_page_and_what_fell_out_is_told()
     assert_eq!((next.next, numbers.last()), (501, Some(&500)));
     assert_eq!(numbers, (next.first..=500).collect::<Vec<_>>());
     assert!(next.first > 1 && next.first < 400, "the budget holds a part: {}", next.first);
-    let refused = scene.ask("trued/line/cell/history?from=three");
+    let refused = scene.query("trued/line/cell/history?from=three");
     assert!(refused[0].1.as_str().unwrap().contains("expected the number"), "{refused:?}");
 }
 
@@ -172,7 +172,7 @@ fn a_summary_of_another_version_is_told_and_not_shown_as_a_cell() {
         within: Duration::from_secs(5),
     };
     let fleet = until("an answer", || {
-        Some(fleet::ask(&scene.connect, &question).unwrap())
+        Some(fleet::query_fleet(&scene.connect, &question).unwrap())
             .filter(|fleet| !fleet.unreadable.is_empty())
     });
     assert!(fleet.cells.is_empty() && fleet.needs_attention(), "{fleet:?}");

@@ -42,7 +42,7 @@ impl Process {
     /// Starts it and waits for a line that holds `ready`.
     pub(crate) fn start(command: &mut Command, ready: &str) -> Self {
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let (tell, told) = std::sync::mpsc::channel();
+        let (tell, lines_read) = std::sync::mpsc::channel();
         let out = child.stdout.take().unwrap();
         let err = child.stderr.take().unwrap();
         for stream in [Box::new(out) as Box<dyn std::io::Read + Send>, Box::new(err)] {
@@ -58,7 +58,7 @@ impl Process {
         while !lines.last().is_some_and(|line: &String| line.contains(ready)) {
             let left = LIMIT.saturating_sub(begun.elapsed());
             lines.push(
-                told.recv_timeout(left).unwrap_or_else(|_| panic!("no `{ready}`: {lines:?}")),
+                lines_read.recv_timeout(left).unwrap_or_else(|_| panic!("no `{ready}`: {lines:?}")),
             );
         }
         Self(child)
@@ -85,9 +85,9 @@ impl Drop for Process {
 }
 
 /// The program under test.
-pub(crate) fn plant(words: &[&str]) -> Command {
+pub(crate) fn plant(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trued-plant"));
-    command.args(words);
+    command.args(arguments);
     command
 }
 
@@ -95,8 +95,8 @@ pub(crate) fn plant(words: &[&str]) -> Command {
 pub(crate) fn trued() -> Option<PathBuf> {
     let built = ["release", "debug"]
         .map(|profile| Path::new(HERE).join("../../target").join(profile).join("trued"));
-    let asked = std::env::var_os("TRUED").map(PathBuf::from);
-    asked.into_iter().chain(built).find(|path| path.is_file())
+    let given = std::env::var_os("TRUED").map(PathBuf::from);
+    given.into_iter().chain(built).find(|path| path.is_file())
 }
 
 /// Says what is not tested, and lists it.

@@ -68,35 +68,35 @@ impl Broker {
 struct Historian {
     child: Child,
     commands: ChildStdin,
-    seen: Arc<Mutex<Vec<Value>>>,
+    messages: Arc<Mutex<Vec<Value>>>,
 }
 
 impl Historian {
     fn start(python: &Path, port: u16) -> Self {
         let script = format!("{HERE}/examples/historian.py");
-        let words = [script, "127.0.0.1".to_owned(), port.to_string(), "line".to_owned()];
+        let arguments = [script, "127.0.0.1".to_owned(), port.to_string(), "line".to_owned()];
         let mut command = Command::new(python);
-        command.args(words).stdin(Stdio::piped()).stdout(Stdio::piped());
+        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
-        let (seen, out) = (Arc::<Mutex<Vec<Value>>>::default(), child.stdout.take().unwrap());
-        let into = Arc::clone(&seen);
+        let (messages, out) = (Arc::<Mutex<Vec<Value>>>::default(), child.stdout.take().unwrap());
+        let into = Arc::clone(&messages);
         std::thread::spawn(move || {
             for line in BufReader::new(out).lines().map_while(Result::ok) {
                 into.lock().unwrap().push(serde_json::from_str(&line).unwrap());
             }
         });
         let commands = child.stdin.take().unwrap();
-        let historian = Self { child, commands, seen };
+        let historian = Self { child, commands, messages };
         historian.subscribed(1);
         historian
     }
 
-    fn seen(&self) -> Vec<Value> {
-        self.seen.lock().unwrap().clone()
+    fn messages(&self) -> Vec<Value> {
+        self.messages.lock().unwrap().clone()
     }
 
     fn count(&self, is: impl Fn(&Value) -> bool) -> usize {
-        self.seen().iter().filter(|one| is(one)).count()
+        self.messages().iter().filter(|one| is(one)).count()
     }
 
     fn subscribed(&self, times: usize) {
@@ -112,7 +112,7 @@ impl Historian {
     }
 
     fn of(&self, kind: &str) -> Vec<Value> {
-        self.seen().into_iter().filter(|one| one["kind"] == kind).collect()
+        self.messages().into_iter().filter(|one| one["kind"] == kind).collect()
     }
 }
 
@@ -124,9 +124,9 @@ impl Drop for Historian {
 }
 
 /// The number of a data message; births have none, or that of another message.
-fn number(seen: &Value) -> Option<u64> {
-    let is_data = seen["kind"] == "NDATA" || seen["kind"] == "DDATA";
-    seen["metrics"]["number"].as_u64().filter(|_| is_data)
+fn number(message: &Value) -> Option<u64> {
+    let is_data = message["kind"] == "NDATA" || message["kind"] == "DDATA";
+    message["metrics"]["number"].as_u64().filter(|_| is_data)
 }
 
 /// What the test needs; says what is skipped.
@@ -146,8 +146,8 @@ fn tools() -> Option<(PathBuf, PathBuf)> {
 }
 
 fn bridge(folder: &Folder, listen: &str, broker: &str) -> Process {
-    let words = ["bridge", "cell", "--group", "line", "--rate-hz", "10", "--listen", listen];
-    let mut command = plant(&words);
+    let arguments = ["bridge", "cell", "--group", "line", "--rate-hz", "10", "--listen", listen];
+    let mut command = plant(&arguments);
     let broker = broker.strip_prefix("tcp/").unwrap();
     command.args(["--mqtt", broker, "--spool"]).arg(folder.0.join("spool"));
     Process::start(command.env("TRUED_RUNTIME_DIR", folder.0.join("run")), "mqtt: 127")
@@ -155,8 +155,8 @@ fn bridge(folder: &Folder, listen: &str, broker: &str) -> Process {
 
 /// A bridge that signs in, until it prints a line with `ready`.
 fn signed_in(folder: &Folder, broker: &Broker, password: Option<&str>, ready: &str) -> Process {
-    let words = ["bridge", "cell", "--group", "line", "--listen", &endpoint()];
-    let mut command = plant(&words);
+    let arguments = ["bridge", "cell", "--group", "line", "--listen", &endpoint()];
+    let mut command = plant(&arguments);
     let port = broker.port;
     command.args(["--mqtt", &format!("127.0.0.1:{port}"), "--mqtt-user", "line", "--spool"]);
     command.arg(folder.0.join("spool")).env("TRUED_RUNTIME_DIR", folder.0.join("run"));
@@ -184,10 +184,10 @@ fn unix_ms() -> u64 {
 }
 
 /// Every number once and in order; a repeated one only as historical, after it was seen.
-fn check_numbers(seen: &[Value]) -> u64 {
+fn check_numbers(messages: &[Value]) -> u64 {
     let mut next = 1;
     let mut repeated = 0;
-    for one in seen {
+    for one in messages {
         let Some(number) = number(one) else { continue };
         if number < next {
             assert_eq!(one["historical"], true, "{one}");
@@ -202,9 +202,9 @@ fn check_numbers(seen: &[Value]) -> u64 {
 }
 
 /// From each birth of the node on, its messages are counted without a gap, and no device or data comes before it.
-fn check_sequence(seen: &[Value]) {
+fn check_sequence(messages: &[Value]) {
     let mut next = None;
-    for one in seen.iter().filter(|one| !one["seq"].is_null()) {
+    for one in messages.iter().filter(|one| !one["seq"].is_null()) {
         let seq = one["seq"].as_u64().unwrap();
         if one["kind"] == "NBIRTH" {
             assert_eq!(seq, 0, "{one}");
@@ -239,8 +239,8 @@ fn a_historian_misses_no_message_whoever_is_cut_off_paused_killed_or_restarted()
     let made_while_cut = |one: &&Value| {
         number(one).is_some() && one["made"].as_u64().is_some_and(|made| cut.contains(&made))
     };
-    let (seen, born) = (historian.seen(), historian.of("NBIRTH").len());
-    let of_the_cut: Vec<&Value> = seen.iter().filter(made_while_cut).collect();
+    let (messages, born) = (historian.messages(), historian.of("NBIRTH").len());
+    let of_the_cut: Vec<&Value> = messages.iter().filter(made_while_cut).collect();
     assert!(!of_the_cut.is_empty() && born == 2, "{born}");
     assert!(of_the_cut.iter().all(|one| one["historical"] == true), "{of_the_cut:?}");
     eprintln!("{} messages were made while the cable was pulled", of_the_cut.len());
@@ -275,10 +275,10 @@ fn a_historian_misses_no_message_whoever_is_cut_off_paused_killed_or_restarted()
     assert!(born.is_sorted_by(|a, b| a < b) && born.len() >= 4, "{born:?}");
     assert_eq!(numbers("NDEATH").first(), born.first(), "of the connection that was cut");
 
-    let seen = historian.seen();
-    let next = check_numbers(&seen);
+    let messages = historian.messages();
+    let next = check_numbers(&messages);
     assert!(next > 50, "{next}");
-    check_sequence(&seen);
+    check_sequence(&messages);
 }
 
 #[test]
@@ -314,11 +314,11 @@ fn births_name_all_metrics_with_their_types_and_are_repeated_when_asked_for() {
         data["metrics"]["event"].as_str().is_some_and(|event| event.contains("bridge_started"))
     }));
     let born = nodes[0]["timestamp"].as_u64().unwrap();
-    for data in historian.seen().iter().filter(|one| number(one).is_some()) {
+    for data in historian.messages().iter().filter(|one| number(one).is_some()) {
         let made = data["made"].as_u64().unwrap();
         let is_flagged = data["historical"] == true;
         assert!(if is_flagged { made <= born } else { made >= born }, "{born}: {data}");
     }
-    check_numbers(&historian.seen());
-    check_sequence(&historian.seen());
+    check_numbers(&historian.messages());
+    check_sequence(&historian.messages());
 }

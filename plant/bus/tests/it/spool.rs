@@ -43,7 +43,7 @@ fn all(spool: &Spool, page_bytes: usize) -> VecDeque<(u64, Vec<u8>)> {
 #[test]
 fn through_restarts_and_torn_ends_what_is_kept_is_what_was_appended_last_in_order_within_the_budget()
  {
-    let seed = std::env::var("TRUED_SEED").map_or(1, |word| word.parse().unwrap());
+    let seed = std::env::var("TRUED_SEED").map_or(1, |seed| seed.parse().unwrap());
     eprintln!("TRUED_SEED={seed}");
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let folder = Folder::new();

@@ -6,9 +6,10 @@ use fleet::{ROBOTS, fleet};
 use trends::{Settings, evaluate};
 
 fn main() {
-    let words: Vec<usize> = std::env::args().skip(1).filter_map(|word| word.parse().ok()).collect();
+    let counts: Vec<usize> =
+        std::env::args().skip(1).filter_map(|argument| argument.parse().ok()).collect();
     let (fleets, recordings) =
-        (words.first().copied().unwrap_or(100), words.get(1).copied().unwrap_or(50));
+        (counts.first().copied().unwrap_or(100), counts.get(1).copied().unwrap_or(50));
     let settings = Settings::default();
     let (mut alarmed, mut alerts, mut searched) = (0, 0, 0);
     for seed in 0..fleets {

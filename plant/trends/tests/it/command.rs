@@ -4,10 +4,10 @@ use std::process::{Command, Output};
 
 use crate::written::{Folder, Recorded, backlash, write};
 
-fn trends(folder: &Folder, words: &[&str]) -> Output {
+fn trends(folder: &Folder, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trued-trends"))
         .arg(&folder.0)
-        .args(words)
+        .args(arguments)
         .env("SOURCE_DATE_EPOCH", "1767247200")
         .output()
         .unwrap()
@@ -30,12 +30,12 @@ fn errors(output: &Output) -> String {
 
 #[test]
 fn the_exit_code_says_whether_something_grows() {
-    let said = trends(&Folder::with(&days(0.0)), &[]);
-    assert_eq!(said.status.code(), Some(0), "{said:?}");
-    assert!(String::from_utf8_lossy(&said.stdout).contains("no effect is growing"));
-    let said = trends(&Folder::with(&days(0.02)), &[]);
-    assert_eq!(said.status.code(), Some(1), "{said:?}");
-    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let output = trends(&Folder::with(&days(0.0)), &[]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("no effect is growing"));
+    let output = trends(&Folder::with(&days(0.02)), &[]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("A, backlash of joint 2: width changes by 0.6"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
 }
@@ -53,8 +53,8 @@ fn json_follows_its_schema_and_the_schema_is_of_today() {
         schema,
         "TRUED_BLESS=1 writes it anew"
     );
-    let said = trends(&Folder::with(&days(0.02)), &["--json", "--tolerance-mm", "0.5"]);
-    let json: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    let output = trends(&Folder::with(&days(0.02)), &["--json", "--tolerance-mm", "0.5"]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(json["schema"], "trued.trends/1");
     let alert = &json["alerts"][0];
     for key in ["robot", "effect", "joint", "since", "per_month", "size_now", "reaches_tolerance"] {
@@ -67,14 +67,14 @@ fn the_page_is_one_file_and_the_same_each_time() {
     let folder = Folder::with(&days(0.02));
     let out = Folder::new();
     let page = out.0.join("trends.html");
-    let words = ["--page", page.to_str().unwrap()];
-    let first = trends(&folder, &words);
+    let arguments = ["--page", page.to_str().unwrap()];
+    let first = trends(&folder, &arguments);
     assert_eq!(first.status.code(), Some(1), "{first:?}");
     let html = std::fs::read_to_string(&page).unwrap();
     assert!(
         html.contains("backlash of joint 2") && html.contains("<svg") && !html.contains("<script")
     );
-    trends(&folder, &words);
+    trends(&folder, &arguments);
     assert_eq!(std::fs::read_to_string(&page).unwrap(), html);
     let nowhere = trends(&folder, &["--page", "/nowhere/trends.html"]);
     assert_eq!(nowhere.status.code(), Some(3), "{nowhere:?}");
@@ -92,25 +92,25 @@ fn results_that_cannot_be_used_are_named_with_a_remedy() {
 
     let torn = Folder::with(&days(0.0));
     std::fs::write(torn.0.join("torn.parquet"), b"PAR1 and no more").unwrap();
-    let said = trends(&torn, &[]);
-    assert_eq!(said.status.code(), Some(2));
+    let output = trends(&torn, &[]);
+    assert_eq!(output.status.code(), Some(2));
     assert!(
-        errors(&said).contains("torn.parquet") && errors(&said).contains("--resume"),
+        errors(&output).contains("torn.parquet") && errors(&output).contains("--resume"),
         "{}",
-        errors(&said)
+        errors(&output)
     );
 
     let twice = Folder::with(&days(0.0));
     write(&twice.0.join("again.parquet"), "again", &days(0.0)[3]);
-    let said = trends(&twice, &[]);
-    assert_eq!(said.status.code(), Some(2));
-    assert!(errors(&said).contains("diagnosed twice"), "{}", errors(&said));
+    let output = trends(&twice, &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("diagnosed twice"), "{}", errors(&output));
 
     let timeless: Vec<Recorded> =
         days(0.0).into_iter().map(|one| Recorded { day: None, ..one }).collect();
-    let said = trends(&Folder::with(&timeless), &[]);
-    assert_eq!(said.status.code(), Some(2));
-    assert!(errors(&said).contains("none of 20 recordings has a time"), "{}", errors(&said));
+    let output = trends(&Folder::with(&timeless), &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(errors(&output).contains("none of 20 recordings has a time"), "{}", errors(&output));
 }
 
 #[test]
@@ -118,9 +118,9 @@ fn refused_recordings_and_those_without_a_time_are_counted() {
     let mut all = days(0.0);
     all[4].findings = None;
     all[5].day = None;
-    let said = trends(&Folder::with(&all), &[]);
-    assert_eq!(said.status.code(), Some(0), "{said:?}");
-    let text = String::from_utf8_lossy(&said.stdout).into_owned();
+    let output = trends(&Folder::with(&all), &[]);
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(
         text.contains("20 recordings")
             && text.contains("1 refused")
@@ -140,7 +140,11 @@ fn another_parquet_file_is_named_by_its_missing_column() {
         datafusion::parquet::arrow::ArrowWriter::try_new(file, batch.schema(), None).unwrap();
     writer.write(&batch).unwrap();
     writer.close().unwrap();
-    let said = trends(&folder, &[]);
-    assert_eq!(said.status.code(), Some(2));
-    assert!(errors(&said).contains("other.parquet: column `key` is missing"), "{}", errors(&said));
+    let output = trends(&folder, &[]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        errors(&output).contains("other.parquet: column `key` is missing"),
+        "{}",
+        errors(&output)
+    );
 }

@@ -35,10 +35,10 @@ fn the_commands_of_the_page_run_as_written() {
             );
         }
     }
-    for words in commands {
+    for arguments in commands {
         let program = Path::new(env!("CARGO_BIN_EXE_trued-trends"));
-        let said = Command::new(program).current_dir(&place.0).args(&words).output().unwrap();
-        assert_eq!(said.status.code(), Some(1), "{words:?}: {said:?}");
+        let output = Command::new(program).current_dir(&place.0).args(&arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {output:?}");
     }
 }
 
@@ -50,14 +50,14 @@ fn the_page_and_the_reference_name_every_option_and_setting() {
     let help = String::from_utf8_lossy(&help.stdout).into_owned();
     let lines = help.lines().filter(|line| line.trim_start().starts_with('-'));
     let options: Vec<&str> = lines
-        .filter_map(|line| line.split_whitespace().find(|word| word.starts_with("--")))
+        .filter_map(|line| line.split_whitespace().find(|token| token.starts_with("--")))
         .collect();
     assert!(options.len() >= 5, "{options:?}");
     for option in options {
         assert!(reference.contains(&format!("`{option}`")), "{option}");
     }
     let settings = format!("{:?}", trends::Settings::default());
-    let fields = settings.split([' ', '{']).filter_map(|word| word.strip_suffix(':'));
+    let fields = settings.split([' ', '{']).filter_map(|token| token.strip_suffix(':'));
     for field in fields {
         assert!(reference.contains(&format!("`{field}`")), "{field}");
     }

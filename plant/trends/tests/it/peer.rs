@@ -12,8 +12,8 @@ const HERE: &str = env!("CARGO_MANIFEST_DIR");
 fn trued() -> Option<PathBuf> {
     let built = ["release", "debug"]
         .map(|profile| Path::new(HERE).join("../../target").join(profile).join("trued"));
-    let asked = std::env::var_os("TRUED").map(PathBuf::from);
-    asked.into_iter().chain(built).find(|path| path.is_file())
+    let given = std::env::var_os("TRUED").map(PathBuf::from);
+    given.into_iter().chain(built).find(|path| path.is_file())
 }
 
 fn skipped(why: &str) {
@@ -33,7 +33,7 @@ fn of_four_robots_the_one_that_wears_is_named_with_joint_effect_and_onset() {
     let folder = Folder::new();
     let generator = Path::new(HERE).join("tests/fleet/fleet.py");
     // Fifty recordings each; joint 2 of R3 loses 0.02 mrad more from the 21st on.
-    let words = [
+    let arguments = [
         "--visits",
         "50",
         "--robot",
@@ -45,19 +45,19 @@ fn of_four_robots_the_one_that_wears_is_named_with_joint_effect_and_onset() {
         "--growth-mrad",
         "0.02",
     ];
-    match Command::new("python3").arg(generator).arg(&folder.0).args(words).status() {
+    match Command::new("python3").arg(generator).arg(&folder.0).args(arguments).status() {
         Ok(status) => assert!(status.success()),
         Err(why) => return skipped(&format!("python3: {why}")),
     }
-    let run = |program: &Path, words: &[&str]| {
-        Command::new(program).current_dir(&folder.0).args(words).output().unwrap()
+    let run = |program: &Path, arguments: &[&str]| {
+        Command::new(program).current_dir(&folder.0).args(arguments).output().unwrap()
     };
     let trued = &trued;
     // Two shards at once, as a plant would run them.
     std::thread::scope(|scope| {
         for shard in ["1/2", "2/2"] {
             scope.spawn(move || {
-                let words = [
+                let arguments = [
                     "diagnose",
                     "--quiet",
                     "--batch",
@@ -69,14 +69,14 @@ fn of_four_robots_the_one_that_wears_is_named_with_joint_effect_and_onset() {
                     "--shard",
                     shard,
                 ];
-                let said = run(trued, &words);
-                assert!(said.status.success(), "{said:?}");
+                let output = run(trued, &arguments);
+                assert!(output.status.success(), "{output:?}");
             });
         }
     });
-    let said = run(Path::new(env!("CARGO_BIN_EXE_trued-trends")), &["results", "--json"]);
-    assert_eq!(said.status.code(), Some(1), "{said:?}");
-    let answer: serde_json::Value = serde_json::from_slice(&said.stdout).unwrap();
+    let output = run(Path::new(env!("CARGO_BIN_EXE_trued-trends")), &["results", "--json"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let answer: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let alerts = answer["alerts"].as_array().unwrap();
     assert!(alerts.iter().all(|alert| alert["robot"] == "R3"), "{answer:#}");
     let alert = &alerts[0];

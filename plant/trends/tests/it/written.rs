@@ -106,8 +106,9 @@ fn batch(key: &str, recorded: &Recorded) -> RecordBatch {
         Arc::new(Float64Array::from_iter(rows.iter().map(|row| row.map(of))))
     };
     let all = |text: &str| texts(&|_| Some(text.to_owned()));
-    let at = recorded.day.map(|day| START_US + day * DAY_US);
-    let times = TimestampMicrosecondArray::from_iter(rows.iter().map(|_| at)).with_timezone("UTC");
+    let time_us = recorded.day.map(|day| START_US + day * DAY_US);
+    let times =
+        TimestampMicrosecondArray::from_iter(rows.iter().map(|_| time_us)).with_timezone("UTC");
     let file =
         recorded.day.map_or_else(|| key.to_owned(), |day| format!("{}-{day}.csv", recorded.robot));
     let columns: Vec<(&str, ArrayRef)> = vec![

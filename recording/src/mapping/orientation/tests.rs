@@ -78,7 +78,8 @@ fn each_form_is_the_rotation_that_scipy_makes_of_it() {
         ("wxyz", "", "0.5 0.1 -0.7 0.5", [0.5, 0.1, -0.7, 0.5]),
         ("xyzw", "", "0.1 -0.7 0.5 0.5", [0.5, 0.1, -0.7, 0.5]),
     ] {
-        let from: Vec<String> = (1..=row.split(' ').count()).map(|at| at.to_string()).collect();
+        let from: Vec<String> =
+            (1..=row.split(' ').count()).map(|column| column.to_string()).collect();
         let unit = if unit.is_empty() { String::new() } else { format!(", unit = \"{unit}\"") };
         let entry = format!("convention = \"{convention}\", from = [{}]{unit}", from.join(", "));
         let read = quaternion(&entry, row);
@@ -129,7 +130,7 @@ fn a_row_without_an_orientation_is_one_that_was_not_taken() {
 
 #[test]
 fn an_orientation_that_is_not_said_or_is_none_is_refused() {
-    for (entry, rows, says) in [
+    for (entry, rows, message) in [
         ("from = [1, 2, 3], unit = \"deg\"", "1 2 3", "orientation.convention`: is missing"),
         ("from = [1, 2, 3], convention = \"ZYX\"", "1 2 3", "orientation.unit`: is missing"),
         ("from = [1, 2, 3], convention = \"rpy\", unit = \"deg\"", "1 2 3", "roll pitch yaw"),
@@ -153,6 +154,6 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         ),
         ("from = \"a\", convention = \"ZYX\", unit = \"deg\"", "1 2 3", "is not a list of columns"),
     ] {
-        apply(entry, &format!("{rows}\n")).unwrap_err().assert_say(says);
+        apply(entry, &format!("{rows}\n")).unwrap_err().assert_say(message);
     }
 }

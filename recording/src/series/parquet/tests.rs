@@ -85,15 +85,15 @@ fn numbers_of_every_width_are_read_and_nulls_were_not_taken() {
 
 #[test]
 fn a_missing_column_and_a_date_are_reported_with_their_name() {
-    let said = |schema: &str| {
+    let message_of = |schema: &str| {
         let error = taken("faults", &written(schema, Compression::SNAPPY)).expect_err("faults");
         let FileError::Content(faults) = error else { unreachable!("a fault of content") };
         faults.plain().to_string()
     };
-    let no_time = said(&SCHEMA.replace("double t_s", "double when"));
+    let no_time = message_of(&SCHEMA.replace("double t_s", "double when"));
     assert!(no_time.contains("t_s") && no_time.contains("is missing"), "{no_time}");
     let date = "int64 q2_deg (TIMESTAMP(MILLIS,true))";
-    let dated = said(&SCHEMA.replace("int64 q2_deg", date));
+    let dated = message_of(&SCHEMA.replace("int64 q2_deg", date));
     assert!(
         dated.contains("q2_deg") && dated.contains("a recording has times in seconds"),
         "{dated}"
@@ -187,10 +187,10 @@ proptest! {
     }
 
     #[test]
-    fn no_byte_makes_it_panic(at in 0..2000_usize, byte in any::<u8>()) {
+    fn no_byte_makes_it_panic(offset in 0..2000_usize, byte in any::<u8>()) {
         let mut bytes = written(SCHEMA, Compression::SNAPPY);
-        let at = at % bytes.len();
-        bytes[at] = byte;
+        let offset = offset % bytes.len();
+        bytes[offset] = byte;
         let _ = taken("bytes", &bytes);
     }
 }

@@ -15,7 +15,7 @@ use recording::bridge::Guidance;
 use std::net::SocketAddr;
 use std::sync::Arc;
 
-fn at(address: &str) -> SocketAddr {
+fn socket_address(address: &str) -> SocketAddr {
     address.parse().expect("an address")
 }
 
@@ -37,7 +37,7 @@ pub(super) struct EgmCell {
     robot_number: u32,
     application_number: u32,
     /// Position of the robot, rad.
-    stands: [f64; JOINTS],
+    position: [f64; JOINTS],
     mci_state: i32,
     /// Whether the first target of a run is still to come.
     begins: bool,
@@ -50,9 +50,9 @@ impl EgmCell {
     pub(super) fn new(seed: u64) -> Self {
         let mut chance = TestRng::new(seed);
         let settings = Settings {
-            robot: at("10.0.0.1:6510").ip(),
+            robot: socket_address("10.0.0.1:6510").ip(),
             robot_port: None,
-            application: Some(at("10.0.0.3:6511")),
+            application: Some(socket_address("10.0.0.3:6511")),
             guidance: Guidance::Joints,
             order: JointOrder { count: JOINTS, seventh_after: None },
             is_shadow: false,
@@ -77,7 +77,7 @@ impl EgmCell {
             standing_ns: 0,
             robot_number: 0,
             application_number: 0,
-            stands: path(now_ns),
+            position: path(now_ns),
             mci_state: RUNNING,
             begins: true,
             feedback: Vec::new(),
@@ -87,20 +87,20 @@ impl EgmCell {
 
     fn of_robot(&mut self, datagram: &[u8], from: &str, now_ns: u64) -> bool {
         self.forwarder.link().now_ns = now_ns;
-        self.forwarder.receive_from_robot(datagram, at(from), now_ns)
+        self.forwarder.receive_from_robot(datagram, socket_address(from), now_ns)
     }
 
     /// Handles a datagram of the application, and its effect on the robot.
     fn of_application(&mut self, original: &[u8], now_ns: u64) {
         self.forwarder.link().now_ns = now_ns;
         let mut datagram = original.to_vec();
-        let from = at("10.0.0.3:6511");
+        let from = socket_address("10.0.0.3:6511");
         let Some(screened) = self.forwarder.receive_from_application(&datagram, from, now_ns)
         else {
             return;
         };
         let Some(to) = self.forwarder.answer(&mut datagram, &screened) else { return };
-        if to != at("10.0.0.1:6510") {
+        if to != socket_address("10.0.0.1:6510") {
             return self.summary.breaks(&format!("sent to {to}"));
         }
         self.arrives(&joints(original), &joints(&datagram), now_ns);
@@ -117,7 +117,7 @@ impl EgmCell {
         // Also while the robot is not guided: the target sent may be the first that it follows.
         self.judge(command, sent, now_ns);
         if is_guided {
-            self.stands = *sent;
+            self.position = *sent;
         }
     }
 
@@ -128,19 +128,24 @@ impl EgmCell {
         match (self.oracle.take(now_ns, now_ns, command, sent), goes_on) {
             (Ok(()), goes_on) => self.goes_on = goes_on,
             (Err(_), Some(goes_on)) => self.oracle = goes_on,
-            (Err(words), None) => self.summary.breaks(&words),
+            (Err(violation), None) => self.summary.breaks(&violation),
         }
     }
 
     /// The first target that the robot follows in a run.
     fn begin(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], correction: &[f64; JOINTS]) {
         // Hardly further from the robot's position than the application's own target.
-        let off = |q: &[f64; JOINTS]| -> f64 {
-            q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
+        let distance = |q: &[f64; JOINTS]| -> f64 {
+            q.iter()
+                .zip(self.position)
+                .map(|(q, socket_address)| (q - socket_address) * (q - socket_address))
+                .sum::<f64>()
+                .sqrt()
         };
-        if off(sent) > 3.0 * off(command) + 1e-12 {
-            let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
-            self.summary.breaks(&words);
+        if distance(sent) > 3.0 * distance(command) + 1e-12 {
+            let message =
+                format!("a run begins {:e} off, not {:e}", distance(sent), distance(command));
+            self.summary.breaks(&message);
         }
         // Either without a correction, or with the last one, which continues; if that was zero too,
         // later targets decide.
@@ -172,7 +177,7 @@ impl EgmCell {
         let elsewhere = self.chance.below(2) == 0;
         if elsewhere {
             self.standing_ns += self.chance.below(2_000_000_000);
-            self.stands = path(self.now_ns + CYCLE_NS - self.standing_ns);
+            self.position = path(self.now_ns + CYCLE_NS - self.standing_ns);
         }
     }
 
@@ -211,7 +216,7 @@ impl EgmCell {
     }
 
     fn feedback_now(&self) -> Vec<u8> {
-        feedback(self.robot_number, &self.stands, self.mci_state)
+        feedback(self.robot_number, &self.position, self.mci_state)
     }
 }
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// An answer is written to 1e-6 degrees; sums of increments are off by as much.
 const RESOLUTION_RAD: f64 = 1e-6 * std::f64::consts::PI / 180.0;
 
-fn at(address: &str) -> SocketAddr {
+fn socket_address(address: &str) -> SocketAddr {
     address.parse().expect("an address")
 }
 
@@ -102,16 +102,16 @@ impl RsiCell {
         }
         self.summary.largest = self.sum.iter().fold(self.summary.largest, |m, c| m.max(c.abs()));
         let sent: [f64; JOINTS] = std::array::from_fn(|i| q[i] + self.sum[i]);
-        if let Err(words) = self.oracle.take(self.now_ns, self.now_ns, q, &sent) {
-            self.summary.breaks(&words);
+        if let Err(violation) = self.oracle.take(self.now_ns, self.now_ns, q, &sent) {
+            self.summary.breaks(&violation);
         }
     }
 
     fn answer(&mut self, telegram: &str, from: &str) -> Option<[f64; JOINTS]> {
         self.answerer.link().now_ns = self.now_ns;
-        let asked = self.answerer.receive(telegram.as_bytes(), at(from))?;
+        let request = self.answerer.receive(telegram.as_bytes(), socket_address(from))?;
         let mut buffer = [0; 1000];
-        let (length, _) = self.answerer.answer(&asked, &mut buffer)?;
+        let (length, _) = self.answerer.answer(&request, &mut buffer)?;
         let text = std::str::from_utf8(&buffer[..length]).expect("text");
         let ipoc = telegram.split("<IPOC>").nth(1)?.split('<').next()?;
         if !text.contains(&format!("<IPOC>{ipoc}</IPOC>")) {
@@ -170,7 +170,8 @@ impl ControllerCell for RsiCell {
                 let other = telegram(self.ipoc + 4000, 0, &[0.0; JOINTS]);
                 self.answer(&other, "192.168.1.3:6008");
                 let half = other.len() / 2;
-                self.answerer.receive(&other.as_bytes()[..half], at("192.168.1.2:6008"));
+                self.answerer
+                    .receive(&other.as_bytes()[..half], socket_address("192.168.1.2:6008"));
             }
             _ => {}
         }

@@ -162,8 +162,8 @@ impl BenchOptions {
         if self.stages.is_empty() {
             return Ok(Stage::ALL.to_vec());
         }
-        parse_all(&self.stages, "--only", |word| {
-            Stage::from_name(word).ok_or("flat, woken, paced, force, start, swap, cost")
+        parse_all(&self.stages, "--only", |name| {
+            Stage::from_name(name).ok_or("flat, woken, paced, force, start, swap, cost")
         })
     }
 }
@@ -182,20 +182,20 @@ fn quick(plan: Plan) -> Plan {
 }
 
 fn parse_all<T>(
-    words: &[String],
+    values: &[String],
     option: &str,
     read: impl Fn(&str) -> Result<T, &'static str>,
 ) -> Result<Vec<T>, Failure> {
-    let one = |word: &String| {
-        read(word).map_err(|known| {
-            Failure::input(format!("{option}: unknown value `{word}`, expected one of: {known}"))
+    let one = |value: &String| {
+        read(value).map_err(|known| {
+            Failure::input(format!("{option}: unknown value `{value}`, expected one of: {known}"))
         })
     };
-    words.iter().map(one).collect()
+    values.iter().map(one).collect()
 }
 
-fn load(word: &str) -> Result<Vec<Load>, &'static str> {
-    match word {
+fn load(name: &str) -> Result<Vec<Load>, &'static str> {
+    match name {
         "idle" => Ok(vec![]),
         "all" => Ok(Load::ALL.to_vec()),
         kinds => kinds
@@ -205,17 +205,17 @@ fn load(word: &str) -> Result<Vec<Load>, &'static str> {
     }
 }
 
-fn wait(word: &str) -> Result<Wait, &'static str> {
+fn wait(name: &str) -> Result<Wait, &'static str> {
     let known = [Wait::Sleep, Wait::Spin];
-    known.into_iter().find(|wait| wait.name() == word).ok_or("sleep, spin")
+    known.into_iter().find(|wait| wait.name() == name).ok_or("sleep, spin")
 }
 
 /// A time like `10`, `90s`, `10m`, `2h`, s.
 fn seconds(text: &str) -> Result<f64, String> {
     let (number, factor) = match text.char_indices().next_back() {
-        Some((at, 's')) => (&text[..at], 1.0),
-        Some((at, 'm')) => (&text[..at], 60.0),
-        Some((at, 'h')) => (&text[..at], 3600.0),
+        Some((index, 's')) => (&text[..index], 1.0),
+        Some((index, 'm')) => (&text[..index], 60.0),
+        Some((index, 'h')) => (&text[..index], 3600.0),
         _ => (text, 1.0),
     };
     let seconds = number.parse::<f64>().map_err(|_| "expected a time like 10, 90s, 10m or 2h")?;

@@ -26,22 +26,22 @@ const ANSWER_BYTES_MAX: u64 = 16 << 20;
 #[derive(Debug)]
 pub(super) struct Solver {
     /// The solver's command; `None`: this program's own `diagnose`.
-    words: Option<Vec<String>>,
+    command: Option<Vec<String>>,
     limit: Duration,
 }
 
 impl Solver {
     pub(super) fn new(command: Option<&str>, limit: Duration) -> Result<Self, Failure> {
-        let words =
+        let command =
             command.map(|text| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
-        if words.as_ref().is_some_and(Vec::is_empty) {
+        if command.as_ref().is_some_and(Vec::is_empty) {
             return Err(Failure::input("--solver names no program"));
         }
-        Ok(Self { words, limit })
+        Ok(Self { command, limit })
     }
 
     fn command(&self) -> Result<Command, Failure> {
-        match self.words.as_deref() {
+        match self.command.as_deref() {
             Some([program, arguments @ ..]) => {
                 let mut command = Command::new(program);
                 command.args(arguments);

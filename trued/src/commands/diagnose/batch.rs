@@ -153,13 +153,13 @@ fn rows(manifest: &Manifest, item: &Item<'_>) -> Result<Vec<Row>, Failure> {
 /// Why a recording is not diagnosed, with paths as in the manifest, so that the text does not
 /// depend on the manifest's location.
 fn failed(failure: &Failure, item: &Item<'_>) -> DiagnosisError {
-    let words = item.as_named(&failure.to_string());
+    let message = item.as_named(&failure.to_string());
     let is_io = |error: &FileError| matches!(error, FileError::Io { .. });
     match failure {
         Failure::Input(error) if !error.downcast_ref::<FileError>().is_some_and(is_io) => {
-            DiagnosisError::Refused(words)
+            DiagnosisError::Refused(message)
         }
-        _ => DiagnosisError::Unread(words),
+        _ => DiagnosisError::Unread(message),
     }
 }
 

@@ -11,26 +11,26 @@ use crate::progress;
 
 /// Diagnoses a recording without joints, of forces.
 pub(super) fn diagnose_forces(
-    asked: &Diagnose,
+    options: &Diagnose,
     (base, recording): (RobotModel, Recording),
     console: &mut Console,
 ) -> Outcome {
-    if asked.apply.is_some() {
+    if options.apply.is_some() {
         return Err(Failure::input("--apply: forces alone do not determine tool position errors"));
     }
-    if asked.tolerance_mm.is_some() {
+    if options.tolerance_mm.is_some() {
         return Err(Failure::input(
             "--tolerance-mm: forces alone do not determine tool position errors",
         ));
     }
-    let mut outputs = outputs(console.outputs(), &asked.out);
-    outputs.check(asked.inputs())?;
+    let mut outputs = outputs(console.outputs(), &options.out);
+    outputs.check(options.inputs())?;
     let spinner = progress::stages(console, "forces: phases, lines, cut");
-    let found = ForceDiagnosis::of(base, &recording, asked.seed.resolve())?;
+    let found = ForceDiagnosis::of(base, &recording, options.seed.resolve())?;
     let report = found.report();
-    outputs.put(&asked.out.join(JSON), found.json()?);
-    outputs.put(&asked.out.join(MODEL), found.model_toml()?);
-    outputs.put_page(&asked.out.join(PAGE), found.page());
+    outputs.put(&options.out.join(JSON), found.json()?);
+    outputs.put(&options.out.join(MODEL), found.model_toml()?);
+    outputs.put_page(&options.out.join(PAGE), found.page());
     spinner.finish_and_clear();
     console.write(
         outputs,
@@ -42,6 +42,6 @@ pub(super) fn diagnose_forces(
     for line in lines(&report) {
         console.say(line)?;
     }
-    console.say(format!("written to {}", asked.out.display()))?;
+    console.say(format!("written to {}", options.out.display()))?;
     Ok(Answer::Done)
 }

@@ -80,7 +80,7 @@ fn parameters_of(
     reported: &ReportedFinding,
     is_claimed: bool,
 ) -> Vec<(&ReportedFinding, FindingParameter)> {
-    let bare = FindingParameter {
+    let without_number = FindingParameter {
         effect: reported.effect.to_owned(),
         joint: reported.joint.and_then(|joint| i64::try_from(joint).ok()),
         change: reported.change.to_owned(),
@@ -99,7 +99,7 @@ fn parameters_of(
             index,
             value: Some(value),
             interval,
-            ..bare.clone()
+            ..without_number.clone()
         };
     let of_parameter = |(name, value): (&String, &Value)| match value {
         Value::One { value, ci95, .. } => vec![number(name, None, *value, *ci95)],
@@ -110,6 +110,6 @@ fn parameters_of(
     };
     let numbers: Vec<FindingParameter> =
         reported.parameters.iter().flat_map(of_parameter).collect();
-    let all = if numbers.is_empty() { vec![bare.clone()] } else { numbers };
+    let all = if numbers.is_empty() { vec![without_number.clone()] } else { numbers };
     all.into_iter().map(|fact| (reported, fact)).collect()
 }

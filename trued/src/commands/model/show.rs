@@ -93,13 +93,13 @@ pub(super) fn run(console: &mut Console, path: &PathBuf, model: &RobotModel) -> 
 
 /// How they move, then where they are: each table within 80 columns.
 fn joints(joints: &[JointEntry]) -> String {
-    let mut moves = TextTable::new(["joint", "kind", "limits", "speed", "mass, kg"]);
-    let mut stands = TextTable::new(["joint", "axis", "point, mm"]);
+    let mut motions = TextTable::new(["joint", "kind", "limits", "speed", "mass, kg"]);
+    let mut axes = TextTable::new(["joint", "axis", "point, mm"]);
     for (i, joint) in joints.iter().enumerate() {
         let (kind, unit) = kind(joint.kind);
         let name = if joint.name.is_empty() { (i + 1).to_string() } else { joint.name.clone() };
         let [low, high] = joint.limits;
-        moves = moves.row([
+        motions = motions.row([
             name.clone(),
             kind.to_owned(),
             format!("{low} to {high} {unit}"),
@@ -107,9 +107,9 @@ fn joints(joints: &[JointEntry]) -> String {
             joint.link.map(|link| link.mass_kg.to_string()).unwrap_or_default(),
         ]);
         let point = joint.point_mm.map(|point| list(&point)).unwrap_or_default();
-        stands = stands.row([name, list(&joint.axis), point]);
+        axes = axes.row([name, list(&joint.axis), point]);
     }
-    format!("{}\n{}", on_stdout(&moves), on_stdout(&stands))
+    format!("{}\n{}", on_stdout(&motions), on_stdout(&axes))
 }
 
 /// Each effect with its parameters under it, ± their standard uncertainty.
@@ -134,10 +134,10 @@ fn kind(kind: JointKind) -> (&'static str, &'static str) {
 }
 
 fn body(body: Option<BodyEntry>) -> String {
-    let words = |body: BodyEntry| {
+    let description = |body: BodyEntry| {
         format!(", {} kg with its centre of mass at {} mm", body.mass_kg, list(&body.com_mm))
     };
-    body.map(words).unwrap_or_default()
+    body.map(description).unwrap_or_default()
 }
 
 fn numbers(numbers: &Numbers) -> String {
@@ -186,13 +186,13 @@ fn shown(model: &RobotModel) -> Shown<'_> {
             .effects
             .iter()
             .enumerate()
-            .map(|(at, entry)| effect(model, at, entry))
+            .map(|(index, entry)| effect(model, index, entry))
             .collect(),
         not_compensated: model.not_compensated_names(),
     }
 }
 
-fn effect<'a>(model: &RobotModel, at: usize, entry: &'a EffectEntry) -> Effect<'a> {
+fn effect<'a>(model: &RobotModel, index: usize, entry: &'a EffectEntry) -> Effect<'a> {
     let value = |numbers: &Numbers| match numbers {
         Numbers::One(number) => serde_json::json!(number),
         Numbers::List(many) => serde_json::json!(many),
@@ -203,7 +203,7 @@ fn effect<'a>(model: &RobotModel, at: usize, entry: &'a EffectEntry) -> Effect<'
     Effect {
         effect: &entry.kind,
         joint: entry.joint,
-        compensated: !model.not_compensated.contains(&at),
+        compensated: !model.not_compensated.contains(&index),
         parameters: entry.parameters.iter().map(parameter).collect(),
     }
 }

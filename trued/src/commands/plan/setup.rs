@@ -121,14 +121,14 @@ pub(super) struct Setup {
     keep_out: Vec<CommaTuple<6>>,
 }
 
-fn floor(word: &str) -> Result<Floor, String> {
-    if word == "none" {
+fn floor(text: &str) -> Result<Floor, String> {
+    if text == "none" {
         return Ok(Floor::None);
     }
-    let height = word.parse().ok().filter(|height: &f64| height.is_finite());
+    let height = text.parse().ok().filter(|height: &f64| height.is_finite());
     height
         .map(|mm| Floor::At(1e-3 * mm))
-        .ok_or_else(|| format!("`{word}` is neither a height in mm nor `none`"))
+        .ok_or_else(|| format!("`{text}` is neither a height in mm nor `none`"))
 }
 
 fn metres(mm: [f64; 3]) -> DVec3 {
@@ -165,10 +165,10 @@ impl Setup {
                 "{name}: expected the smaller number first, neither below 0"
             )));
         }
-        let (least, targets) = (self.least_targets.get(), self.target.len().max(1));
-        if least > targets {
+        let (targets_min, targets) = (self.least_targets.get(), self.target.len().max(1));
+        if targets_min > targets {
             return Err(Failure::input(format!(
-                "--least-targets is {least}, but {targets} are given with --target"
+                "--least-targets is {targets_min}, but {targets} are given with --target"
             )));
         }
         if !(0.0..=90.0).contains(&self.margin_deg) {
@@ -198,7 +198,7 @@ impl Setup {
         };
         let ballbar = self.anchor.zip(self.length_mm);
         Ok(MeasuringSetup {
-            instrument_base_m: self.instrument.map(|CommaTuple(at)| metres(at)),
+            instrument_base_m: self.instrument.map(|CommaTuple(position)| metres(position)),
             range_m: self.range_mm.0.map(m),
             acceptance_rad: self.accept_deg.to_radians(),
             targets: self.target.iter().map(target).collect(),
@@ -207,8 +207,8 @@ impl Setup {
             frame_known: self.frame_known,
             length_sigma_m: self.sigma_mm.map(m),
             orientation_sigma_rad: self.orientation_sigma_mrad.map(|mrad| 1e-3 * mrad),
-            ballbar: ballbar.map(|(CommaTuple(at), CommaTuple(length_mm))| Ballbar {
-                anchor_base_m: metres(at),
+            ballbar: ballbar.map(|(CommaTuple(anchor), CommaTuple(length_mm))| Ballbar {
+                anchor_base_m: metres(anchor),
                 length_m: length_mm.map(m),
             }),
             planes: self.plane.iter().map(patch).collect::<Result<_, Failure>>()?,

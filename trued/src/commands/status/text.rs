@@ -201,16 +201,19 @@ mod tests {
         let text = |status: &Status, away: Option<&str>| {
             lines(&Report::new("cell", status, away.map(str::to_owned))).join("\n")
         };
-        let told = text(&status, None);
-        assert!(told.contains("`trued bypass off`"), "{told}");
+        let text_shown = text(&status, None);
+        assert!(text_shown.contains("`trued bypass off`"), "{text_shown}");
         status.bypassed = 0;
-        let told = text(&status, Some("no daemon is there now"));
-        assert!(told.contains("bypass    off") && told.contains("NOT RUNNING"), "{told}");
+        let text_shown = text(&status, Some("no daemon is there now"));
+        assert!(
+            text_shown.contains("bypass    off") && text_shown.contains("NOT RUNNING"),
+            "{text_shown}"
+        );
     }
 
     #[test]
     fn times_have_readable_units() {
-        let told = [5.4, 65.0, 3_700.0, 200_000.0].map(duration);
-        assert_eq!(told, ["5 s", "1 min 5 s", "1 h 1 min", "2 d 7 h"]);
+        let durations = [5.4, 65.0, 3_700.0, 200_000.0].map(duration);
+        assert_eq!(durations, ["5 s", "1 min 5 s", "1 h 1 min", "2 d 7 h"]);
     }
 }

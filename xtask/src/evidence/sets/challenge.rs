@@ -35,7 +35,7 @@ fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
             ("null", "nothing is missing: any finding is wrong"),
         ] {
             let run = if tier.is_empty() { domain.to_owned() } else { format!("{domain}-{tier}") };
-            let mut words = vec![
+            let mut arguments = vec![
                 "challenge",
                 "--domain",
                 domain,
@@ -51,15 +51,15 @@ fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
                 "OUT/said.json",
             ];
             if !tier.is_empty() {
-                words.extend(["--tier", tier]);
+                arguments.extend(["--tier", tier]);
             }
-            let answer = bench.run_trued(&run, &words)?;
+            let answer = bench.run_trued(&run, &arguments)?;
             let name = if tier.is_empty() {
                 format!("{domain}, all tiers")
             } else {
                 format!("{domain}, nothing missing")
             };
-            let mut case = Case::from_outcome(&name, concealed, &words, &answer);
+            let mut case = Case::from_outcome(&name, concealed, &arguments, &answer);
             if let RunOutcome::Done(folder) = &answer {
                 check_scores(&mut case, &json(&folder.join("said.json")), &count);
             }
@@ -98,14 +98,14 @@ fn check_scores(case: &mut Case, result: &Value, count: &str) {
             right >= bar,
         ));
     }
-    let least = [
+    let limits = [
         ("joint_right", "joint right, given the effect", 0.99),
         ("unknown_recognised", "unknown physics reported as unknown", 0.95),
         ("undetermined_recognised", "indistinguishable effects reported as such", 0.95),
         ("gain_vs_oracle_median", "share of the oracle's gain, median", 0.95),
         ("gain_vs_oracle_p10", "share of the oracle's gain, worst tenth", 0.85),
     ];
-    for (key, what, bar) in least {
+    for (key, what, bar) in limits {
         if let Some(value) = result[key].as_f64() {
             case.checks.push(LimitCheck::new(
                 what,
@@ -152,7 +152,7 @@ pub(super) fn injected(
     if bench.challenge.is_none() {
         return Ok(not_requested(name, concealed));
     }
-    let mut words = vec![
+    let mut arguments = vec![
         "challenge",
         "--model",
         model,
@@ -168,14 +168,14 @@ pub(super) fn injected(
         "OUT/said.json",
         "--inject",
     ];
-    words.extend(recordings);
-    let answer = bench.run_trued("injected", &words)?;
-    let mut case = Case::from_outcome(name, concealed, &words, &answer);
+    arguments.extend(recordings);
+    let answer = bench.run_trued("injected", &arguments)?;
+    let mut case = Case::from_outcome(name, concealed, &arguments, &answer);
     let RunOutcome::Done(folder) = &answer else { return Ok(case) };
-    let said = json(&folder.join("said.json"));
+    let answers = json(&folder.join("said.json"));
     for (z, bar) in INJECTED_SHARES {
-        let at = said["at_z"].as_array().into_iter().flatten().find(|one| one["z"] == z);
-        if let Some((one, right)) = at.and_then(|one| Some((one, one["share"].as_f64()?))) {
+        let share = answers["at_z"].as_array().into_iter().flatten().find(|one| one["z"] == z);
+        if let Some((one, right)) = share.and_then(|one| Some((one, one["share"].as_f64()?))) {
             let measured = format!("{right:.2} ({} of {})", one["right"], one["cases"]);
             case.checks.push(LimitCheck::new(
                 format!("first answer right at z of {z}"),
@@ -185,7 +185,7 @@ pub(super) fn injected(
             ));
         }
     }
-    add_unanswered(&mut case, &said);
+    add_unanswered(&mut case, &answers);
     case.verdict = "answered".to_owned();
     case.short = "see the section".to_owned();
     Ok(case)

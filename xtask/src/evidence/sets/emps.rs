@@ -69,13 +69,13 @@ fn errors(result: &DiagnosisResult) -> Errors {
 
 /// All dry friction concealed, viscous friction known roughly.
 fn dry_friction(bench: &SetRunner, band: &str) -> Result<Case, String> {
-    let words = diagnose_arguments("viscous.toml", band);
-    let answer = bench.run_trued(&format!("dry-{band}"), &words)?;
+    let arguments = diagnose_arguments("viscous.toml", band);
+    let answer = bench.run_trued(&format!("dry-{band}"), &arguments)?;
     let name = format!("dry friction, {band} Hz");
     let concealed = "all dry friction and the mass; viscous friction is stated as 200 ± 100 N s/m";
-    let (mut case, said) = Case::from_diagnosis(&name, concealed, &words, &answer, "torque");
-    let Some(said) = said else { return Ok(case) };
-    case.errors = Some(errors(&said));
+    let (mut case, result) = Case::from_diagnosis(&name, concealed, &arguments, &answer, "torque");
+    let Some(result) = result else { return Ok(case) };
+    case.errors = Some(errors(&result));
     case.reference = Some(match band {
         "100" => Reference {
             value: Some(5.98),
@@ -83,21 +83,21 @@ fn dry_friction(bench: &SetRunner, band: &str) -> Result<Case, String> {
         },
         _ => Reference { value: None, text: "the authors give only 100 Hz" },
     });
-    let first = said.findings().next();
+    let first = result.findings().next();
     let is_first = first.as_ref().is_some_and(|one| one.effect() == "coulomb_friction");
     let named = first.as_ref().map_or("nothing".to_owned(), FindingView::name);
     case.checks.push(LimitCheck::new("first finding", named, "coulomb friction 1", is_first));
     if band == "40" {
-        let whole = percent_of_force(&said, said.number("heldout_rms_after"));
+        let whole = percent_of_force(&result, result.number("heldout_rms_after"));
         case.checks.push(LimitCheck::at_most("force error with all findings", whole, 5.7, "%"));
         case.checks.push(dry_friction_only(bench)?);
-        let [alone, _] = with_coulomb(&said);
+        let [alone, _] = with_coulomb(&result);
         case.statements.push(format!(
             "Coulomb friction without the constant leaves {} %.",
             significant(alone, 3)
         ));
     }
-    let dry = said.finding("coulomb_friction", Some(1));
+    let dry = result.finding("coulomb_friction", Some(1));
     let level = dry.and_then(|one| one.parameter("level_N"));
     case.checks.push(LimitCheck::contains("its level, 95 %, N", level, LEVEL_N));
     Ok(case)
@@ -138,8 +138,8 @@ fn arguments_without_prior(band: &str) -> [&str; 11] {
 }
 
 fn without_prior(bench: &SetRunner, band: &'static str) -> Result<Case, String> {
-    let words = arguments_without_prior(band);
-    let answer = bench.run_trued(&format!("plain-{band}"), &words)?;
+    let arguments = arguments_without_prior(band);
+    let answer = bench.run_trued(&format!("plain-{band}"), &arguments)?;
     if let (RunOutcome::Done(folder), "40") = (&answer, band) {
         bench.offer_figure(
             &folder.join("report.html"),
@@ -148,10 +148,10 @@ fn without_prior(bench: &SetRunner, band: &'static str) -> Result<Case, String> 
         );
     }
     let name = format!("no effect given, {band} Hz");
-    let (mut case, said) =
-        Case::from_diagnosis(&name, "mass, all friction, delay", &words, &answer, "torque");
-    let Some(said) = said else { return Ok(case) };
-    case.errors = Some(errors(&said));
+    let (mut case, result) =
+        Case::from_diagnosis(&name, "mass, all friction, delay", &arguments, &answer, "torque");
+    let Some(result) = result else { return Ok(case) };
+    case.errors = Some(errors(&result));
     case.reference = Some(Reference {
         value: (band == "100").then_some(5.98),
         text: match band {
@@ -168,7 +168,7 @@ fn without_prior(bench: &SetRunner, band: &'static str) -> Result<Case, String> 
         ("coulomb_friction", "dry friction"),
         ("friction_asymmetry", "friction that differs by direction"),
     ] {
-        let found = said.finding(effect, Some(1)).is_some();
+        let found = result.finding(effect, Some(1)).is_some();
         case.checks.push(LimitCheck::new(
             name,
             if found { "named" } else { "not named" },
@@ -176,18 +176,19 @@ fn without_prior(bench: &SetRunner, band: &'static str) -> Result<Case, String> 
             found,
         ));
     }
-    case.checks.push(delay_or_zone(&said));
-    let whole = percent_of_force(&said, said.number("heldout_rms_after"));
+    case.checks.push(delay_or_zone(&result));
+    let whole = percent_of_force(&result, result.number("heldout_rms_after"));
     case.checks.push(LimitCheck::at_most("force error, all samples", whole, 4.0, "%"));
-    let outside = said.joint(1).and_then(|joint| joint["heldout_rms_after_outside"].as_f64());
-    let outside = percent_of_force(&said, outside.unwrap_or(f64::NAN));
+    let outside = result.joint(1).and_then(|joint| joint["heldout_rms_after_outside"].as_f64());
+    let outside = percent_of_force(&result, outside.unwrap_or(f64::NAN));
     case.checks.push(LimitCheck::at_most(
         "force error outside the low-speed zone that it reported",
         outside,
         2.8,
         "%",
     ));
-    let stribeck = said.finding("stribeck_friction", None).and_then(|one| one.parameter("level_N"));
+    let stribeck =
+        result.finding("stribeck_friction", None).and_then(|one| one.parameter("level_N"));
     let negative = stribeck.is_some_and(|(level, _)| level < 0.0);
     case.checks.push(LimitCheck::new(
         "Stribeck friction of the wrong sign",
@@ -222,9 +223,9 @@ fn delay_or_zone(result: &DiagnosisResult) -> LimitCheck {
 fn tracking_error(bench: &SetRunner) -> Result<Case, String> {
     for name in [TRAIN, HELD_OUT] {
         let sheet = CsvTable::read(&bench.data(name)?);
-        let [asked, measured] = ["q_ref_m", "q_meas_m"].map(|column| sheet.numbers(column));
+        let [commanded, measured] = ["q_ref_m", "q_meas_m"].map(|column| sheet.numbers(column));
         let with =
-            sheet.with_column("tracking_error_m", |k| format!("{:.9}", asked[k] - measured[k]));
+            sheet.with_column("tracking_error_m", |k| format!("{:.9}", commanded[k] - measured[k]));
         let stem = name.trim_end_matches(".csv");
         bench.write(&format!("{stem}_leak.csv"), with.text())?;
         bench.write(
@@ -232,7 +233,7 @@ fn tracking_error(bench: &SetRunner) -> Result<Case, String> {
             bench.read(&format!("{stem}.mapping.toml")),
         )?;
     }
-    let words = [
+    let arguments = [
         "diagnose",
         "--model",
         "slide.toml",
@@ -245,24 +246,30 @@ fn tracking_error(bench: &SetRunner) -> Result<Case, String> {
         "DATA_EMPS_leak.csv",
         "DATA_EMPS_PULSES_leak.csv",
     ];
-    let answer = bench.run_trued("leak", &words)?;
+    let answer = bench.run_trued("leak", &arguments)?;
     let plain = bench.run_trued("plain-40", &arguments_without_prior("40"))?;
     let concealed = "as before; both files also contain the controller's tracking error, as commanded minus measured position and as a column";
-    let (mut case, said) =
-        Case::from_diagnosis("tracking error as a column", concealed, &words, &answer, "torque");
-    let (Some(said), RunOutcome::Done(plain)) = (said, plain) else { return Ok(case) };
-    case.errors = Some(errors(&said));
+    let (mut case, result) = Case::from_diagnosis(
+        "tracking error as a column",
+        concealed,
+        &arguments,
+        &answer,
+        "torque",
+    );
+    let (Some(result), RunOutcome::Done(plain)) = (result, plain) else { return Ok(case) };
+    case.errors = Some(errors(&result));
     let plain = DiagnosisResult::read(&plain, "torque");
-    let same = said.list("findings") == plain.list("findings");
-    let told = if same { "the same as without it" } else { "different from those without it" };
-    case.checks.push(LimitCheck::new("findings", told, "the same as without it", same));
+    let same = result.list("findings") == plain.list("findings");
+    let difference =
+        if same { "the same as without it" } else { "different from those without it" };
+    case.checks.push(LimitCheck::new("findings", difference, "the same as without it", same));
     Ok(case)
 }
 
 /// A full simulation with the real residuals as noise, evaluated with the model that generated it.
 fn simulated_residuals(bench: &SetRunner) -> Result<Case, String> {
     let name = "full simulation with real residuals as noise";
-    let words = [
+    let arguments = [
         "diagnose",
         "--model",
         "full.toml",
@@ -278,7 +285,7 @@ fn simulated_residuals(bench: &SetRunner) -> Result<Case, String> {
                      shifted cyclically by a third of the recording";
     let plain = bench.run_trued("plain-40", &arguments_without_prior("40"))?;
     let RunOutcome::Done(found) = &plain else {
-        return Ok(Case::from_diagnosis(name, concealed, &words, &plain, "torque").0);
+        return Ok(Case::from_diagnosis(name, concealed, &arguments, &plain, "torque").0);
     };
     let model = std::fs::read_to_string(found.join("model.toml")).map_err(|why| why.to_string())?;
     let mass = "limits_mm = [-500.0, 500.0]\nlink = { mass_kg = 95.1, com_mm = [0.0, 0.0, 0.0] }";
@@ -298,22 +305,22 @@ fn simulated_residuals(bench: &SetRunner) -> Result<Case, String> {
         &["simulate", "--model", "full.toml", "--out", "OUT/sim", "--seed", "1", "motion.csv"],
     )?;
     let RunOutcome::Done(simulated) = &simulated else {
-        return Ok(Case::from_diagnosis(name, concealed, &words, &simulated, "torque").0);
+        return Ok(Case::from_diagnosis(name, concealed, &arguments, &simulated, "torque").0);
     };
     let text = std::fs::read_to_string(simulated.join("sim.csv")).map_err(|why| why.to_string())?;
     let exact = CsvTable::read(&text).numbers("tau1_N");
     let count = exact.len().min(force.len());
     let noise = |k: usize| {
-        let at = (count - 1 - k + count / 3) % count;
-        force[at] - exact[at]
+        let shifted = (count - 1 - k + count / 3) % count;
+        force[shifted] - exact[shifted]
     };
     bench.write("noisy.csv", rows(&|k| if k < count { exact[k] + noise(k) } else { 0.0 }))?;
-    let answer = bench.run_trued("consistent", &words)?;
-    let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "torque");
-    if let Some(said) = said {
-        case.set_heldout_errors(&said, "N");
-        let is_so = said.verdict() == "consistent";
-        case.checks.push(LimitCheck::new("verdict", said.verdict(), "consistent", is_so));
+    let answer = bench.run_trued("consistent", &arguments)?;
+    let (mut case, result) = Case::from_diagnosis(name, concealed, &arguments, &answer, "torque");
+    if let Some(result) = result {
+        case.set_heldout_errors(&result, "N");
+        let is_so = result.verdict() == "consistent";
+        case.checks.push(LimitCheck::new("verdict", result.verdict(), "consistent", is_so));
     }
     Ok(case)
 }

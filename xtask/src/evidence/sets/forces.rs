@@ -43,28 +43,28 @@ pub(super) const BEAM: Set = Set {
 fn turning(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["f416_a100.csv"])?;
     bench.write("f416_a100.mapping.toml", TURNED)?;
-    let words = ["diagnose", "--seed", "1", "--out", "OUT", "f416_a100.csv"];
-    let answer = bench.run_trued("cut", &words)?;
-    let (mut case, said) = Case::from_diagnosis(
+    let arguments = ["diagnose", "--seed", "1", "--out", "OUT", "f416_a100.csv"];
+    let answer = bench.run_trued("cut", &arguments)?;
+    let (mut case, result) = Case::from_diagnosis(
         "phases and chatter",
         "when the tool cuts; whether it chatters; the offset of the sensor",
-        &words,
+        &arguments,
         &answer,
         "force",
     );
-    if let (Some(said), RunOutcome::Done(folder)) = (said, &answer) {
+    if let (Some(result), RunOutcome::Done(folder)) = (result, &answer) {
         bench.offer_figure(
             &folder.join("report.html"),
             "Distance of the signal",
             "Distance of the signal from its mean at rest: the phases of the cut.",
         );
-        case.set_heldout_errors(&said, "N");
+        case.set_heldout_errors(&result, "N");
         case.reference = Some(Reference {
             value: None,
             text: "means of the cut 250.9, 287.8, 725.6 N and K_s of 1609.5 N/mm² (the authors' tables)",
         });
-        phases(&said, &mut case);
-        let chatter = said.finding("chatter", None).is_some();
+        phases(&result, &mut case);
+        let chatter = result.finding("chatter", None).is_some();
         case.checks.push(LimitCheck::new(
             "chatter",
             if chatter { "named" } else { "none" },
@@ -72,14 +72,15 @@ fn turning(bench: &SetRunner) -> Result<Vec<Case>, String> {
             !chatter,
         ));
     }
-    let words =
+    let arguments =
         ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", "f416_a100.csv"];
-    let watch = bench.run_trued("watch", &words)?;
-    let mut watched = spectrum_case("the vibration monitor", "whether it chatters", &words, &watch);
+    let watch = bench.run_trued("watch", &arguments)?;
+    let mut watched =
+        spectrum_case("the vibration monitor", "whether it chatters", &arguments, &watch);
     if let RunOutcome::Done(folder) = &watch {
         let alarms = alarms(&json(&folder.join("said.json")));
-        let told = lines(&alarms);
-        watched.checks.push(LimitCheck::new("alarms", told, "none", alarms.is_empty()));
+        let listed = lines(&alarms);
+        watched.checks.push(LimitCheck::new("alarms", listed, "none", alarms.is_empty()));
     }
     Ok(vec![case, watched])
 }
@@ -124,25 +125,26 @@ fn phases(result: &DiagnosisResult, case: &mut Case) {
 fn milling(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["N255_S5000_accY.csv"])?;
     bench.write("N255_S5000_accY.mapping.toml", MILLED)?;
-    let words = ["diagnose", "--seed", "1", "--out", "OUT", "N255_S5000_accY.csv"];
-    let answer = bench.run_trued("cut", &words)?;
+    let arguments = ["diagnose", "--seed", "1", "--out", "OUT", "N255_S5000_accY.csv"];
+    let answer = bench.run_trued("cut", &arguments)?;
     let concealed = "when the tool cuts; whether it chatters, and where";
-    let (mut case, said) = Case::from_diagnosis("chatter", concealed, &words, &answer, "force");
+    let (mut case, result) =
+        Case::from_diagnosis("chatter", concealed, &arguments, &answer, "force");
     let reference = || {
         Some(Reference {
             value: None,
             text: "684 Hz from 4.0 to 5.0 s (our own reading, set's note); the authors' label covers the whole file",
         })
     };
-    if let Some(said) = said {
+    if let Some(result) = result {
         case.reference = reference();
-        let tone = said.finding("chatter", None).and_then(|one| one.value("frequency_Hz"));
-        let (told, right) = tone.map_or(("not named".to_owned(), false), |hz| {
+        let tone = result.finding("chatter", None).and_then(|one| one.value("frequency_Hz"));
+        let (frequency, right) = tone.map_or(("not named".to_owned(), false), |hz| {
             (format!("{hz:.1} Hz"), (hz - 684.0).abs() < 2.0)
         });
-        case.checks.push(LimitCheck::new("chatter", told, "684 Hz within 2", right));
+        case.checks.push(LimitCheck::new("chatter", frequency, "684 Hz within 2", right));
     }
-    let words = [
+    let arguments = [
         "spectrum",
         "--teeth",
         "4",
@@ -152,8 +154,8 @@ fn milling(bench: &SetRunner) -> Result<Vec<Case>, String> {
         "OUT/report.html",
         "N255_S5000_accY.csv",
     ];
-    let watch = bench.run_trued("watch", &words)?;
-    let mut watched = spectrum_case("the vibration monitor", concealed, &words, &watch);
+    let watch = bench.run_trued("watch", &arguments)?;
+    let mut watched = spectrum_case("the vibration monitor", concealed, &arguments, &watch);
     watched.reference = reference();
     if let RunOutcome::Done(folder) = &watch {
         bench.offer_figure(
@@ -162,15 +164,15 @@ fn milling(bench: &SetRunner) -> Result<Vec<Case>, String> {
             "Power density of the whole recording, and where the spindle's multiples are.",
         );
         let alarms = alarms(&json(&folder.join("said.json")));
-        let near = |hz: f64| alarms.iter().any(|one| (one.1 - hz).abs() < 2.0);
-        let told = lines(&alarms);
+        let has_alarm_at = |hz: f64| alarms.iter().any(|one| (one.1 - hz).abs() < 2.0);
+        let listed = lines(&alarms);
         watched.checks.push(LimitCheck::new(
             "alarms near 684 Hz",
-            told.clone(),
+            listed.clone(),
             "one",
-            near(684.0),
+            has_alarm_at(684.0),
         ));
-        let mains = near(150.0);
+        let mains = has_alarm_at(150.0);
         watched.checks.push(LimitCheck::new(
             "alarm of the electrical tone at 150 Hz",
             if mains { "alarmed" } else { "none" },
@@ -185,10 +187,12 @@ fn beam(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let mut cases = Vec::new();
     for (name, file) in [("test 2", "test_2_ds16.lvm"), ("test 3", "test_3_ds16.lvm")] {
         bench.copy(&[file])?;
-        let words = ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", file];
+        let arguments =
+            ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", file];
         let run = file.trim_end_matches(".lvm");
-        let answer = bench.run_trued(run, &words)?;
-        let mut case = spectrum_case(name, "which tones, and when they change", &words, &answer);
+        let answer = bench.run_trued(run, &arguments)?;
+        let mut case =
+            spectrum_case(name, "which tones, and when they change", &arguments, &answer);
         if let RunOutcome::Done(folder) = &answer {
             if name == "test 3" {
                 bench.offer_figure(
@@ -196,8 +200,8 @@ fn beam(bench: &SetRunner) -> Result<Vec<Case>, String> {
                     "Power density",
                     "Test 3: power density of the whole recording.",
                 );
-                let said = json(&folder.join("said.json"));
-                let first = said["events"]
+                let spectrum = json(&folder.join("said.json"));
+                let first = spectrum["events"]
                     .as_array()
                     .into_iter()
                     .flatten()
@@ -212,16 +216,16 @@ fn beam(bench: &SetRunner) -> Result<Vec<Case>, String> {
                     "s",
                 ));
             }
-            let said = json(&folder.join("said.json"));
-            let chatter = said["episodes"]
+            let spectrum = json(&folder.join("said.json"));
+            let chatter = spectrum["episodes"]
                 .as_array()
                 .into_iter()
                 .flatten()
                 .any(|one| one["alarm_s"].is_number() && one["class"] == "chatter");
-            let told = if chatter { "said" } else { "not said" };
+            let finding = if chatter { "said" } else { "not said" };
             case.checks.push(LimitCheck::new(
                 "chatter, where nothing cuts",
-                told,
+                finding,
                 "not said",
                 !chatter,
             ));
@@ -247,20 +251,21 @@ fn spectrum_case(name: &str, concealed: &str, arguments: &[&str], answer: &RunOu
     case.short.clone_from(&case.verdict);
     case.was_run = !matches!(answer, RunOutcome::NotRun);
     let RunOutcome::Done(folder) = answer else { return case };
-    let said = json(&folder.join("said.json"));
-    let alarms = alarms(&said);
+    let spectrum = json(&folder.join("said.json"));
+    let alarms = alarms(&spectrum);
     case.verdict = if alarms.is_empty() {
         "no alarm".to_owned()
     } else {
         format!("alarms at {}", lines(&alarms))
     };
     case.short.clone_from(&case.verdict);
-    let known = said["episodes"].as_array().into_iter().flatten();
-    let mut told: Vec<String> = known.filter(|one| one["alarm_s"].is_number()).map(event).collect();
-    let more = told.len().saturating_sub(8);
-    told.truncate(8);
-    told.extend((more > 0).then(|| format!("and {more} more")));
-    case.statements = told;
+    let known = spectrum["episodes"].as_array().into_iter().flatten();
+    let mut statements: Vec<String> =
+        known.filter(|one| one["alarm_s"].is_number()).map(event).collect();
+    let more = statements.len().saturating_sub(8);
+    statements.truncate(8);
+    statements.extend((more > 0).then(|| format!("and {more} more")));
+    case.statements = statements;
     case
 }
 

@@ -32,9 +32,10 @@ fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
     ];
     let mut cases = Vec::new();
     for (name, run, files) in runs {
-        let mut words = vec!["diagnose", "--model", "kuka-kr240", "--seed", "1", "--out", "OUT"];
-        words.extend(files);
-        let answer = bench.run_trued(run, &words)?;
+        let mut arguments =
+            vec!["diagnose", "--model", "kuka-kr240", "--seed", "1", "--out", "OUT"];
+        arguments.extend(files);
+        let answer = bench.run_trued(run, &arguments)?;
         if let RunOutcome::Done(folder) = &answer {
             bench.offer_figure(
                 &folder.join("report.html"),
@@ -43,14 +44,15 @@ fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
             );
         }
         let concealed = "all effects between motor encoder and link";
-        let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "position");
-        if let Some(said) = said {
-            case.set_heldout_errors(&said, "mrad");
+        let (mut case, result) =
+            Case::from_diagnosis(name, concealed, &arguments, &answer, "position");
+        if let Some(result) = result {
+            case.set_heldout_errors(&result, "mrad");
             case.reference = Some(Reference {
                 value: None,
                 text: "least squares of the set's note, fitted on A: axes 1 to 3 of B 0.030, 0.032, 0.034 deg as they are, 0.0037, 0.0045, 0.0039 deg with delay and compliance",
             });
-            check_joints(&mut case, &said);
+            check_joints(&mut case, &result);
         }
         cases.push(case);
     }
@@ -63,18 +65,18 @@ fn check_joints(case: &mut Case, result: &DiagnosisResult) {
     let name = first.map_or("nothing".to_owned(), |one| one.name());
     case.checks.push(LimitCheck::new("first finding", name, "time delay", is_delay));
     let delay = result.finding("time_delay", None).and_then(|one| one.parameter("delay_ms"));
-    let (told, right) = delay.map_or(("not named".to_owned(), false), |(ms, _)| {
+    let (delay_text, right) = delay.map_or(("not named".to_owned(), false), |(ms, _)| {
         (format!("{ms:.2} ms"), (2.5..=3.5).contains(&ms.abs()))
     });
-    case.checks.push(LimitCheck::new("its size", told, "2.5 to 3.5 ms, either sign", right));
+    case.checks.push(LimitCheck::new("its size", delay_text, "2.5 to 3.5 ms, either sign", right));
     let soft = |joint: u64| {
         let names = ["joint_compliance", "gravity_compliance", "gravity_sag", "load_compliance"];
         names.iter().any(|name| result.finding(name, Some(joint)).is_some())
     };
     let found: Vec<String> = (2..=3).filter(|joint| soft(*joint)).map(|j| j.to_string()).collect();
-    let told = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
-    case.checks.push(LimitCheck::new("compliance of joints", told, "2, 3", found.len() == 2));
+    let joints = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+    case.checks.push(LimitCheck::new("compliance of joints", joints, "2, 3", found.len() == 2));
     let play = [1, 2].iter().any(|joint| result.finding("backlash", Some(*joint)).is_some());
-    let told = if play { "named" } else { "none" };
-    case.checks.push(LimitCheck::new("backlash of joints 1 and 2", told, "none", !play));
+    let finding = if play { "named" } else { "none" };
+    case.checks.push(LimitCheck::new("backlash of joints 1 and 2", finding, "none", !play));
 }

@@ -86,18 +86,19 @@ impl Campaign<'_> {
             bench.write(&file, self.sheet.text())?;
         } else {
             // A separate segment would restart time and lose the approach to a pose.
-            let columns: Vec<&String> = self.points.iter().flat_map(|(seen, _)| seen).collect();
+            let columns: Vec<&String> =
+                self.points.iter().flat_map(|(columns_of_point, _)| columns_of_point).collect();
             bench.write(&file, self.sheet.clear_cells(&columns, &self.held_out).text())?;
             whole = format!("{}-all.csv", self.run);
             bench.write(&whole, self.sheet.text())?;
             bench.write(&format!("{}-all.mapping.toml", self.run), &self.mapping)?;
         }
-        let words =
+        let arguments =
             ["diagnose", "--model", self.model, "--seed", "1", "--out", "OUT", file.as_str()];
-        let answer = bench.run_trued(self.run, &words)?;
-        let (mut case, said) =
-            Case::from_diagnosis(self.name, self.concealed, &words, &answer, "position");
-        let (Some(said), RunOutcome::Done(folder)) = (said, &answer) else {
+        let answer = bench.run_trued(self.run, &arguments)?;
+        let (mut case, result) =
+            Case::from_diagnosis(self.name, self.concealed, &arguments, &answer, "position");
+        let (Some(result), RunOutcome::Done(folder)) = (result, &answer) else {
             return Ok((case, None));
         };
         bench.offer_figure(
@@ -119,7 +120,7 @@ impl Campaign<'_> {
                 quantity: "mean distance on unseen rows",
             });
         }
-        Ok((case, Some(said)))
+        Ok((case, Some(result)))
     }
 
     /// Mean distance on held-out rows of a model run forward, mm.
@@ -131,8 +132,8 @@ impl Campaign<'_> {
         file: &str,
     ) -> Result<Option<f64>, String> {
         let run = format!("{}-{which}", self.run);
-        let words = ["simulate", "--model", model, "--seed", "1", "--out", "OUT/sim", file];
-        let RunOutcome::Done(folder) = bench.run_trued(&run, &words)? else { return Ok(None) };
+        let arguments = ["simulate", "--model", model, "--seed", "1", "--out", "OUT/sim", file];
+        let RunOutcome::Done(folder) = bench.run_trued(&run, &arguments)? else { return Ok(None) };
         let text =
             std::fs::read_to_string(folder.join("sim.csv")).map_err(|why| why.to_string())?;
         let columns: Vec<Columns> = self
@@ -187,12 +188,12 @@ fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
             metres: MM,
             station: None,
         };
-        let (mut case, said) = campaign.case(bench)?;
+        let (mut case, result) = campaign.case(bench)?;
         case.reference = Some(Reference {
             value: Some(0.19),
             text: "0.19 mm with the geometry of every joint (the set's note; the authors state none)",
         });
-        if said.is_some() {
+        if result.is_some() {
             let after = case.errors.as_ref().map_or(f64::NAN, |errors| errors.after);
             case.checks.push(LimitCheck::at_most(
                 "mean distance on unseen poses",
@@ -216,14 +217,19 @@ fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
         station: None,
     };
     cases.push(with_feedback_check(read_back.case(bench)?));
-    let words = ["diagnose", "--model", "ur10e", "--seed", "1", "--out", "OUT", "in-time.csv"];
-    let answer = bench.run_trued("other-robot", &words)?;
+    let arguments = ["diagnose", "--model", "ur10e", "--seed", "1", "--out", "OUT", "in-time.csv"];
+    let answer = bench.run_trued("other-robot", &arguments)?;
     let concealed = "that the recording is of another robot: the model is of the UR10e";
-    let (mut case, said) =
-        Case::from_diagnosis("a model of another robot", concealed, &words, &answer, "position");
-    if let Some(said) = said {
-        case.checks.push(check_several_mismatches(&said));
-        case.statements.extend(said.unexplained().map(str::to_owned));
+    let (mut case, result) = Case::from_diagnosis(
+        "a model of another robot",
+        concealed,
+        &arguments,
+        &answer,
+        "position",
+    );
+    if let Some(result) = result {
+        case.checks.push(check_several_mismatches(&result));
+        case.statements.extend(result.unexplained().map(str::to_owned));
         case.shortfall_notes.clear();
     }
     cases.push(case);
@@ -233,29 +239,29 @@ fn irb120(bench: &SetRunner) -> Result<Vec<Case>, String> {
 /// Requires several mismatches, or no claim.
 pub(super) fn check_several_mismatches(result: &DiagnosisResult) -> LimitCheck {
     let count = result.findings().count();
-    let claims = matches!(result.verdict(), "missing_physics" | "consistent");
-    let told = format!("{}, {count} named", result.verdict().replace('_', " "));
+    let is_claimed = matches!(result.verdict(), "missing_physics" | "consistent");
+    let verdict = format!("{}, {count} named", result.verdict().replace('_', " "));
     LimitCheck::new(
         "no single finding",
-        told,
+        verdict,
         "no missing physics, or five findings or more",
-        !claims || count >= 5,
+        !is_claimed || count >= 5,
     )
 }
 
-fn with_feedback_check((mut case, said): (Case, Option<DiagnosisResult>)) -> Case {
-    if let Some(said) = said {
-        let words = ["measured joint positions", "feedback", "settled"];
-        let notes = said.list("notes").iter().filter_map(|note| note.as_str());
-        let all: Vec<&str> = notes.chain(said.unexplained()).collect();
-        let told = all.iter().find(|text| words.iter().any(|word| text.contains(word)));
-        case.statements.extend(told.map(|text| super::super::case::sentence(text)));
-        let answer = if told.is_some() { "said" } else { "not said" };
+fn with_feedback_check((mut case, result): (Case, Option<DiagnosisResult>)) -> Case {
+    if let Some(result) = result {
+        let markers = ["measured joint positions", "feedback", "settled"];
+        let notes = result.list("notes").iter().filter_map(|note| note.as_str());
+        let all: Vec<&str> = notes.chain(result.unexplained()).collect();
+        let reason = all.iter().find(|text| markers.iter().any(|marker| text.contains(marker)));
+        case.statements.extend(reason.map(|text| super::super::case::sentence(text)));
+        let answer = if reason.is_some() { "said" } else { "not said" };
         case.checks.push(LimitCheck::new(
             "that the measured joint positions are wrong",
             answer,
             "said",
-            told.is_some(),
+            reason.is_some(),
         ));
     }
     case
@@ -286,12 +292,12 @@ fn motoman(bench: &SetRunner) -> Result<Vec<Case>, String> {
             metres: 1.0,
             station: Some("station_of_row"),
         };
-        let (mut case, said) = campaign.case(bench)?;
+        let (mut case, result) = campaign.case(bench)?;
         case.reference = Some(Reference {
             value: Some(0.32),
             text: "0.32 mm, free grid of the right arm, rigid fit of the nominal geometry (the set's note)",
         });
-        if said.is_some() {
+        if result.is_some() {
             let after = case.errors.as_ref().map_or(f64::NAN, |errors| errors.after);
             case.checks.push(LimitCheck::at_most(
                 "mean distance on unseen poses",
@@ -336,7 +342,7 @@ fn sweeps(bench: &SetRunner) -> Result<Vec<Case>, String> {
 
 fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
     bench.copy(&["trailblazer.urdf"])?;
-    let words = [
+    let arguments = [
         "model",
         "import",
         "--base",
@@ -347,10 +353,10 @@ fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
         "OUT/hilti.toml",
         "trailblazer.urdf",
     ];
-    let imported = bench.run_trued("imported", &words)?;
+    let imported = bench.run_trued("imported", &arguments)?;
     let RunOutcome::Done(folder) = imported else {
         return Ok(vec![
-            Case::from_diagnosis("all scenes", "all", &words, &imported, "position").0,
+            Case::from_diagnosis("all scenes", "all", &arguments, &imported, "position").0,
         ]);
     };
     let model =
@@ -372,12 +378,12 @@ fn hilti(bench: &SetRunner) -> Result<Vec<Case>, String> {
         metres: 1.0,
         station: Some("dataset"),
     };
-    let (mut case, said) = campaign.case(bench)?;
+    let (mut case, result) = campaign.case(bench)?;
     case.reference = Some(Reference {
         value: None,
         text: "6.9 to 9.9 mm, URDF and a rigid base for each height (the set's note); the paper's tables were not found",
     });
-    if said.is_some()
+    if result.is_some()
         && let Some(Errors { before, after, .. }) = case.errors
     {
         case.checks.push(LimitCheck::at_most(

@@ -58,9 +58,9 @@ fn run(bench: &SetRunner) -> Result<Vec<Case>, String> {
 }
 
 fn diagnose_arguments<'a>(model: &'a str, files: &[&'a str]) -> Vec<&'a str> {
-    let mut words = vec!["diagnose", "--model", model, "--seed", "1", "--out", "OUT"];
-    words.extend(files);
-    words
+    let mut arguments = vec!["diagnose", "--model", model, "--seed", "1", "--out", "OUT"];
+    arguments.extend(files);
+    arguments
 }
 
 /// Findings of a payload: recording and mass.
@@ -77,16 +77,16 @@ fn mass(result: &DiagnosisResult) -> Option<(f64, [f64; 2])> {
 fn load_shares(result: &DiagnosisResult, case: &mut Case) {
     for joint in [2, 3] {
         let found = result.finding("load_friction", Some(joint));
-        let told = found.as_ref().map_or("not named".to_owned(), FindingView::parameters);
+        let parameters = found.as_ref().map_or("not named".to_owned(), FindingView::parameters);
         let what = format!("load friction of joint {joint}");
-        case.checks.push(LimitCheck::new(what, told, "named", found.is_some()));
+        case.checks.push(LimitCheck::new(what, parameters, "named", found.is_some()));
     }
 }
 
 /// Four harmonic runs at once, of which one carries something.
 fn all_runs(bench: &SetRunner) -> Result<Case, String> {
-    let words = diagnose_arguments("ur10e-bare.toml", &[THIRTY, FIFTY, FREE, LOADED]);
-    let answer = bench.run_trued("together", &words)?;
+    let arguments = diagnose_arguments("ur10e-bare.toml", &[THIRTY, FIFTY, FREE, LOADED]);
+    let answer = bench.run_trued("together", &arguments)?;
     if let RunOutcome::Done(folder) = &answer {
         bench.offer_figure(
             &folder.join("report.html"),
@@ -94,22 +94,22 @@ fn all_runs(bench: &SetRunner) -> Result<Case, String> {
             "Torque errors over time, four runs at once: recorded minus model, with the given model and with the findings.",
         );
     }
-    let (mut case, said) = Case::from_diagnosis(
+    let (mut case, result) = Case::from_diagnosis(
         "four runs at once",
         "masses, all friction, the payload of one run",
-        &words,
+        &arguments,
         &answer,
         "torque",
     );
-    let Some(said) = said else { return Ok(case) };
-    case.set_heldout_errors(&said, "Nm");
+    let Some(result) = result else { return Ok(case) };
+    case.set_heldout_errors(&result, "Nm");
     case.reference = Some(Reference { value: None, text: WEIGHED });
-    let named = payloads(&said);
+    let named = payloads(&result);
     let only = named == [format!("{LOADED} only")];
-    let told = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
-    case.checks.push(LimitCheck::new("payload found in", told, format!("{LOADED} only"), only));
-    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
-    load_shares(&said, &mut case);
+    let files = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
+    case.checks.push(LimitCheck::new("payload found in", files, format!("{LOADED} only"), only));
+    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&result), PAYLOAD_KG));
+    load_shares(&result, &mut case);
     Ok(case)
 }
 
@@ -126,24 +126,24 @@ fn each_run(bench: &SetRunner) -> Result<Case, String> {
     for name in RUNS {
         let stem = name.trim_end_matches(".csv");
         let answer = bench.run_trued(stem, &diagnose_arguments("ur10e-bare.toml", &[name]))?;
-        let (one, said) = Case::from_diagnosis(stem, "", &[], &answer, "torque");
+        let (one, result) = Case::from_diagnosis(stem, "", &[], &answer, "torque");
         case.was_run &= one.was_run;
         verdicts.push(one.verdict.clone());
-        let Some(said) = said else {
+        let Some(result) = result else {
             case.statements.push(format!("{stem}: {}", one.verdict));
             continue;
         };
-        let count = said.findings().count();
+        let count = result.findings().count();
         let [before, after] = ["heldout_rms_before", "heldout_rms_after"]
-            .map(|key| report::significant(said.number(key), 3));
+            .map(|key| report::significant(result.number(key), 3));
         case.statements.push(format!(
             "{stem}: {count} named ({}); held out {before} to {after} Nm",
-            said.names(3)
+            result.names(3)
         ));
-        if said.finding("payload", None).is_some() && name != LOADED {
+        if result.finding("payload", None).is_some() && name != LOADED {
             carried.push(stem);
         }
-        if said.not_tested().iter().any(|one| one.contains("payload")) {
+        if result.not_tested().iter().any(|one| one.contains("payload")) {
             silent.push(stem);
         }
     }
@@ -152,10 +152,10 @@ fn each_run(bench: &SetRunner) -> Result<Case, String> {
     case.verdict = verdicts.join(", ");
     case.short = format!("{}: see the section", case.verdict);
     if case.was_run {
-        let told = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
+        let carried_by = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
         case.checks.push(LimitCheck::new(
             "payload in runs without one",
-            told,
+            carried_by,
             "none",
             carried.is_empty(),
         ));
@@ -194,15 +194,15 @@ fn payload(bench: &SetRunner) -> Result<Case, String> {
     let mapping =
         with_recording_line(&MAPPING.replacen("[columns]\n", segment, 1), "heldout = [1]");
     bench.write("loaded-halves.mapping.toml", mapping)?;
-    let words =
+    let arguments =
         diagnose_arguments("with-friction.toml", &[THIRTY, FIFTY, FREE, "loaded-halves.csv"]);
-    let answer = bench.run_trued("payload", &words)?;
+    let answer = bench.run_trued("payload", &arguments)?;
     let concealed =
         "the payload and the masses; friction is as identified on the three runs without it";
-    let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "torque");
-    let Some(said) = said else { return Ok(case) };
+    let (mut case, result) = Case::from_diagnosis(name, concealed, &arguments, &answer, "torque");
+    let Some(result) = result else { return Ok(case) };
     case.reference = Some(Reference { value: None, text: WEIGHED });
-    let found = said.finding("payload", None);
+    let found = result.finding("payload", None);
     let errors = found
         .as_ref()
         .map(|one| ["heldout_rms_before", "heldout_rms_after"].map(|key| one.number(key)));
@@ -220,7 +220,7 @@ fn payload(bench: &SetRunner) -> Result<Case, String> {
         95.0,
         "%",
     ));
-    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
+    case.checks.push(LimitCheck::contains("its mass, 95 %, kg", mass(&result), PAYLOAD_KG));
     Ok(case)
 }
 
@@ -252,12 +252,12 @@ fn load_friction(bench: &SetRunner) -> Result<Case, String> {
         std::fs::read_to_string(folder.join("model.toml")).map_err(|why| why.to_string())?;
     let kept = model.split("[[effect]]").filter(|part| !part.contains("\"load_friction\""));
     bench.write("without-load-friction.toml", kept.collect::<Vec<_>>().join("[[effect]]"))?;
-    let words = diagnose_arguments("without-load-friction.toml", &files);
-    let answer = bench.run_trued("load-friction", &words)?;
+    let arguments = diagnose_arguments("without-load-friction.toml", &files);
+    let answer = bench.run_trued("load-friction", &arguments)?;
     let concealed = "masses and load friction; all other friction is as identified on the 50 s run. Held out: the runs of 30 s and of 14 harmonics";
-    let (mut case, said) = Case::from_diagnosis(name, concealed, &words, &answer, "torque");
-    let Some(said) = said else { return Ok(case) };
-    let joint = |key: &str| said.joint(2).and_then(|one| one[key].as_f64()).unwrap_or(f64::NAN);
+    let (mut case, result) = Case::from_diagnosis(name, concealed, &arguments, &answer, "torque");
+    let Some(result) = result else { return Ok(case) };
+    let joint = |key: &str| result.joint(2).and_then(|one| one[key].as_f64()).unwrap_or(f64::NAN);
     let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(joint);
     case.errors = Some(Errors {
         before,
@@ -269,21 +269,21 @@ fn load_friction(bench: &SetRunner) -> Result<Case, String> {
         value: Some(2.4),
         text: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least-squares fit of these runs)",
     });
-    load_shares(&said, &mut case);
+    load_shares(&result, &mut case);
     case.checks.push(LimitCheck::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));
     Ok(case)
 }
 
 /// Another robot's model.
 fn other_robot(bench: &SetRunner) -> Result<Case, String> {
-    let words = diagnose_arguments("kuka-kr240", &[FIFTY]);
-    let answer = bench.run_trued("other-robot", &words)?;
+    let arguments = diagnose_arguments("kuka-kr240", &[FIFTY]);
+    let answer = bench.run_trued("other-robot", &arguments)?;
     let concealed =
         "that the recording is of another robot: the model is of the KUKA KR 240, with masses";
-    let (mut case, said) =
-        Case::from_diagnosis("a model of another robot", concealed, &words, &answer, "torque");
-    if let Some(said) = said {
-        case.checks.push(check_several_mismatches(&said));
+    let (mut case, result) =
+        Case::from_diagnosis("a model of another robot", concealed, &arguments, &answer, "torque");
+    if let Some(result) = result {
+        case.checks.push(check_several_mismatches(&result));
     }
     Ok(case)
 }

@@ -30,7 +30,7 @@ pub(super) const SURFACE: Set = Set {
 fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let file = "impact_time_Point1_Channel1_CH1.txt";
     bench.copy(&[file])?;
-    let words = [
+    let arguments = [
         "tap",
         "--force",
         "2",
@@ -44,16 +44,17 @@ fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
         "OUT/report.html",
         file,
     ];
-    let answer = bench.run_trued("tap", &words)?;
-    let mut case = Case::from_outcome("natural frequencies", "the tool's modes", &words, &answer);
+    let answer = bench.run_trued("tap", &arguments)?;
+    let mut case =
+        Case::from_outcome("natural frequencies", "the tool's modes", &arguments, &answer);
     let RunOutcome::Done(folder) = &answer else { return Ok(vec![case]) };
     bench.offer_figure(
         &folder.join("report.html"),
         "Size of the accelerance",
         "Size of the accelerance, with the natural frequencies as found.",
     );
-    let said = json(&folder.join("said.json"));
-    let modes: Vec<(f64, f64, bool)> = said["modes"]
+    let result = json(&folder.join("said.json"));
+    let modes: Vec<(f64, f64, bool)> = result["modes"]
         .as_array()
         .into_iter()
         .flatten()
@@ -83,10 +84,10 @@ fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
             .iter()
             .map(|mode| mode.0)
             .min_by(|a, b| (a - known).abs().total_cmp(&(b - known).abs()));
-        let off = nearest.map_or(f64::NAN, |hz| 100.0 * (hz - known).abs() / known);
+        let deviation = nearest.map_or(f64::NAN, |hz| 100.0 * (hz - known).abs() / known);
         case.checks.push(LimitCheck::at_most(
             &format!("off the mode near {known} Hz"),
-            off,
+            deviation,
             3.0,
             "%",
         ));
@@ -105,10 +106,10 @@ fn surface(bench: &SetRunner) -> Result<Vec<Case>, String> {
     {
         let file = format!("{run}_profile.csv");
         bench.copy(&[file.as_str()])?;
-        let words =
+        let arguments =
             ["surface", "--json", "OUT/said.json", "--report", "OUT/report.html", file.as_str()];
-        let answer = bench.run_trued(run, &words)?;
-        let mut case = Case::from_outcome(name, "the parameters", &words, &answer);
+        let answer = bench.run_trued(run, &arguments)?;
+        let mut case = Case::from_outcome(name, "the parameters", &arguments, &answer);
         let RunOutcome::Done(folder) = &answer else {
             cases.push(case);
             continue;
@@ -124,9 +125,9 @@ fn surface(bench: &SetRunner) -> Result<Vec<Case>, String> {
             value: None,
             text: "the parameters in the set's own files, computed by the National Physical Laboratory",
         });
-        let said = json(&folder.join("said.json"));
+        let result = json(&folder.join("said.json"));
         let text = bench.data(xml)?;
-        let primary = &said["profiles"][0]["primary"];
+        let primary = &result["profiles"][0]["primary"];
         for (tag, key, what) in [("PA", "a_um", "Pa"), ("PQ", "q_um", "Pq")] {
             let known = xml_value(&text, tag);
             let found = primary[key].as_f64().unwrap_or(f64::NAN);
@@ -135,10 +136,15 @@ fn surface(bench: &SetRunner) -> Result<Vec<Case>, String> {
                 report::significant(found, 5),
                 report::significant(known, 5)
             ));
-            let off = 100.0 * (found - known).abs() / known;
-            case.checks.push(LimitCheck::at_most(&format!("{what} off theirs"), off, 0.1, "%"));
+            let deviation = 100.0 * (found - known).abs() / known;
+            case.checks.push(LimitCheck::at_most(
+                &format!("{what} off theirs"),
+                deviation,
+                0.1,
+                "%",
+            ));
         }
-        let lines = said["profiles"][0]["lines"].as_array().map_or(0, Vec::len);
+        let lines = result["profiles"][0]["lines"].as_array().map_or(0, Vec::len);
         case.verdict = format!("lines in the spectrum: {lines}");
         case.short.clone_from(&case.verdict);
         cases.push(case);
