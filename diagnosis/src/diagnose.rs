@@ -85,6 +85,9 @@ const OUTLIER_SHARE_MAX: f64 = 0.2;
 /// rows.
 const EXPLAINED_RMS_SHARE: f64 = 0.5;
 
+/// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.
+const NOT_CONFIRMED: &str = "there are errors above the noise, but the poses that were held out do not confirm what explains the fitted ones; measure more poses, spread over the workspace";
+
 /// An effect that the model lacks, or whose stated parameters are wrong.
 #[derive(Clone, Debug)]
 pub struct Finding {
@@ -157,8 +160,8 @@ pub struct Diagnosis {
     pub not_tested: Vec<UntestedEffect>,
     /// Messages for the user about the processing of the data.
     pub notes: Vec<String>,
-    /// Message if the joint positions appear to have been recorded before the arm had settled.
-    unsettled_message: Option<String>,
+    /// Why nothing may be claimed: joint positions recorded before the arm had settled, or structure that the test set does not confirm.
+    objection: Option<String>,
     /// The campaign as it was used, after exclusion and subsampling of rows.
     pub campaign: Campaign,
     /// Split into training and test poses.
@@ -302,16 +305,8 @@ fn finish(
     let given = held.compared(&Hypothesis::fixed(*model), &last);
     let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    // A smooth function is reported only if it reduces the error on the test set, by as much as is required of the validation set.
-    let unexplained = law.and_then(|law| {
-        let [without, with] = law.sums_of_squares(&fitted, covariates, &held_out);
-        let is_supported = law.is_supported(last.design_effect, [without, with]);
-        (is_supported && with < without).then(|| Unexplained {
-            depends_on: law.covariate_names(covariates),
-            joint: law.joint,
-            heldout: [after, after * (with / without).sqrt()],
-        })
-    });
+    let is_replaced = law.as_ref().is_some_and(|law| law.replaces_effects);
+    let unexplained = law.and_then(|law| law.confirmed(&fitted, covariates, &held_out, after));
     let carried = unexplained.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
         (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)
@@ -327,8 +322,9 @@ fn finish(
     let design = experiment::Design::of(&campaign, model, &last, &split.training);
     let progress = StageProgress::begin(listener, Stage::Experiment);
     let next_experiment = design.propose(&selected, progress);
-    let unsettled_message = joint_readback::detect_early_readback(&campaign, &last, &settings)
-        .map(|suspected| suspected.message);
+    let objection = joint_readback::detect_early_readback(&campaign, &last, &settings)
+        .map(|suspected| suspected.message)
+        .or_else(|| (is_replaced && unexplained.is_none()).then(|| NOT_CONFIRMED.to_owned()));
     let notes = outlier_note(&last, &campaign).into_iter().collect();
     Diagnosis {
         verdict,
@@ -343,7 +339,7 @@ fn finish(
         map,
         not_tested: Vec::new(),
         notes,
-        unsettled_message,
+        objection,
         campaign,
         split,
     }
@@ -369,8 +365,8 @@ impl Diagnosis {
     /// Reason why no finding may be claimed; `None` if there is none.
     #[must_use]
     pub fn reason_not_to_claim(&self) -> Option<String> {
-        if self.unsettled_message.is_some() {
-            return self.unsettled_message.clone();
+        if self.objection.is_some() {
+            return self.objection.clone();
         }
         let (outliers, rows) = outlier_counts(&self.fit, &self.campaign);
         // Rows that a single smooth function explains are not inconsistent with the others.

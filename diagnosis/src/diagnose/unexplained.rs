@@ -7,6 +7,7 @@
 //!
 //! The criterion includes penalties for the coefficients and for the number of functions tried.
 
+use super::Unexplained;
 use super::covariates::Covariate;
 use super::residual_map::displacements;
 use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
@@ -87,6 +88,8 @@ pub(super) struct SmoothFunction {
     coefficients: Vec<f64>,
     /// Reduction of the sum of squares less the penalty; a function above zero is significant.
     pub(super) improvement: f64,
+    /// Whether effects were removed in favour of it.
+    pub(super) replaces_effects: bool,
 }
 
 /// The function with the best criterion beside the selected effects, if the validation set supports it.
@@ -202,7 +205,9 @@ fn replacement_of(
         let left = hypothesis_without(&selection.fit, &known.model, replaced);
         refit_with_fixed_weights(campaign, &left, &selection.fit, settings.used)
     };
-    let without = beside(replaced);
+    // The design effect of the full selection holds for all: without the effects, the values of a pose appear correlated.
+    let mut without = beside(replaced);
+    without.design_effect = selection.fit.design_effect;
     let fitted = ScoreTest::new(campaign, &without, settings);
     let worth = |sum: f64, names: &[&SelectedEffect]| {
         let numbers: usize = names.iter().map(|one| one.parameter_count).sum();
@@ -231,6 +236,7 @@ fn replacement_of(
             return None;
         }
     }
+    let law = SmoothFunction { replaces_effects: true, ..law };
     (law.improvement > (1.0 + share) * names).then_some((few, law))
 }
 
@@ -335,6 +341,7 @@ fn best_in_groups(
                 covariates,
                 coefficients: score.values,
                 improvement,
+                replaces_effects: false,
             });
         }
     }
@@ -382,6 +389,24 @@ impl SmoothFunction {
     pub(super) fn is_supported(&self, design_effect: f64, [without, with]: [f64; 2]) -> bool {
         let gain = 0.5 * (without - with) / design_effect;
         validation_margin(0.5 * self.improvement, gain) > 0.0
+    }
+
+    /// The function as structure that the test set `held_out` confirms: it must reduce the error there, by as much as is required of the validation set.
+    /// `error`: the RMS error on the test set without it, m or rad.
+    pub(super) fn confirmed(
+        &self,
+        fitted: &ScoreTest<'_>,
+        covariates: &[Covariate],
+        held_out: &[bool],
+        error: f64,
+    ) -> Option<Unexplained> {
+        let [without, with] = self.sums_of_squares(fitted, covariates, held_out);
+        let is_supported = self.is_supported(fitted.fit.design_effect, [without, with]);
+        (is_supported && with < without).then(|| Unexplained {
+            depends_on: self.covariate_names(covariates),
+            joint: self.joint,
+            heldout: [error, error * (with / without).sqrt()],
+        })
     }
 
     /// Tool displacement by it at a pose.

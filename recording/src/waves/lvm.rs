@@ -113,7 +113,7 @@ impl Section {
             faults.push(fault);
             return Vec::new();
         }
-        let said = self.said(lines, separator, &heads);
+        let header_info = self.header_info(lines, separator, &heads);
         let body_end = byte_of(source, self.body.end);
         let body = source.get(..body_end).unwrap_or(source);
         let dialect = Dialect {
@@ -124,8 +124,8 @@ impl Section {
             ..Dialect::default()
         };
         let shape = Shape { dialect, heads: Some(heads), unusable: None };
-        let records = table::records(body, shape, &said, options, faults, notes);
-        let stated = said.rate_hz.zip(records.first());
+        let records = table::records(body, shape, &header_info, options, faults, notes);
+        let stated = header_info.rate_hz.zip(records.first());
         if let Some((stated_hz, Record { grid: Grid::Time { rate_hz, .. }, .. })) = stated
             && options.rate_hz.is_none()
             && (stated_hz / rate_hz - 1.0).abs() > 0.01

@@ -78,8 +78,10 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
         let above =
             |up: usize| index.checked_sub(up).and_then(|index| lines.get(index)).map(|(_, l)| *l);
         let heads = heads(above(1), above(2), separator, width);
-        let is_next =
-            at.checked_sub(1).and_then(|at| lines.get(at)).is_some_and(|l| l.0 + 1 == number);
+        let is_next = index
+            .checked_sub(1)
+            .and_then(|index| lines.get(index))
+            .is_some_and(|l| l.0 + 1 == number);
         let unusable = above(1).filter(|_| heads.is_none() && is_next);
         let unusable = unusable.and_then(|text| unusable_names(text, separator, width, number));
         let dialect = Dialect {

@@ -88,13 +88,13 @@ impl TableReader<'_, '_> {
         notes: &mut Vec<String>,
     ) -> Vec<Record> {
         let heads = &self.table.header;
-        let asked = pick::columns(heads, &options.columns, faults);
+        let requested = pick::columns(heads, &options.columns, faults);
         // A stated rate replaces a time that cannot be read.
-        let has_grid = columns::asked(options).is_some();
-        let is_usable = |(at, role): &(usize, ColumnRole)| {
-            !has_grid || (*role != ColumnRole::TimeInUnknownUnit && self.is_numeric(*at))
+        let has_grid = columns::requested_grid(options).is_some();
+        let is_usable = |(column, role): &(usize, ColumnRole)| {
+            !has_grid || (*role != ColumnRole::TimeInUnknownUnit && self.is_numeric(*column))
         };
-        let counter = self.counter(&asked, notes).filter(is_usable);
+        let counter = self.counter(&requested, notes).filter(is_usable);
         let beside: Vec<(usize, Channel)> = (0..heads.len())
             .filter(|column| !requested.contains(column))
             .filter_map(|column| Some((column, process(heads.get(column)?)?)))
@@ -138,9 +138,9 @@ impl TableReader<'_, '_> {
     /// The column with time or length, and its meaning.
     fn counter(&self, requested: &[usize], notes: &mut Vec<String>) -> Option<(usize, ColumnRole)> {
         let heads = &self.table.header;
-        let others = || (0..heads.len()).filter(|at| !asked.contains(at));
-        let free = || others().filter(|at| self.is_numeric(*at));
-        let role = |at: usize| (at, names::counts(&heads[at]));
+        let others = || (0..heads.len()).filter(|column| !requested.contains(column));
+        let free = || others().filter(|column| self.is_numeric(*column));
+        let role = |column: usize| (column, names::counts(&heads[column]));
         let by_name =
             |wanted: fn(ColumnRole) -> bool| free().map(role).find(|(_, counts)| wanted(*counts));
         // A time may also be a date and time of the day.
@@ -174,11 +174,11 @@ impl TableReader<'_, '_> {
             self.table.numbers(column, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
         };
         match counts {
-            ColumnRole::Time(_) if !self.is_numeric(at) => {
-                Positions::Time(self.table.times(&[at], None, faults))
+            ColumnRole::Time(_) if !self.is_numeric(column) => {
+                Positions::Time(self.table.times(&[column], None, faults))
             }
             ColumnRole::TimeInUnknownUnit => {
-                let head = &self.table.header[at];
+                let head = &self.table.header[column];
                 let fault = Fault::new(head, "is a time in an unknown unit");
                 faults.push(fault.expected("s, ms, us, ns, min or h, as in `time (ms)`").help(
                     "give the sampling rate (--rate HZ), or name the unit in a mapping (`t_s = { from = …, scale = … }`)",

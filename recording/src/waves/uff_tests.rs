@@ -363,6 +363,6 @@ fn data_without_a_unit_are_in_the_units_of_dataset_164() {
     assert_eq!(name, "1.4285714285714285e-1 m/s^2", "a multiple of the metre");
     assert!((7.0 * si.unwrap() - 1.0).abs() < 1e-12);
     assert_eq!(unit(&given("0.00000000000000000D+00")), ("1".to_owned(), None), "no factor");
-    let wave = &read_text(&bare, &Options::default()).unwrap().records[0].channels[0];
+    let wave = &read_text(&without_unit, &Options::default()).unwrap().records[0].channels[0];
     assert_eq!(wave.unit, "m/s^2");
 }

@@ -128,7 +128,7 @@ impl Analysis {
                 }
                 warnings.extend(test.hits.notes.iter().cloned());
             }
-            None => said.push(
+            None => warnings.push(
                 "coherence of response functions is not read, so the modes are unverified"
                     .to_owned(),
             ),
