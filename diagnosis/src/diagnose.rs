@@ -32,6 +32,8 @@ mod springs;
 mod stepwise;
 mod substitution;
 mod terms;
+#[cfg(test)]
+mod tests;
 mod thinned_recordings;
 mod thinning;
 mod unexplained;

@@ -306,7 +306,7 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
     place.file("arm.uff", &uff());
     let done = place.succeed(&["tap", "arm.uff", "--json", "uff.json"]);
     assert!(done.err.contains("coherence of response functions is not read"), "{}", done.err);
-    let near = |file: &str| {
+    let check_modes = |file: &str| {
         let modes = place.json(file)["modes"].clone();
         for (mode, (f_n, zeta, _)) in modes.as_array().unwrap().iter().zip(ROBOT) {
             assert!((mode["frequency_Hz"].as_f64().unwrap() / f_n - 1.0).abs() < 2e-3, "{mode}");

@@ -56,7 +56,10 @@ fn finding_line(report: &Report, reported: &ReportedFinding) -> String {
         |other: &&ReportedFinding| reported.group.is_some() && other.group == reported.group;
     let others =
         report.all_findings().filter(together).filter(|other| !std::ptr::eq(*other, reported));
-    let others: Vec<String> = others.map(ReportedFinding::name).collect();
+    let mut others: Vec<String> = others.map(ReportedFinding::name).collect();
+    // Several effects of one kind and joint, such as transmission errors, have one name.
+    others.sort_unstable();
+    others.dedup();
     let together = match others.as_slice() {
         [] => String::new(),
         others => format!(" (determined only together with {})", others.join(", ")),

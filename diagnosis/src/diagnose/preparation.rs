@@ -49,7 +49,7 @@ pub(super) fn exclude_path_starts(campaign: &mut Campaign, model: &Model, notes:
     }
     if open > 0 {
         notes.push(format!(
-            "{open} rows at the beginning of paths were excluded: the initial state of backlash and friction is not recorded"
+            "excluded at the beginning of paths, where the state of backlash and friction is unknown; rows: {open}"
         ));
     }
 }

@@ -65,7 +65,13 @@ fn drive_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
             n(0)
         ),
         "joint_coupling" => {
-            format!("{joint} is coupled to another joint by {} of its motion: coupled gears", n(0))
+            let from = match formatter.effect {
+                AnyEffect::JointCoupling(coupling) => {
+                    format!("joint {}", coupling.from_joint() + 1)
+                }
+                _ => "another joint".to_owned(),
+            };
+            format!("{joint} is coupled to {from} by {} of its motion: coupled gears", n(0))
         }
         "transmission_error" => format!(
             "{joint} has a transmission error of {} {mrad} with {} cycles per {}: eccentricity or mesh of its gears",

@@ -16,6 +16,14 @@ pub struct JointCoupling {
     values: [f64; 1],
 }
 
+impl JointCoupling {
+    /// Index of the joint whose motion is coupled in, from 0.
+    #[must_use]
+    pub fn from_joint(&self) -> usize {
+        self.from
+    }
+}
+
 impl Effect for JointCoupling {
     const SPEC: Spec = Spec {
         kind: "joint_coupling",
