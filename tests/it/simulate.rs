@@ -172,6 +172,7 @@ fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base
 #[test]
 fn noise_of_what_is_not_simulated_is_refused() {
     let place = place(20, "", IN_BASE);
+    place.file("path.csv", &place.read("path.csv").replace("tau2_Nm", "seen_Nm"));
     for option in ["--torque-noise", "--force-noise"] {
         let simulate = ["simulate", "--model", "robot.toml", "--out", "made", option, "5"];
         let done = place.run(&[&simulate[..], &["path.csv"]].concat());
