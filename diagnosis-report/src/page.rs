@@ -10,7 +10,7 @@ mod tables;
 
 use std::path::Path;
 
-use report::{Axis, Number, Page, Tone, significant};
+use report::{Axis, Number, Page, Tone, shell_word, significant};
 
 use crate::MODEL;
 use crate::drawings::{RankedEffect, ranking};
@@ -78,9 +78,9 @@ pub(crate) struct Figure {
 }
 
 fn next_step(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
-    let model = dir.join(MODEL).display().to_string();
+    let model = shell_word(&dir.join(MODEL).display().to_string());
     if let Some(next) = &report.next_experiment {
-        let command = format!("trued plan --for {}", dir.display());
+        let command = format!("trued plan --for {}", shell_word(&dir.display().to_string()));
         return page.next(next, report.has_experiment().then_some(command.as_str()));
     }
     match report.verdict {

@@ -33,7 +33,7 @@ use diagnosis::plan::{Criterion, MeasurementKind, PlanSettings};
 use physics::{Joints, Model};
 use recording::model::RobotModel;
 use recording::series::Recording;
-use report::{TextLine, significant};
+use report::{TextLine, shell_word, significant};
 use serde::Serialize;
 
 use crate::error::Error;
@@ -132,7 +132,9 @@ impl Settings {
     /// The command that evaluates the completed list.
     fn evaluation_command(&self, command: &str, options: &str) -> String {
         let list = self.out.as_deref().unwrap_or(Path::new("")).join(LIST);
-        format!("trued {command} --model {} {options}{}", self.model_path.display(), list.display())
+        let [model, list] =
+            [&self.model_path, &list].map(|path| shell_word(&path.display().to_string()));
+        format!("trued {command} --model {model} {options}{list}")
     }
 
     /// Instructions for the poses of a calibration, and the command that evaluates the measurements.

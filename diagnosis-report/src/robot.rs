@@ -22,7 +22,7 @@ use crate::tolerance::Tolerance;
 pub struct Settings {
     /// Seed of the split into training and test rows. Default 0.
     pub seed: u64,
-    /// Torque and motion are compared below this frequency, Hz; above 0. Default: none, which is 40 or a tenth of the sampling rate.
+    /// Torque and motion are compared below this frequency, Hz; above 0, and only with recorded torques. Default: none, which is 40 or a tenth of the sampling rate.
     pub band_hz: Option<f64>,
     /// Least number of measured rows for a diagnosis of positions; from 1. Default 30. Origin: a choice; fewer cannot be split into training and test
     /// rows.
@@ -43,6 +43,9 @@ impl Default for Settings {
 /// Message if a tolerance cannot be evaluated.
 const NO_POSITION: &str =
     "a tool tolerance was given, but only drive torques were recorded; measure the tool";
+
+/// Message if a band would have no effect.
+const NO_TORQUE: &str = "a band (--band) has no effect: it is for the low-pass filter of drive torques, and none were recorded; leave it out";
 
 /// Diagnosis of the positions and drive torques of a robot.
 pub struct RobotDiagnosis {
@@ -82,6 +85,9 @@ pub fn diagnose(
         settings.seed,
         listener,
     )?;
+    if drives.is_none() && settings.band_hz.is_some() {
+        return Err(Error::input(NO_TORQUE));
+    }
     if drives.is_some() && recordings.is_empty() {
         if settings.tolerance_mm.is_some() {
             return Err(Error::input(NO_POSITION));

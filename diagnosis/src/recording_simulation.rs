@@ -67,6 +67,18 @@ pub enum SimulationError {
         /// 1-based.
         target: usize,
     },
+    /// Noise is given for a kind of measurement that is not simulated.
+    #[error(
+        "{file}: noise is given for {kind} (--{option}), and none are simulated from this recording and model: leave it out"
+    )]
+    NoiseWithoutEffect {
+        /// The recording.
+        file: String,
+        /// What is not simulated.
+        kind: &'static str,
+        /// The option of `trued simulate`.
+        option: &'static str,
+    },
     /// The recording contains nothing to simulate.
     #[error("{file}: neither joint positions nor a [cut]: nothing can be simulated")]
     Nothing {
@@ -124,9 +136,31 @@ pub fn simulate(
             file: readings.recording.file.display().to_string(),
         });
     }
+    check_noise(noise, &readings, !of_cut.columns.is_empty())?;
     readings.columns.extend(of_cut.columns);
     readings.left_out.extend(of_cut.left_out);
     Ok(readings)
+}
+
+/// Rejects noise of measurements that are not simulated; `readings` are those of the arm.
+fn check_noise(
+    noise: &SimulationNoise,
+    readings: &Readings,
+    has_forces: bool,
+) -> Result<(), SimulationError> {
+    let is_torque = |channel: &Channel| matches!(channel, Channel::Torque(_));
+    let torques = readings.recording.channels().filter(is_torque).count();
+    let has_lengths = readings.columns.len() > torques;
+    let given = [
+        (noise.length_m, has_lengths, "lengths and angles", "noise"),
+        (noise.torque_nm, torques > 0, "torques", "torque-noise"),
+        (noise.force_n, has_forces, "cutting forces", "force-noise"),
+    ];
+    let idle = given.into_iter().find(|(sigma, is_simulated, ..)| *sigma > 0.0 && !is_simulated);
+    idle.map_or(Ok(()), |(_, _, kind, option)| {
+        let file = readings.recording.file.display().to_string();
+        Err(SimulationError::NoiseWithoutEffect { file, kind, option })
+    })
 }
 
 /// Positions of the arm along a recording, row by row.

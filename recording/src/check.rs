@@ -91,7 +91,13 @@ pub fn validate_file(
     model: Option<&RobotModel>,
 ) -> Result<Findings, FileError> {
     if !is_toml(path) {
-        // With a mapping, any text is a table.
+        // A mapping is for tables: a URDF and waveforms of instruments are what they are.
+        if mapping.is_some()
+            && let Some(findings) = other::of_own_format(path)?
+        {
+            return Ok(findings);
+        }
+        // With a mapping, any other text is a table.
         let beside = mapping.is_some() || mapping_path(path).is_file();
         if !beside && let Some(findings) = other::file(path)? {
             return Ok(findings);

@@ -18,6 +18,10 @@ pub const SCHEMA: &str = "trued.cut/1";
 
 /// Least and largest spindle speed, rev/min.
 const SPINDLE_RPM: (Bound<f64>, Bound<f64>) = (Bound::Included(1.0), Bound::Included(1e6));
+/// Largest depth of cut, and of the chart, mm.
+const DEPTH_MAX_MM: f64 = 1000.0;
+/// Largest cutting coefficient, N/mm²: ten times that of the hardest steels.
+const COEFFICIENT_MAX_N_PER_MM2: f64 = 1e5;
 /// Least sine of the angle between feed and up; the same as in the equations.
 const ACROSS_LEAST: f64 = 1e-6;
 /// Default range of speeds in the chart, relative to the present one.
@@ -106,7 +110,7 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
     let spindle_rpm = root.number("spindle_rpm", SPINDLE_RPM);
     let margin = root.number("margin", 0.0..=1.0).unwrap_or(0.1);
     let taps = root.texts("taps").unwrap_or_default();
-    let cut = root.table("cut").map(|table| read_cut(&table));
+    let cut = root.table("cut").map(|table| read_cut(&table).filter(|cut| is_usable(&table, cut)));
     let modes: Vec<Option<CutMode>> = root.tables("mode").iter().map(mode).collect();
     if modes.is_empty() && taps.is_empty() {
         root.fault("mode", "no mode is given", "tables headed [[mode]], or taps = [\"tap.json\"]");
@@ -124,6 +128,28 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
         margin,
         chart: chart?,
     })
+}
+
+/// Whether depth and coefficients of a cut are in the range of the prediction; in the TOML of a recording they may be any.
+fn is_usable(table: &Table<'_, '_>, cut: &Cut) -> bool {
+    let depth_mm = 1e3 * cut.axial_depth_m;
+    let is_shallow = depth_mm <= DEPTH_MAX_MM;
+    if !is_shallow {
+        let expected = format!("above 0, at most {DEPTH_MAX_MM} mm");
+        table.fault("axial_depth_mm", format!("is {depth_mm} mm"), expected);
+    }
+    let coefficients = cut.cutting_pa.map(|pascal| pascal / 1e6);
+    let [tangential, ..] = coefficients;
+    let is_cutting =
+        tangential > 0.0 && coefficients.iter().all(|k| k.abs() <= COEFFICIENT_MAX_N_PER_MM2);
+    if !is_cutting {
+        let found = format!("is {coefficients:?} N/mm²");
+        let expected = format!(
+            "tangential, radial, axial: the tangential one above 0, all within {COEFFICIENT_MAX_N_PER_MM2} N/mm²"
+        );
+        table.fault("coefficients_N_per_mm2", found, expected);
+    }
+    is_shallow && is_cutting
 }
 
 fn direction(table: &Table<'_, '_>, key: &str, default: [f64; 3]) -> Option<[f64; 3]> {
@@ -166,7 +192,7 @@ fn chart(
     let number = |key: &str, range| table.and_then(|table| table.number(key, range));
     let from = number("spindle_from_rpm", SPINDLE_RPM).or(spindle_rpm.map(|rpm| CHART[0] * rpm));
     let to = number("spindle_to_rpm", SPINDLE_RPM).or(spindle_rpm.map(|rpm| CHART[1] * rpm));
-    let depth = (Bound::Excluded(0.0), Bound::Included(1000.0));
+    let depth = (Bound::Excluded(0.0), Bound::Included(DEPTH_MAX_MM));
     let depth_max_m =
         number("depth_max_mm", depth).map(|mm| 1e-3 * mm).or(depth_m.map(|m| DEEPEST * m));
     let points = table.and_then(|table| table.whole("points", 2..2001)).unwrap_or(200);
@@ -230,6 +256,29 @@ direction = [0.0, 2.0, 0.0]
         }
         faults.assert_say("`chart.spindle_to_rpm`: is 8000");
         faults.assert_say("`chart.depth_max_mm`: is 0.1 mm");
+    }
+
+    #[test]
+    fn a_cut_that_cannot_be_is_refused_in_the_units_of_the_file() {
+        for (from, to, words) in [
+            (
+                "[800.0, 300.0, 150.0]",
+                "[-800.0, 300.0, 150.0]",
+                "`cut.coefficients_N_per_mm2`: is [-800.0",
+            ),
+            ("[800.0, 300.0, 150.0]", "[0, 0, 0]", "`cut.coefficients_N_per_mm2`: is [0.0"),
+            ("[800.0, 300.0, 150.0]", "[800.0, 1e9, 150.0]", "`cut.coefficients_N_per_mm2`"),
+            ("axial_depth_mm = 0.5", "axial_depth_mm = 1e6", "`cut.axial_depth_mm`: is 1000000 mm"),
+            (
+                "teeth = 2",
+                "teeth = 2\nentry_deg = -200.0\nexit_deg = 180.0",
+                "`cut.exit_deg`: is 180, 380° after",
+            ),
+        ] {
+            CutFile::parse("cut.toml", &SHORT.replace(from, to)).unwrap_err().assert_say(words);
+        }
+        let whole = SHORT.replace("teeth = 2", "teeth = 2\nentry_deg = -180.0\nexit_deg = 180.0");
+        CutFile::parse("cut.toml", &whole).unwrap();
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub struct Settings {
     /// The monitor looks for lines between these frequencies, Hz; the lower first. Default 10 to
     /// 1000. Origin: the daemon's.
     pub band_hz: [f64; 2],
-    /// Length of the windows of the averaged spectrum, s; at least 16 samples. Default: none, which is
+    /// Length of the windows of the averaged spectrum, s; at least 16 samples, at most the longest piece without a gap. Default: none, which is
     /// an eighth of the recording, at least 0.25 and at most 2.
     pub window_s: Option<f64>,
     /// The monitor reports no line below this amplitude, in the channel's unit; above 0. Default: none,

@@ -70,6 +70,8 @@ impl GearFrequency {
     }
 }
 
+/// Largest sampling rate of the monitor, Hz.
+pub const RATE_MAX_HZ: f64 = 200_000.0;
 /// Limit on the number of modes.
 pub const MODES_MAX: usize = 32;
 /// Limit on the number of gear shafts and meshes.
@@ -191,7 +193,7 @@ impl MonitorConfig {
     /// # Errors
     /// The first setting that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        in_range("rate_hz", self.rate_hz, 240.0..=200_000.0, "240 to 200000 Hz")?;
+        in_range("rate_hz", self.rate_hz, 240.0..=RATE_MAX_HZ, "240 to 200000 Hz")?;
         #[expect(clippy::cast_precision_loss, reason = "a channel count is small")]
         in_range("channels", self.channels as f64, 1.0..=6.0, "1 to 6")?;
         in_range("least_amplitude_n", self.least_amplitude_n, 0.0..=1e9, "0 or more, finite")?;

@@ -49,7 +49,7 @@ mod window;
 pub use alias::folded_hz;
 pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
 pub use config::{
-    ConfigError, GEAR_FREQUENCIES_MAX, GearFrequency, MODES_MAX, Mode, MonitorConfig,
+    ConfigError, GEAR_FREQUENCIES_MAX, GearFrequency, MODES_MAX, Mode, MonitorConfig, RATE_MAX_HZ,
 };
 pub use display_spectrum::{BinLayout, DisplaySpectrum};
 pub use fault::{Fault, Faults, Health};

@@ -8,6 +8,9 @@ use std::os::unix::fs::PermissionsExt;
 /// The parts of a bench that any machine with two cores can run, none of them longer than a second.
 const SHORT: &[&str] = &["bench", "--policy", "other", "--load", "idle", "--json", "bench.json"];
 
+/// The same for parts that are measured once, without load.
+const ONCE: &[&str] = &["bench", "--policy", "other", "--json", "bench.json"];
+
 fn bench(place: &Place, more: &[&str]) -> Done {
     place.run(&[SHORT, more].concat())
 }
@@ -94,7 +97,8 @@ fn costs_are_reported_for_every_number_with_the_line_through_them() {
         return;
     }
     let place = Place::new();
-    let done = bench(&place, &["--only", "cost", "--seconds", "0.05", "--out", "out"]);
+    let asked = ["--only", "cost", "--seconds", "0.05", "--out", "out"];
+    let done = place.run(&[ONCE, &asked].concat());
     assert_eq!(done.code, Some(0), "{done:#?}");
     let cost = &place.json("bench.json")["cost"];
     for (kind, numbers) in [
@@ -164,6 +168,25 @@ fn cores_that_cannot_be_and_parts_that_do_not_exist_are_bad_input() {
 }
 
 #[test]
+fn options_of_parts_that_are_not_measured_are_refused() {
+    let place = Place::new();
+    for (wrong, option) in [
+        (&["--policy", "other", "--priority", "80"][..], "--priority"),
+        (&["--only", "flat", "--starts", "5"], "--starts"),
+        (&["--only", "flat,cost", "--rate", "1000"], "--rate"),
+        (&["--only", "force", "--wait", "spin"], "--wait"),
+        (&["--only", "start,swap", "--load", "idle"], "--load"),
+        (&["--only", "start", "--seconds", "1"], "--seconds"),
+        (&["--cell", "mine", "--starts", "5"], "--starts"),
+    ] {
+        let done = place.run(&[&["bench"], wrong].concat());
+        assert_eq!(done.code, Some(2), "{wrong:?}: {done:#?}");
+        let said = format!("{option} has no effect");
+        assert!(done.err.contains(&said), "{wrong:?}: {}", done.err);
+    }
+}
+
+#[test]
 fn blocks_played_are_all_accounted_for_and_a_tone_brings_verdicts() {
     if !has_two_cores() {
         return;
@@ -197,7 +220,8 @@ fn models_are_swapped_under_a_path_and_starts_are_timed() {
         return;
     }
     let place = Place::new();
-    let done = bench(&place, &["--only", "start,swap", "--starts", "2", "--seconds", "1"]);
+    let asked = ["--only", "start,swap", "--starts", "2", "--seconds", "1"];
+    let done = place.run(&[ONCE, &asked].concat());
     assert_eq!(done.code, Some(0), "{done:#?}");
     let result = place.json("bench.json");
     check_quantiles(&result["first_corrected_ns"], Some(2));

@@ -147,6 +147,13 @@ fn a_description_becomes_a_model_and_a_calibrated_model_a_description() {
     place.succeed(&["model", "import", "arm.urdf", "--out", "arm.toml", "--json", "import.json"]);
     assert_eq!(place.json("import.json")["tip"], "tool0");
     place.succeed(&["check", "arm.toml"]);
+    // The model beside the URDF is not read as the TOML of a recording.
+    let done = place.run(&["check", "arm.urdf", "--mapping", "arm.toml"]);
+    assert_eq!(done.code, Some(2), "{done:#?}");
+    assert!(
+        done.err.contains("--mapping is for recordings") && done.out.contains("ok:"),
+        "{done:#?}"
+    );
     place.file("bad.urdf", &place.read("arm.urdf").replace("\"revolute\"", "\"hinge\""));
     let refused = place.run(&["model", "import", "bad.urdf", "--out", "bad.toml"]);
     assert_eq!(refused.code, Some(2));

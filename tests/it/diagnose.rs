@@ -272,6 +272,16 @@ fn swapped_columns_and_an_arm_that_is_at_rest_are_not_judged() {
 }
 
 #[test]
+fn a_band_of_torques_is_refused_where_only_positions_were_recorded() {
+    let place = recorded("");
+    let words = ["diagnose", "--model", BASE, "--out", "said", "--band", "30", "seen.csv"];
+    let done = place.run(&words);
+    assert_eq!(done.code, Some(2), "{done:#?}");
+    assert!(done.err.contains("--band") && done.err.contains("drive torques"), "{}", done.err);
+    assert!(!place.names().contains(&"said".to_owned()));
+}
+
+#[test]
 fn a_recording_without_values_is_refused_and_nothing_is_written() {
     let place = recorded("");
     let header = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n";

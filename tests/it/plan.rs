@@ -311,6 +311,19 @@ fn iso_9283_is_planned_and_evaluated() {
 }
 
 #[test]
+fn the_command_on_the_page_names_a_folder_with_a_blank_as_one_word() {
+    let place = Place::new();
+    let to = ["--count", "3", "--candidates", "40", "--out", "my poses"];
+    place.succeed(&[&["plan", "--seed", "1", "--model", NOMINAL], &to[..]].concat());
+    let page = place.read("my poses/plan.html");
+    assert!(
+        page.contains("--out calibrated.toml &#39;my poses/poses.csv&#39;")
+            || page.contains("--out calibrated.toml 'my poses/poses.csv'"),
+        "{page}"
+    );
+}
+
+#[test]
 fn an_impossible_plan_is_refused_with_a_remedy() {
     let place = Place::new();
     let refused = |more: &[&str]| {
@@ -327,5 +340,9 @@ fn an_impossible_plan_is_refused_with_a_remedy() {
     );
     assert!(refused(&["--model", NOMINAL, "--margin-deg", "200"]).contains("--margin-deg"));
     assert!(refused(&["--model", NOMINAL, "--check", "--next"]).contains("--check"));
+    let unused = refused(&["--model", NOMINAL, "--mapping", "absent.toml"]);
+    assert!(unused.contains("--mapping is for recordings"), "{unused}");
+    let endless = refused(&["--model", NOMINAL, "--next", "--worth-mm", "nan"]);
+    assert!(endless.contains("0 mm or above"), "{endless}");
     assert!(place.names().is_empty(), "{:?}", place.names());
 }

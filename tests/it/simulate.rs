@@ -171,6 +171,19 @@ fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base
 }
 
 #[test]
+fn noise_of_what_is_not_simulated_is_refused() {
+    let place = place(20, "", IN_BASE);
+    place.file("path.csv", &place.read("path.csv").replace("tau2_Nm", "seen_Nm"));
+    for option in ["--torque-noise", "--force-noise"] {
+        let simulate = ["simulate", "--model", "robot.toml", "--out", "made", option, "5"];
+        let done = place.run(&[&simulate[..], &["path.csv"]].concat());
+        assert_eq!(done.code, Some(2), "{option}: {done:#?}");
+        assert!(done.err.contains(option) && done.err.contains("leave it out"), "{}", done.err);
+    }
+    assert_eq!(place.names(), ["path.csv", "path.toml", "robot.toml"]);
+}
+
+#[test]
 fn nothing_is_written_over_an_input_or_where_an_input_is_unusable() {
     let place = place(20, "", IN_BASE);
     let onto = ["simulate", "--model", "robot.toml", "--out", "path", "path.csv"];

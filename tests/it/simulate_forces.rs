@@ -118,6 +118,9 @@ fn noise_of_forces_is_of_the_requested_size_and_a_cut_without_a_speed_is_an_erro
     let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
     let rms = (square / a.len() as f64).sqrt();
     assert!((rms / 0.4 - 1.0).abs() < 0.1, "{rms} N");
+    let lengths = ["simulate", "--overwrite", "--out", "made", "--noise", "1", "cut.csv"];
+    let done = place.run(&lengths);
+    assert!(done.code == Some(2) && done.err.contains("lengths and angles"), "{done:#?}");
     place.file("bare.csv", "t_s,fx_N\n0,1\n0.1,1\n");
     place.file("bare.toml", &format!("schema = \"trued.recording/1\"\n{CUT}"));
     let output = place.run(&["simulate", "--out", "bare-made", "bare.csv"]);

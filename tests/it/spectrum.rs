@@ -319,7 +319,16 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     place.file("run.csv", &tones(1000.0).csv());
     place.file("broken.csv", "t_s,fx_N\n0,1\n0.001,two\n0.002,inf\n0.003,4\n");
     place.file("uneven.csv", "t_s,force\n0,1\n1,2\n1.1,3\n5,4\n5.1,1\n9,1\n9.3,2\n");
+    let fast: String =
+        (0..64).map(|i| format!("{:.9},{}\n", 2.5e-7 * f64::from(i), i % 7)).collect();
+    place.file("fast.csv", &format!("t_s,fx_N\n{fast}"));
     for (arguments, part) in [
+        (vec!["fast.csv"], "correct the unit of the time column"),
+        (vec!["--rate", "1e6", "run.csv"], "--rate is 1000000 Hz"),
+        (vec!["--teeth", "4", "run.csv"], "give --spindle-rpm too"),
+        (vec!["--spindle-rpm", "1e12", "run.csv"], "at most 1000000 rev/min"),
+        (vec!["--window", "1e9", "run.csv"], "longer than the recording"),
+        (vec!["--band", "10", "1e9", "run.csv"], "above 500 Hz"),
         (vec!["rateless.csv"], "--rate HZ"),
         (vec!["--column", "fx_M", "run.csv"], "did you mean `fx_N`?"),
         (vec!["--rate=-5", "rateless.csv"], "above 0"),
@@ -339,7 +348,7 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     }
     let over = place.run(&["spectrum", "--report", "run.csv", "run.csv"]);
     assert_eq!(over.code, Some(2), "an input is not replaced");
-    assert_eq!(place.names(), ["broken.csv", "rateless.csv", "run.csv", "uneven.csv"]);
+    assert_eq!(place.names(), ["broken.csv", "fast.csv", "rateless.csv", "run.csv", "uneven.csv"]);
 }
 
 #[test]

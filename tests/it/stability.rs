@@ -123,6 +123,15 @@ fn an_invalid_cut_is_refused_with_every_fault() {
         done.err.contains("did you mean `damping_ratio`?") && done.err.contains("teeth"),
         "{done:#?}"
     );
+    for (from, to, words) in [
+        ("axial_depth_mm = 0.6", "axial_depth_mm = 1e6", "at most 1000 mm"),
+        ("[800.0, 300.0, 150.0]", "[-800.0, 300.0, 150.0]", "the tangential one above 0"),
+        ("entry_deg = 90.0", "entry_deg = -200.0", "at most a full turn, 360°"),
+    ] {
+        place.file("wrong.toml", &text.replace(from, to));
+        let done = place.run(&["stability", "wrong.toml"]);
+        assert!(done.code == Some(2) && done.err.contains(words), "{words}: {done:#?}");
+    }
     place.file("flat.toml", &format!("up = [0.0, 1.0, 0.0]\n{text}"));
     let done = place.run(&["stability", "flat.toml"]);
     assert!(done.code == Some(2) && done.err.contains("parallel"), "{done:#?}");

@@ -142,6 +142,15 @@ fn anything_but_a_profile_is_refused_with_a_remedy() {
 }
 
 #[test]
+fn gear_trains_of_joints_that_the_model_does_not_have_are_refused() {
+    let place = Place::new();
+    place.file("p.csv", "x_um,z_um\n0,1\n1,2\n2,1\n");
+    let wheel = ["surface", "--wheel", "7:1=3", "--feed-mm-s", "5", "--model", "ur10e", "p.csv"];
+    refused(&place.run(&wheel), &["joint 7 does not exist", "from 1 to 6"]);
+    refused(&place.run(&["surface", "--wheel", "99:1=3", "p.csv"]), &["from 1 to 16"]);
+}
+
+#[test]
 fn the_reference_profiles_have_the_laboratorys_parameters() {
     let Some(edm) = real_data("surface-profile/edm_profile.csv") else { return };
     let Some(mill) = real_data("surface-profile/mill_profile.csv") else { return };

@@ -340,6 +340,39 @@ fn response_functions_of_a_universal_file_and_of_a_table_are_taken_as_they_are()
 }
 
 #[test]
+fn options_of_hit_records_are_refused_for_response_functions() {
+    let place = Place::new();
+    place.file("arm.uff", &uff());
+    for option in [
+        ["--rate", "800"],
+        ["--block-s", "1"],
+        ["--windows", "none"],
+        ["--estimator", "h1"],
+        ["--coherence-least", "0.5"],
+    ] {
+        let words = [&["tap", "arm.uff"][..], &option].concat();
+        refused(&place.run(&words), &[option[0], "contain response functions", "leave it out"]);
+    }
+    // The scale of the force acts, so that it is not refused.
+    let mass = |more: &[&str]| {
+        place.succeed(&[&["tap", "arm.uff", "--json", "m.json"], more].concat());
+        place.json("m.json")["modes"][0]["clearest"]["modal_mass_kg"].as_f64().unwrap()
+    };
+    assert!((mass(&["--force-scale", "2"]) / mass(&[]) - 2.0).abs() < 1e-6);
+}
+
+#[test]
+fn a_given_rate_overrides_the_time_column_as_the_help_says() {
+    let place = Place::new();
+    place.file("one.csv", &csv(&[(0.3, 200.0)], 2.8));
+    place.succeed(&["tap", "one.csv", "--rate", "4096", "--json", "tap.json"]);
+    let found = place.json("tap.json")["modes"][0]["frequency_Hz"].as_f64().unwrap();
+    assert!((found / (2.0 * ROBOT[0].0) - 1.0).abs() < 0.02, "{found} Hz");
+    let help = place.succeed(&["tap", "--help"]).out;
+    assert!(help.contains("overrides that of the file"), "{help}");
+}
+
+#[test]
 fn the_real_tools_modes_are_found_from_its_hit_and_from_its_response_functions() {
     let Some(hit) = real_data("tap-test/impact_time_Point1_Channel1_CH1.txt") else { return };
     let place = Place::new();

@@ -20,14 +20,24 @@ pub(crate) struct InTime {
     #[arg(long, value_name = "SHARE", default_value_t = 0.3)]
     robust_to: f64,
     /// Largest dynamic correction of a joint, mrad (mm for a linear axis); at speed it is many times the static correction
-    #[arg(long, value_name = "MRAD", default_value_t = 200.0)]
+    #[arg(long, value_name = "MRAD", default_value_t = 200.0, value_parser = positive, allow_negative_numbers = true)]
     max_mrad: f64,
     /// Largest rate of the dynamic correction, mrad/s (mm/s)
-    #[arg(long, value_name = "MRAD/S", default_value_t = 1e3)]
+    #[arg(long, value_name = "MRAD/S", default_value_t = 1e3, value_parser = positive, allow_negative_numbers = true)]
     max_rate_mrad_s: f64,
     /// Largest jerk of the dynamic correction, mrad/s³ (mm/s³)
-    #[arg(long, value_name = "MRAD/S3", default_value_t = 5e6)]
+    #[arg(long, value_name = "MRAD/S3", default_value_t = 5e6, value_parser = positive, allow_negative_numbers = true)]
     max_jerk_mrad_s3: f64,
+}
+
+/// A limit in the unit of its option.
+fn positive(text: &str) -> Result<f64, String> {
+    let limit: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
+    if limit.is_finite() && limit > 0.0 {
+        Ok(limit)
+    } else {
+        Err(format!("{text} is out of range, expected a finite number above 0"))
+    }
 }
 
 impl InTime {

@@ -174,6 +174,25 @@ mod tests {
             "plan --model m --accept-deg 20",
             "plan --model m --least-targets 0 --target 1,2,3",
             "plan --model m --targets-known",
+            "challenge --cases 3 --model a.toml",
+            "challenge --tier null --mapping a.toml",
+            "challenge --domain force --model a.toml",
+            "plan --model m --count 5 --worth-mm 0.01",
+            "plan --model m --check --worth-mm 0.01",
+            "plan --model m --worth-mm 0.01",
+            "plan --model m --next --worth-mm nan",
+            "plan --model m --next --worth-mm -1",
+            "plan --model m --next --worth-mm=-1",
+            "plan --model m --next --alarm 0.1",
+            "plan --model m --sphere 1,2,3,4 --accept-deg 20",
+            "plan --model m --sphere 1,2,3,4 --length-mm 1,2",
+            "gears --model m --cut 1,0,0 a.csv",
+            "diagnose --shard 1/2 --band 30",
+            "tap --frf --response-kind velocity --response 2 a.csv",
+            "surface --wheel 17:1=3 a.csv",
+            "correct --dynamic --max-rate-mrad-s=-1 a.csv",
+            "correct --dynamic --max-mrad 0 a.csv",
+            "bench --quick --starts 3",
         ] {
             refused(line);
         }
@@ -185,6 +204,8 @@ mod tests {
             "plan --for d --out e --json a.json",
             "plan --model m --iso9283 --direction 1,0,0",
             "plan --model m --out d --pause-s 1",
+            "plan --model m --next --worth-mm 0",
+            "challenge --inject a.csv --model m",
             "status --json -",
         ] {
             is_accepted(line);

@@ -11,7 +11,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use recording::mcap_recording::Utc;
 use recording::program;
-use report::{InputFile, Provenance};
+use report::{InputFile, Provenance, shell_word};
 use sha2::{Digest, Sha256};
 
 /// The environment variable that fixes the time of pages.
@@ -67,14 +67,8 @@ pub(crate) fn hashed(path: &Path) -> Option<InputFile> {
 
 /// The command line, quoted for a shell.
 fn typed(arguments: impl Iterator<Item = String>) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    let quoted = |argument: String| {
-        if !argument.is_empty() && argument.chars().all(plain) {
-            return argument;
-        }
-        format!("'{}'", argument.replace('\'', r"'\''"))
-    };
-    std::iter::once("trued".to_owned()).chain(arguments.map(quoted)).collect::<Vec<_>>().join(" ")
+    let arguments = arguments.map(|argument| shell_word(&argument));
+    std::iter::once("trued".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
 }
 
 /// Seconds since 1970.

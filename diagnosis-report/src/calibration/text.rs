@@ -79,7 +79,7 @@ impl CalibrationResult {
         let [.., advanced] = &self.errors;
         let square = advanced.sorted_m.iter().map(|error| error * error).sum::<f64>();
         let axis_m = (square / (3 * advanced.sorted_m.len()).max(1) as f64).sqrt();
-        let out = model.display();
+        let out = report::shell_word(&model.display().to_string());
         let mut text = format!(
             "trued plan --check --model {out} --sigma-mm {:.4}",
             mm(axis_m).max(SIGMA_LEAST_MM)

@@ -13,15 +13,33 @@ use crate::waves::{self, Grid, Options, Waves};
 /// The format of a file is recognised from this many bytes at its start.
 const HEAD_BYTES: u64 = 4096;
 
+/// The findings in a file to which no mapping applies: a URDF, WAV, a universal file. A LabVIEW measurement is text, which a mapping may describe as a
+/// table; so is any other file.
+///
+/// # Errors
+/// The file cannot be read.
+pub(super) fn of_own_format(path: &Path) -> Result<Option<Findings>, FileError> {
+    let head = head(path)?;
+    let is_robot = String::from_utf8_lossy(&head).contains("<robot");
+    let waves = waves::instrument_format(path, &head);
+    let is_own = is_robot || waves.is_some_and(|format| format != waves::LABVIEW);
+    if is_own { file(path) } else { Ok(None) }
+}
+
+fn head(path: &Path) -> Result<Vec<u8>, FileError> {
+    let mut head = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
+        .map_err(FileError::io("read", path))?;
+    Ok(head)
+}
+
 /// The findings in such a file; `None` for a table.
 ///
 /// # Errors
 /// The file cannot be read.
 pub(super) fn file(path: &Path) -> Result<Option<Findings>, FileError> {
-    let mut head = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
-        .map_err(FileError::io("read", path))?;
+    let head = head(path)?;
     let mut findings = Findings::default();
     if let Some(kind) = waves::instrument_format(path, &head) {
         findings.kind = kind;

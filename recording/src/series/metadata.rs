@@ -255,6 +255,9 @@ fn heldout_of(table: &Table<'_, '_>) -> HeldOut {
     }
 }
 
+/// The largest arc in which a tooth cuts.
+const FULL_TURN_DEG: f64 = 360.0;
+
 /// The cut of a table `[cut]`.
 pub(crate) fn read_cut(table: &Table<'_, '_>) -> Option<Cut> {
     for key in ["teeth", "diameter_mm", "axial_depth_mm"] {
@@ -278,6 +281,9 @@ pub(crate) fn read_cut(table: &Table<'_, '_>) -> Option<Cut> {
     }
     if entry >= exit {
         table.fault("exit_deg", format!("is {exit}"), format!("more than entry_deg ({entry})"));
+    } else if exit - entry > FULL_TURN_DEG {
+        let found = format!("is {exit}, {}° after entry_deg ({entry})", exit - entry);
+        table.fault("exit_deg", found, "at most a full turn, 360°, after entry_deg");
     }
     table.close();
     Some(Cut {

@@ -210,13 +210,16 @@ fn is_mapped(path: &Path, options: &Options) -> bool {
     options.mapping.is_some() || mapping_path(path).is_file()
 }
 
+/// The name of LabVIEW's text format.
+pub(crate) const LABVIEW: &str = "LabVIEW measurement";
+
 /// The name of an instrument's format, detected from the first bytes of a file; `None` for tables
 /// and recordings.
 pub(crate) fn instrument_format(path: &Path, head: &[u8]) -> Option<&'static str> {
     match Form::of(path, head) {
         Form::Wav => Some("WAV"),
         Form::Uff => Some("universal file (UFF)"),
-        Form::LabView => Some("LabVIEW measurement"),
+        Form::LabView => Some(LABVIEW),
         Form::Foreign(_) if !series::is_recording_name(path) => Some("waveforms"),
         Form::Foreign(_) | Form::Table => None,
     }

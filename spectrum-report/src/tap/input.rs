@@ -22,7 +22,7 @@ pub struct Channels {
     /// Response of one unit of the file, SI; not 0, with `response`. Default: determined from its
     /// unit.
     pub response_scale: Option<f64>,
-    /// Samples per second, if no column contains the time, Hz; above 0.
+    /// Samples per second, Hz; above 0. Default: that of the file.
     pub rate_hz: Option<f64>,
     /// Whether files are tables of a response function: frequency in Hz, real part, imaginary part; with `response`.
     pub are_functions: bool,
@@ -36,6 +36,14 @@ pub struct Source {
     /// Remarks on the files, as text.
     pub notes: Vec<String>,
     pub(super) content: Content,
+}
+
+impl Source {
+    /// Whether response functions were measured by another program, which are taken as they are; otherwise there are records of hits.
+    #[must_use]
+    pub fn has_functions(&self) -> bool {
+        matches!(self.content, Content::Functions(_))
+    }
 }
 
 /// Records of hits, or response functions.

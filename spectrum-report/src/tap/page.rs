@@ -131,7 +131,10 @@ fn next(page: Page, renewed: Option<&UpdatedModel>, verified: usize) -> Page {
     match renewed {
         Some(renewed) => page.next(
             "Use the model with these modes.",
-            Some(&format!("trued check {}", renewed.path.display())),
+            Some(&format!(
+                "trued check {}",
+                report::shell_word(&renewed.path.display().to_string())
+            )),
         ),
         None => page.next(
             "Write these modes into the robot model for the daemon.",

@@ -30,7 +30,7 @@ pub struct Inputs {
     pub model: Option<PathBuf>,
     /// Spindle speed, rev/min; above 0. Default: from the columns `spindle_rpm` or `tacho`.
     pub spindle_rpm: Option<f64>,
-    /// Teeth of the cutter. Default: from `[cut]` of the TOML beside the recording, otherwise
+    /// Teeth of the cutter; only with a spindle speed, given or recorded. Default: from `[cut]` of the TOML beside the recording, otherwise
     /// unknown.
     pub teeth: Option<u32>,
     /// Feed along the path, mm/s; above 0. Default: from the columns `feed_mm_s`, `x_mm` … or
@@ -78,6 +78,8 @@ pub struct Source {
     /// Remarks on the recording, as text.
     pub notes: Vec<String>,
     pub(super) pieces: Vec<Piece>,
+    /// Whether the rate is not that of the file.
+    pub(super) rate_is_given: bool,
 }
 
 impl Piece {
@@ -128,9 +130,11 @@ impl Source {
             pieces.push(piece);
         }
         refuse_empty(file, &channels, &pieces)?;
+        refuse_teeth_alone(inputs, &pieces)?;
         notes.dedup();
-        let file = file.to_owned();
-        Ok(Self { file, rate_hz, channels, pieces, model, teeth: teeth.unwrap_or(0), notes })
+        let (file, teeth) = (file.to_owned(), teeth.unwrap_or(0));
+        let rate_is_given = inputs.rate_hz.is_some();
+        Ok(Self { file, rate_hz, channels, pieces, model, teeth, notes, rate_is_given })
     }
 
     /// One record whose samples remain in the file.
@@ -147,8 +151,10 @@ impl Source {
             Motion::of(inputs, &BTreeMap::new(), stored.len(), rate_hz, model.as_ref(), &mut notes);
         let samples = Samples::Stored(Box::new(stored));
         let pieces = vec![Piece { start_s, at_s: start_s, samples, motion }];
+        refuse_teeth_alone(inputs, &pieces)?;
         let (file, teeth) = (file.to_owned(), inputs.teeth.unwrap_or(0));
-        Ok(Self { file, rate_hz, channels, pieces, model, teeth, notes })
+        let rate_is_given = inputs.rate_hz.is_some();
+        Ok(Self { file, rate_hz, channels, pieces, model, teeth, notes, rate_is_given })
     }
 
     /// Number of samples of each channel.
@@ -278,6 +284,17 @@ fn piece(
     let motion = Motion::of(inputs, &record.auxiliary, record.len(), rate_hz, model, notes);
     let taken = record.channels.into_iter().map(|wave| wave.values).collect();
     Piece { start_s, at_s: start_s.max(end_s), samples: Samples::held(taken), motion }
+}
+
+/// Without a speed of the spindle, a number of teeth would do nothing.
+fn refuse_teeth_alone(inputs: &Inputs, pieces: &[Piece]) -> Result<(), Error> {
+    let is_known = pieces.iter().any(|piece| piece.motion.has_spindle_speed());
+    if inputs.teeth.is_none() || is_known {
+        return Ok(());
+    }
+    Err(Error::input(
+        "--teeth has no effect without the spindle speed, which the recording does not contain: give --spindle-rpm too, or leave out --teeth",
+    ))
 }
 
 fn refuse_empty(file: &Path, channels: &[Channel], pieces: &[Piece]) -> Result<(), Error> {

@@ -3,7 +3,9 @@
 use recording::model::RobotModel;
 use spectrum::offline::{Event, MonitorResult, MonitorRun, SpectrumAverager, line_near};
 use spectrum::welch::{Detrend, SegmentPower, Segments, Spectrum};
-use spectrum::{Axis, Class, GearFrequency, Mode, MonitorConfig, State, Verdict, VibrationMonitor};
+use spectrum::{
+    Axis, Class, GearFrequency, Mode, MonitorConfig, RATE_MAX_HZ, State, Verdict, VibrationMonitor,
+};
 
 use super::Settings;
 use super::input::Source;
@@ -73,6 +75,7 @@ pub(super) fn monitor(
         ));
         return Ok(Vec::new());
     }
+    check_rate(source)?;
     let monitored = |group: &Vec<usize>| monitor_group(group, settings, source, wheels, rms);
     let all = parallel::map(&source.groups(), monitored);
     let all = all.into_iter().collect::<Result<Vec<MonitoredGroup>, Error>>()?;
@@ -91,6 +94,22 @@ pub(super) fn monitor(
         }
     }
     Ok(all)
+}
+
+/// Rejects a rate that the monitor cannot process, and names its source.
+fn check_rate(source: &Source) -> Result<(), Error> {
+    let rate_hz = source.rate_hz;
+    if rate_hz <= RATE_MAX_HZ {
+        return Ok(());
+    }
+    Err(Error::input(if source.rate_is_given {
+        format!("--rate is {rate_hz} Hz, expected at most {RATE_MAX_HZ} Hz")
+    } else {
+        let file = source.file.display();
+        format!(
+            "{file}: its times, or its header, state {rate_hz} samples per second, expected at most {RATE_MAX_HZ}; correct the unit of the time column, or give --rate HZ"
+        )
+    }))
 }
 
 /// Results of one monitor on a group of channels.

@@ -117,6 +117,11 @@ impl Motion {
         }
     }
 
+    /// Whether the spindle speed is given, or recorded.
+    pub(super) fn has_spindle_speed(&self) -> bool {
+        !self.spindle_rpm.is_empty()
+    }
+
     /// The median spindle speed while it turns, rev/min.
     pub(super) fn median_rpm(&self) -> Option<f64> {
         median(self.spindle_rpm.iter().copied().filter(|rpm| *rpm > 0.0))

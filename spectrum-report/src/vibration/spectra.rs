@@ -50,6 +50,12 @@ pub(super) fn window_s(given_s: Option<f64>, source: &Source) -> Result<f64, Err
             16.0 / source.rate_hz
         )));
     }
+    if let Some(given_s) = given_s.filter(|given_s| *given_s > longest_s) {
+        return Err(Error::input(format!(
+            "--window is {given_s} s, longer than the recording without a gap, {} s: shorten the window, or leave it out",
+            report::significant(longest_s, 4)
+        )));
+    }
     Ok(window_s.min(longest_s))
 }
 

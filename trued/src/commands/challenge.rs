@@ -33,7 +33,10 @@ use crate::{interrupt, progress, wrap};
 /// on a motion that was not recorded.
 #[derive(Debug, Args)]
 #[command(mut_args(|arg| match arg.get_id().as_str() {
-    "model" | "mapping" => arg.requires("inject"),
+    // Clap drops a requirement that conflicts with another given option: these conflict with the same options.
+    "model" | "mapping" => {
+        arg.requires("inject").conflicts_with_all(["cases", "domain", "tier"])
+    }
     _ => arg,
 }))]
 pub(crate) struct Challenge {

@@ -41,7 +41,7 @@ pub(crate) struct Gears {
     from: Vec<f64>,
     /// Displacement of the cut, base frame, mm; the tool keeps its orientation
     #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_hyphen_values = true)]
-    #[arg(requires = "from")]
+    #[arg(requires = "from", conflicts_with_all = ["path", "mapping"])]
     cut: Vec<f64>,
     /// Number of sections of the path that are listed separately
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=1000))]

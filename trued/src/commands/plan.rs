@@ -92,11 +92,13 @@ pub(crate) struct Plan {
         requires = "somewhere"
     )]
     direction: Vec<CommaTuple<3>>,
-    /// Minimum reduction of the tool's expected error by ten more poses for which measuring is still recommended, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.003, requires = "next")]
+    /// Minimum reduction of the tool's expected error by ten more poses for which measuring is still recommended, mm, 0 or above
+    #[arg(long, value_name = "MM", default_value_t = 0.003, value_parser = worth_mm, allow_negative_numbers = true)]
+    #[arg(requires = "next", conflicts_with_all = ["check", "iso9283", "count", "criterion"])]
     worth_mm: f64,
     /// False alarm rate: the share of undamaged robots that a check calls damaged, above 0 and below 0.5
-    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share, requires = "check")]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
+    #[arg(requires = "check", conflicts_with_all = ["next", "iso9283"])]
     alarm: f64,
     /// Select from the poses of this recording, which are known to be free of collisions, instead of random candidates
     #[arg(long, value_name = "RECORDING", conflicts_with = "iso9283")]
@@ -171,6 +173,15 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
+fn worth_mm(word: &str) -> Result<f64, String> {
+    let worth: f64 = word.parse().map_err(|_| format!("`{word}` is no number"))?;
+    if worth.is_finite() && worth >= 0.0 {
+        Ok(worth)
+    } else {
+        Err("expected a length of 0 mm or above".to_owned())
+    }
+}
+
 impl Plan {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         if let Some(diagnosed) = &self.asked_by {
@@ -218,6 +229,11 @@ impl Plan {
         if !self.recordings.is_empty() {
             let (model, recordings) = self.reading.measured(&self.recordings)?;
             return Ok(Input { model, recordings });
+        }
+        if self.reading.mapping.is_some() && self.among.is_none() {
+            return Err(Failure::input(
+                "--mapping is for recordings, and none is given: leave it out, or give a RECORDING",
+            ));
         }
         let name = self.reading.model.as_deref().ok_or_else(|| {
             Failure::input("no model is named; give --model MODEL (a file, or a preset of `trued model presets`)")

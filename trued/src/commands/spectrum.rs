@@ -12,6 +12,9 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Emphasis};
 use crate::{progress, wrap};
 
+/// Largest spindle speed, rev/min; as in the file of a cut.
+const RPM_MAX: f64 = 1e6;
+
 /// Find vibrations in a recording, with time, cause and remedy
 ///
 /// Runs the daemon's vibration monitor over the samples, and computes spectra over time and over the tool's path. Reads
@@ -25,10 +28,10 @@ pub(crate) struct Spectrum {
     /// Sampling rate, Hz; overrides that of the file
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Spindle speed, rev/min; by default from the columns `spindle_rpm` or `tacho`
+    /// Spindle speed, rev/min, at most 1000000; by default from the columns `spindle_rpm` or `tacho`
     #[arg(long, value_name = "N")]
     spindle_rpm: Option<f64>,
-    /// Number of teeth of the cutter; by default from `[cut]` in the accompanying TOML
+    /// Number of teeth of the cutter, with a spindle speed; by default from `[cut]` in the accompanying TOML
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     teeth: Option<u32>,
     /// Feed along the path, mm/s; by default from the columns `feed_mm_s`, `x_mm` … or `q1_deg` …
@@ -40,10 +43,10 @@ pub(crate) struct Spectrum {
     /// Cut in the format of `trued stability`; if it chatters, the nearest stable cuts are computed
     #[arg(long, value_name = "CUT.toml")]
     cut: Option<PathBuf>,
-    /// Frequency range in which lines are reported, Hz
-    #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2, default_values_t = [10.0, 1000.0])]
+    /// Frequency range in which lines are reported, Hz, up to half the sampling rate [default: 10 1000]
+    #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
     band: Vec<f64>,
-    /// Window length of the averaged spectrum, s; by default chosen by the length of the recording
+    /// Window length of the averaged spectrum, s, at most the recording; by default chosen by the length of the recording
     #[arg(long, value_name = "S")]
     window: Option<f64>,
     /// Smallest amplitude that the monitor reports, in the channels' unit; by default 0.1 N and 0.01 Nm, as in the
@@ -77,7 +80,9 @@ impl Spectrum {
         let inputs = [&self.file].into_iter().chain(&self.model).chain(&self.mapping);
         outputs.check(inputs.chain(&self.cut))?;
         let spinner = progress::stages(console, "spectra, vibration events");
-        let mut analysis = analyse(read(&self.file, &self.inputs())?, &self.settings())?;
+        let source = read(&self.file, &self.inputs())?;
+        self.check_band(source.rate_hz)?;
+        let mut analysis = analyse(source, &self.settings())?;
         if let Some(cut) = &self.cut {
             analysis.add_nearest_stable(cut)?;
         }
@@ -100,11 +105,29 @@ impl Spectrum {
             ("--least", self.least),
         ];
         let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
-        match given.into_iter().find_map(|(key, value)| Some((key, value.filter(wrong)?))) {
-            Some((key, value)) => {
-                Err(Failure::input(format!("{key} is {value}, expected a finite number above 0")))
-            }
+        if let Some((key, value)) =
+            given.into_iter().find_map(|(key, value)| Some((key, value.filter(wrong)?)))
+        {
+            return Err(Failure::input(format!(
+                "{key} is {value}, expected a finite number above 0"
+            )));
+        }
+        match self.spindle_rpm.filter(|rpm| *rpm > RPM_MAX) {
+            Some(rpm) => Err(Failure::input(format!(
+                "--spindle-rpm is {rpm}, expected at most {RPM_MAX} rev/min"
+            ))),
             None => Ok(()),
+        }
+    }
+
+    /// Rejects a given band in which no line of this recording can be.
+    fn check_band(&self, rate_hz: f64) -> Result<(), Failure> {
+        match self.band.as_slice() {
+            [low, high] if *high > 0.5 * rate_hz => Err(Failure::input(format!(
+                "--band is {low} to {high} Hz, and at {rate_hz} samples per second no frequency above {} Hz can be measured: lower its upper end",
+                0.5 * rate_hz
+            ))),
+            _ => Ok(()),
         }
     }
 

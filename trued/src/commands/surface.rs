@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use physics::JOINTS_MAX;
+use recording::model::RobotModel;
 use spectrum::surface::{FORM_MAX, MachiningConditions};
 use spectrum::{GearFrequency, Mode};
 use spectrum_report::surface::{self, Format, Profile, Settings, analyse};
@@ -126,7 +128,14 @@ impl FromStr for WheelArg {
             usable.then_some(Self(GearFrequency { joint, shaft, teeth, cycles_per_mm }))
         };
         let expected = "expected JOINT:SHAFT=CYCLES_PER_MM, e.g. 2:1x10=0.186 for the 10 teeth of joint 2's motor shaft";
-        read().ok_or_else(|| expected.to_owned())
+        let wheel = read().ok_or_else(|| expected.to_owned())?;
+        let joint = wheel.0.joint;
+        if usize::from(joint) > JOINTS_MAX {
+            return Err(format!(
+                "joint {joint} does not exist, expected a joint from 1 to {JOINTS_MAX}"
+            ));
+        }
+        Ok(wheel)
     }
 }
 
@@ -143,7 +152,9 @@ impl Surface {
         self.check()?;
         let mut outputs = console.outputs().pages(&self.report);
         outputs.check(&self.profiles)?;
-        let settings = self.settings()?;
+        let model = self.model.as_deref().map(crate::input::model).transpose()?;
+        self.check_wheels(model.as_ref())?;
+        let settings = self.settings(model.as_ref());
         let profiles = self.profiles.iter().map(|path| read_profile(&self.heights, path));
         let analysis = analyse(profiles.collect::<Result<_, _>>()?, &settings)?;
         if let Some(report) = &self.report {
@@ -171,10 +182,21 @@ impl Surface {
         Ok(())
     }
 
-    fn settings(&self) -> Result<Settings, Failure> {
-        let model = self.model.as_deref().map(crate::input::model).transpose()?;
+    /// Rejects gear trains of joints that the robot does not have.
+    fn check_wheels(&self, model: Option<&RobotModel>) -> Result<(), Failure> {
+        let Some(count) = model.map(|model| model.physics.arm.count()) else { return Ok(()) };
+        let absent = self.wheel.iter().find(|wheel| usize::from(wheel.0.joint) > count);
+        absent.map_or(Ok(()), |wheel| {
+            let joint = wheel.0.joint;
+            Err(Failure::input(format!(
+                "--wheel: joint {joint} does not exist, expected a joint from 1 to {count}, the joints of the model"
+            )))
+        })
+    }
+
+    fn settings(&self, model: Option<&RobotModel>) -> Settings {
         let modes = model.iter().flat_map(|model| &model.file.modes);
-        Ok(Settings {
+        Settings {
             cut_off_mm: self.cut_off_mm,
             short_cut_off_um: self.short_cut_off_um,
             form_degree: self.form,
@@ -186,7 +208,7 @@ impl Surface {
                 modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
                 gear_frequencies: self.wheel.iter().map(|wheel| wheel.0).collect(),
             },
-        })
+        }
     }
 }
 
@@ -209,7 +231,9 @@ mod tests {
             wheel("2:1x10=0.186"),
             GearFrequency { teeth: 10, cycles_per_mm: 0.186, ..turns }
         );
-        for bad in ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1", "1:1x0=1"] {
+        for bad in
+            ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1", "1:1x0=1", "17:1=1"]
+        {
             assert!(bad.parse::<WheelArg>().is_err(), "{bad}");
         }
     }

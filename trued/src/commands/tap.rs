@@ -39,33 +39,27 @@ pub(crate) struct Tap {
     /// Scale factor of the response, SI per unit of the file; requires --response-kind
     #[arg(long, value_name = "SI", requires = "response_kind")]
     response_scale: Option<f64>,
-    /// Sampling rate, Hz, if the file has no time column
+    /// Sampling rate, Hz; overrides that of the file
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
     /// Files are tables of a frequency response function: frequency in Hz, real part, imaginary part
-    #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "rate", "block_s", "windows", "estimator", "coherence_least"])]
+    #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "response", "rate", "block_s", "windows", "estimator", "coherence_least"])]
     frf: bool,
-    /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force
-    #[arg(long, value_name = "h1|h2", value_enum, default_value_t, hide_possible_values = true)]
-    estimator: Estimate,
-    /// Minimum coherence at a mode, 0 to 1
-    #[arg(long, value_name = "0..1", default_value_t = COHERENCE_MIN)]
-    coherence_least: f64,
+    /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: h1]
+    #[arg(long, value_name = "h1|h2", value_enum, hide_possible_values = true)]
+    estimator: Option<Estimate>,
+    /// Minimum coherence at a mode, 0 to 1 [default: 0.75]
+    #[arg(long, value_name = "0..1")]
+    coherence_least: Option<f64>,
     /// Frequency range of the modes, Hz; if not given, the range that the hammer excites
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
     band: Option<Vec<f64>>,
     /// Length of the block for each hit, s; if not given, the longest that the hits allow
     #[arg(long, value_name = "S")]
     block_s: Option<f64>,
-    /// auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows
-    #[arg(
-        long,
-        value_name = "auto|none",
-        value_enum,
-        default_value_t,
-        hide_possible_values = true
-    )]
-    windows: Windowing,
+    /// auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: auto]
+    #[arg(long, value_name = "auto|none", value_enum, hide_possible_values = true)]
+    windows: Option<Windowing>,
     /// Direction of hit and response in the base frame, for the modes of the model
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     direction: Option<Direction>,
@@ -167,6 +161,9 @@ impl Tap {
         outputs.check(self.model.iter().chain(&self.files))?;
         let base = self.model.as_deref().map(crate::input::model).transpose()?;
         let source = tap::read(&self.files, &self.channels())?;
+        if source.has_functions() {
+            self.check_used_by_functions()?;
+        }
         source.notes.iter().for_each(|note| warn!("{note}"));
         let analysis = analyse(source, &self.settings())?;
         let renewed = base.as_ref().zip(self.out.as_deref());
@@ -204,9 +201,8 @@ impl Tap {
                 return unusable(option, value.to_string(), "a finite number above 0");
             }
         }
-        if !(0.0..=1.0).contains(&self.coherence_least) {
-            let value = self.coherence_least.to_string();
-            return unusable("--coherence-least", value, "a number from 0 to 1");
+        if let Some(value) = self.coherence_least.filter(|value| !(0.0..=1.0).contains(value)) {
+            return unusable("--coherence-least", value.to_string(), "a number from 0 to 1");
         }
         if let Some([low, high]) = self.band_hz()
             && !(low >= 0.0 && high > low && high.is_finite())
@@ -214,6 +210,27 @@ impl Tap {
             return unusable("--band", format!("{low} {high}"), "two frequencies, the lower first");
         }
         Ok(())
+    }
+
+    /// Response functions are taken as they are: options of the analysis of hits would do nothing.
+    fn check_used_by_functions(&self) -> Result<(), Failure> {
+        let given = [
+            ("--force, --response", self.force.is_some()),
+            ("--rate", self.rate.is_some()),
+            ("--estimator", self.estimator.is_some()),
+            ("--coherence-least", self.coherence_least.is_some()),
+            ("--block-s", self.block_s.is_some()),
+            ("--windows", self.windows.is_some()),
+        ];
+        let idle: Vec<&str> =
+            given.into_iter().filter_map(|(name, is_given)| is_given.then_some(name)).collect();
+        if idle.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::input(format!(
+            "the files contain response functions, and {} would have no effect: that is for records of hits; leave it out",
+            idle.join(", ")
+        )))
     }
 
     fn channels(&self) -> Channels {
@@ -229,11 +246,11 @@ impl Tap {
 
     fn settings(&self) -> Settings {
         Settings {
-            estimator: self.estimator.estimator(),
-            coherence_least: self.coherence_least,
+            estimator: self.estimator.unwrap_or_default().estimator(),
+            coherence_least: self.coherence_least.unwrap_or(COHERENCE_MIN),
             band_hz: self.band_hz(),
             block_s: self.block_s,
-            windows: self.windows == Windowing::Auto,
+            windows: self.windows.unwrap_or_default() == Windowing::Auto,
             direction: self.direction.map(|direction| direction.0),
             ..Settings::default()
         }

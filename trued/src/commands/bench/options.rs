@@ -16,6 +16,14 @@ const PLAIN_PRESET: &str = "irb1600-6-145";
 const THESIS_PRESET: &str = "irb1600-6-145-thesis";
 /// Shortest and longest part, s.
 const SECONDS: std::ops::RangeInclusive<f64> = 0.05..=86_400.0;
+/// Duration of a part where none is given, s.
+const USUAL_SECONDS: f64 = 5.0;
+/// Command rates where none is given, Hz.
+const USUAL_RATES_HZ: [u32; 3] = [1000, 4000, 10_000];
+/// Starts of a daemon where no number is given.
+const USUAL_STARTS: u32 = 20;
+/// Priority under `SCHED_FIFO` where none is given.
+const USUAL_PRIORITY: u8 = 80;
 /// A quick bench: parts so short that all of it takes less than 30 s.
 const QUICK_SECONDS: f64 = 1.5;
 
@@ -45,7 +53,7 @@ enum Model {
 #[derive(Debug, Clone, Args)]
 pub(super) struct BenchOptions {
     /// Short form: every part once without load, at most 30 s in all
-    #[arg(long, conflicts_with_all = ["rates", "loads", "waits", "stages", "seconds"])]
+    #[arg(long, conflicts_with_all = ["rates", "loads", "waits", "stages", "seconds", "starts"])]
     quick: bool,
     /// Measure this running cell instead of a separate daemon; no other client may command it meanwhile
     #[arg(long, value_name = "NAME")]
@@ -62,37 +70,31 @@ pub(super) struct BenchOptions {
     /// Scheduling of the measuring threads and of the daemon's cycle: auto (fifo if permitted), fifo, other, both (one after the other)
     #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
     policy: Policies,
-    /// Priority under `SCHED_FIFO`, 2 to 98
-    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(2..=98))]
-    priority: u8,
+    /// Priority under `SCHED_FIFO`, 2 to 98 [default: 80]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=98))]
+    priority: Option<u8>,
     /// Core of the client and core of the daemon; if not given, the last isolated cores
     #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
     cores: Vec<usize>,
-    /// Command rates to measure, Hz
-    #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',', default_value = "1000,4000,10000",
+    /// Command rates to measure in the part paced, Hz [default: 1000,4000,10000]
+    #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',',
           value_parser = clap::value_parser!(u32).range(10..=10_000))]
     rates: Vec<u32>,
-    /// Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network)
-    #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',', default_value = "idle,all")]
+    /// Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network). Parts start, swap and cost are measured without load [default: idle,all]
+    #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',')]
     loads: Vec<String>,
-    /// How the daemon waits for commands: sleep, spin. Not for a running cell, which waits as configured
-    #[arg(
-        long = "wait",
-        conflicts_with = "cell",
-        value_name = "WAIT,…",
-        value_delimiter = ',',
-        default_value = "sleep,spin"
-    )]
+    /// How the daemon waits for commands in the part paced: sleep, spin. Not for a running cell, which waits as configured [default: sleep,spin]
+    #[arg(long = "wait", conflicts_with = "cell", value_name = "WAIT,…", value_delimiter = ',')]
     waits: Vec<String>,
     /// Parts to run: flat, woken, paced, force, start, swap, cost
     #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
     stages: Vec<String>,
-    /// Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h
-    #[arg(long, value_name = "TIME", default_value = "5", value_parser = seconds)]
-    seconds: f64,
-    /// Number of daemon starts to measure, 1 to 10000
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    starts: u32,
+    /// Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h [default: 5]
+    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Number of daemon starts to measure in the part start, 1 to 10000 [default: 20]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    starts: Option<u32>,
 }
 
 impl BenchOptions {
@@ -105,6 +107,8 @@ impl BenchOptions {
         if let Some(cell) = &self.cell {
             Cell::new(cell).map_err(|fault| Failure::input(format!("--cell: {fault}")))?;
         }
+        let stages = self.stages()?;
+        self.check_used(&stages)?;
         let text = |name: &str| {
             let known = preset(name).ok_or("the bench's preset is missing from this build");
             known.map(|known| known.text.to_owned()).map_err(Failure::system)
@@ -123,28 +127,76 @@ impl BenchOptions {
             },
             cores,
             policies: self.policies(),
-            priority: self.priority,
-            loads: parse_all(&self.loads, "--load", load)?,
+            priority: self.priority(),
+            loads: self.loads()?,
             waits: self.waits()?,
-            rates_hz: self.rates.clone(),
-            stages: self.stages()?,
-            seconds: self.seconds,
-            repeats: self.starts,
+            rates_hz: given_or(&self.rates, &USUAL_RATES_HZ),
+            stages,
+            seconds: self.seconds.unwrap_or(USUAL_SECONDS),
+            repeats: self.starts.unwrap_or(USUAL_STARTS),
             scratch: std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
         };
         Ok(if self.quick { quick(plan) } else { plan })
+    }
+
+    /// Options of parts that are not run would do nothing.
+    fn check_used(&self, stages: &[Stage]) -> Result<(), Failure> {
+        if self.priority.is_some() && self.policy == Policies::Other {
+            return Err(Failure::input(
+                "--priority has no effect with --policy other, which has no priorities: leave it out, or give --policy fifo",
+            ));
+        }
+        // A running cell is not started anew, its models are not swapped, and it has its own sensor.
+        let of_cells = [Stage::Flat, Stage::Paced];
+        let runs = |stage: &Stage| {
+            stages.contains(stage) && (self.cell.is_none() || of_cells.contains(stage))
+        };
+        let under_load = [Stage::Flat, Stage::Woken, Stage::Paced, Stage::Force];
+        let timed = Stage::ALL.into_iter().filter(|stage| *stage != Stage::Start);
+        let given = [
+            ("--rate", !self.rates.is_empty(), vec![Stage::Paced]),
+            ("--wait", !self.waits.is_empty(), vec![Stage::Paced]),
+            ("--load", !self.loads.is_empty(), under_load.to_vec()),
+            ("--starts", self.starts.is_some(), vec![Stage::Start]),
+            ("--seconds", self.seconds.is_some(), timed.collect()),
+        ];
+        for (option, is_given, used_by) in given {
+            if is_given && !used_by.iter().any(runs) {
+                let names: Vec<&str> = used_by.iter().map(|stage| stage.name()).collect();
+                let names = names.join(", ");
+                let cell = if self.cell.is_some() { " on a running cell" } else { "" };
+                return Err(Failure::input(format!(
+                    "{option} has no effect: none of the parts that it is for ({names}) is measured{cell}; leave it out, or change --only"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn priority(&self) -> u8 {
+        self.priority.unwrap_or(USUAL_PRIORITY)
+    }
+
+    fn loads(&self) -> Result<Vec<Vec<Load>>, Failure> {
+        if self.loads.is_empty() {
+            return Ok(vec![vec![], Load::ALL.to_vec()]);
+        }
+        parse_all(&self.loads, "--load", load)
     }
 
     fn waits(&self) -> Result<Vec<Wait>, Failure> {
         if self.cell.is_some() {
             return Ok(vec![Wait::Own]);
         }
+        if self.waits.is_empty() {
+            return Ok(vec![Wait::Sleep, Wait::Spin]);
+        }
         parse_all(&self.waits, "--wait", wait)
     }
 
     fn policies(&self) -> Vec<Policy> {
         match self.policy {
-            Policies::Auto if fifo_is_granted(self.priority) && self.cell_runs_fifo() => {
+            Policies::Auto if fifo_is_granted(self.priority()) && self.cell_runs_fifo() => {
                 vec![Policy::Fifo]
             }
             Policies::Fifo => vec![Policy::Fifo],
@@ -179,6 +231,10 @@ fn quick(plan: Plan) -> Plan {
         policies: plan.policies.into_iter().take(1).collect(),
         ..plan
     }
+}
+
+fn given_or<T: Clone>(given: &[T], usual: &[T]) -> Vec<T> {
+    if given.is_empty() { usual.to_vec() } else { given.to_vec() }
 }
 
 fn parse_all<T>(

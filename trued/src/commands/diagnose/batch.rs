@@ -36,11 +36,11 @@ pub(super) struct Batch {
     pub(super) batch: Option<PathBuf>,
     /// Process only shard I of N: recordings I, I + N, I + 2 N … of the manifest
     #[arg(long, value_name = "I/N", help_heading = "Batches")]
-    #[arg(requires = "batch", conflicts_with = "recordings")]
+    #[arg(requires = "batch", conflicts_with_all = ["recordings", "model", "mapping", "seed", "band", "tolerance_mm", "apply"])]
     shard: Option<Shard>,
     /// Keep existing complete results and process the rest
     #[arg(long, help_heading = "Batches")]
-    #[arg(requires = "batch", conflicts_with_all = ["overwrite", "recordings"])]
+    #[arg(requires = "batch", conflicts_with_all = ["overwrite", "recordings", "model", "mapping", "seed", "band", "tolerance_mm", "apply"])]
     resume: bool,
 }
 

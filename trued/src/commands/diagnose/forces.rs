@@ -23,6 +23,11 @@ pub(super) fn diagnose_forces(
             "--tolerance-mm: forces alone do not determine tool position errors",
         ));
     }
+    if options.band.is_some() {
+        return Err(Failure::input(
+            "--band has no effect: it is for the low-pass filter of drive torques, and only forces were recorded; leave it out",
+        ));
+    }
     let mut outputs = outputs(console.outputs(), &options.out);
     outputs.check(options.inputs())?;
     let spinner = progress::stages(console, "forces: phases, lines, cut");

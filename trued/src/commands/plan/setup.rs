@@ -76,10 +76,10 @@ pub(super) struct Setup {
     #[arg(long)]
     frame_known: bool,
     /// Largest angle between a reflector's direction and the beam, degrees
-    #[arg(long, value_name = "DEG", default_value_t = 25.0, requires = "instrument")]
+    #[arg(long, value_name = "DEG", default_value_t = 25.0, requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
     accept_deg: f64,
     /// Smallest and largest distance that the instrument can measure, mm
-    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000", requires = "instrument")]
+    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000", requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
     range_mm: CommaTuple<2>,
     /// Standard uncertainty of a measured length, mm; by default that of the recordings, else 0.05
     #[arg(long, value_name = "MM")]
@@ -91,7 +91,7 @@ pub(super) struct Setup {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "length_mm")]
     anchor: Option<CommaTuple<3>>,
     /// Shortest and longest length of the ballbar or cable, mm
-    #[arg(long, value_name = "MIN,MAX", requires = "anchor")]
+    #[arg(long, value_name = "MIN,MAX", requires = "anchor", conflicts_with_all = ["instrument", "plane", "sphere", "orientation_sigma_mrad"])]
     length_mm: Option<CommaTuple<2>>,
     /// Plane touched by a probe: a point, the outward normal, and the extent around the point; base frame, mm; may be repeated
     #[arg(
