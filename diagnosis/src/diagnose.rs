@@ -60,6 +60,7 @@ use glam::DVec3;
 use jacobian_cache::JacobianCache;
 use physics::{AnyEffect, Model};
 use selection::{EffectSelection, Search};
+use unexplained::SmoothFunction;
 use validation::FitEvaluator;
 
 use std::collections::BTreeMap;
@@ -86,6 +87,9 @@ const OUTLIER_SHARE_MAX: f64 = 0.2;
 /// Exception to [`OUTLIER_SHARE_MAX`]: without findings, a smooth function that reduces the RMS error on the test set below this share explains the outlying
 /// rows.
 const EXPLAINED_RMS_SHARE: f64 = 0.5;
+
+/// Ratio of the residuals to an instrument's stated noise from which a note says so; above 1. Default 1.5: statements on data sheets are seldom better.
+const STATED_NOISE_RATIO: f64 = 1.5;
 
 /// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.
 const NOT_CONFIRMED: &str = "there are errors above the noise, but the poses that were held out do not confirm what explains the fitted ones; measure more poses, spread over the workspace";
@@ -289,7 +293,7 @@ fn finish(
     campaign: Campaign,
     model: &Model,
     selection: EffectSelection,
-    law: Option<unexplained::SmoothFunction>,
+    law: Option<SmoothFunction>,
     split: HoldOutSplit,
     covariates: &[Covariate],
     listener: Listener<'_>,
@@ -307,7 +311,7 @@ fn finish(
     let given = held.compared(&Hypothesis::fixed(*model), &last);
     let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    let is_replaced = law.as_ref().is_some_and(|law| law.replaces_effects);
+    let is_replaced = law.as_ref().is_some_and(SmoothFunction::replaces_certain_effects);
     let unexplained = law.and_then(|law| law.confirmed(&fitted, covariates, &held_out, after));
     let carried = unexplained.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
@@ -327,7 +331,8 @@ fn finish(
     let objection = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspected| suspected.message)
         .or_else(|| (is_replaced && unexplained.is_none()).then(|| NOT_CONFIRMED.to_owned()));
-    let notes = outlier_note(&last, &campaign).into_iter().collect();
+    let notes = outlier_note(&last, &campaign).into_iter().chain(noise_notes(&last, &campaign));
+    let notes = notes.collect();
     Diagnosis {
         verdict,
         findings,
@@ -359,6 +364,18 @@ fn outlier_note(last: &Fit, campaign: &Campaign) -> Option<String> {
     (outliers > 0).then(|| {
         format!(
             "{outliers} of {rows} rows are outliers of the final model and have little or no weight"
+        )
+    })
+}
+
+/// Notes on instruments whose stated noise the residuals exceed by [`STATED_NOISE_RATIO`] or more.
+fn noise_notes<'a>(last: &'a Fit, campaign: &'a Campaign) -> impl Iterator<Item = String> + 'a {
+    let stated = campaign.instruments.iter().zip(&last.factors);
+    let stated = stated.filter(|(instrument, _)| instrument.noise_is_known);
+    stated.filter(|(_, factor)| **factor >= STATED_NOISE_RATIO).map(|(instrument, factor)| {
+        format!(
+            "{}: the residuals are {factor:.1} times as large as the stated noise (`sigma`): the noise is larger than stated, or there are errors that no known effect describes",
+            instrument.name
         )
     })
 }

@@ -132,11 +132,11 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
 
 /// Whether depth and coefficients of a cut are in the range of the prediction; in the TOML of a recording they may be any.
 fn is_usable(table: &Table<'_, '_>, cut: &Cut) -> bool {
-    let depth_mm = 1e3 * cut.axial_depth_m;
-    let is_shallow = depth_mm <= DEPTH_MAX_MM;
+    let is_shallow = cut.axial_depth_m <= 1e-3 * DEPTH_MAX_MM;
     if !is_shallow {
-        let expected = format!("above 0, at most {DEPTH_MAX_MM} mm");
-        table.fault("axial_depth_mm", format!("is {depth_mm} mm"), expected);
+        // Not a range of the schema, since the TOML of a recording may state any depth.
+        let found = format!("is {} m deep, out of the range of the prediction", cut.axial_depth_m);
+        table.fault("axial_depth_mm", found, format!("at most {DEPTH_MAX_MM} mm"));
     }
     let coefficients = cut.cutting_pa.map(|pascal| pascal / 1e6);
     let [tangential, ..] = coefficients;

@@ -18,14 +18,14 @@ fn array(py: Python<'_>, numbers: &[f64]) -> Array {
     made.unbind()
 }
 
-/// A code as its word; a later daemon's as its number.
+/// A code as its name; a later daemon's as its number.
 fn code_name<T: TryFrom<u32> + std::fmt::Display>(code: u32) -> String {
     T::try_from(code).map_or_else(|_| format!("code {code}"), |known| known.to_string())
 }
 
 /// Those of a set, as words.
 fn set<T: TryFrom<u32> + std::fmt::Display>(bits: u32) -> Vec<String> {
-    (0..32).filter(|bit| bits & 1 << bit != 0).map(word::<T>).collect()
+    (0..32).filter(|bit| bits & 1 << bit != 0).map(code_name::<T>).collect()
 }
 
 /// A joint target, to be sent to the robot.
@@ -82,9 +82,9 @@ impl Corrected {
             received_ns: from.received_ns,
             made_ns: from.made_ns,
             model_epoch: from.model_epoch,
-            status: word::<trued_client::CorrectionStatus>(from.status),
-            reason: word::<trued_client::Reason>(from.reason),
-            wrench_gate: word::<WrenchGate>(from.wrench_gate),
+            status: code_name::<trued_client::CorrectionStatus>(from.status),
+            reason: code_name::<trued_client::Reason>(from.reason),
+            wrench_gate: code_name::<WrenchGate>(from.wrench_gate),
             iterations: from.iterations,
             correction: all(&from.correction),
             correction_rate: all(&from.correction_rate),
@@ -197,13 +197,13 @@ impl Status {
                 feed_programmed_force_n, feed_limit_n, feed_speed_m_s, feed_refused, latency_sum_ns,
                 horizon_points, horizon_points_used, horizons_refused,
             }
-            health: word::<trued_client::Health>(from.health),
-            mode: word::<trued_client::Mode>(from.mode),
+            health: code_name::<trued_client::Health>(from.health),
+            mode: code_name::<trued_client::Mode>(from.mode),
             bypassed: from.bypassed != 0,
-            wrench_gate: word::<WrenchGate>(from.wrench_gate),
-            recorder: word::<RecorderState>(from.recorder),
-            watch: word::<trued_client::WatchState>(from.watch),
-            in_cut: word::<InCut>(from.in_cut),
+            wrench_gate: code_name::<WrenchGate>(from.wrench_gate),
+            recorder: code_name::<RecorderState>(from.recorder),
+            watch: code_name::<trued_client::WatchState>(from.watch),
+            in_cut: code_name::<InCut>(from.in_cut),
             force_faults: from.force_faults().map(|f: ForceFault| f.to_string()).collect(),
             q_min: all(&from.bounds.min),
             q_max: all(&from.bounds.max),
@@ -216,13 +216,13 @@ impl Status {
             robot_serial: from.robot_serial.to_string(),
             q_command: all(&from.q_command),
             correction: all(&from.correction),
-            lead_state: word::<trued_client::LeadState>(from.lead_state),
-            trim_state: word::<trued_client::TrimState>(from.trim_state),
-            trim_reason: word::<trued_client::TrimReason>(from.trim_reason),
+            lead_state: code_name::<trued_client::LeadState>(from.lead_state),
+            trim_state: code_name::<trued_client::TrimState>(from.trim_state),
+            trim_reason: code_name::<trued_client::TrimReason>(from.trim_reason),
             trim_m: from.trim_m.into(),
             trim_found_m: from.trim_found_m.into(),
-            feed_state: word::<trued_client::FeedState>(from.feed_state),
-            feed_reason: word::<trued_client::FeedReason>(from.feed_reason),
+            feed_state: code_name::<trued_client::FeedState>(from.feed_state),
+            feed_reason: code_name::<trued_client::FeedReason>(from.feed_reason),
             latency_counts: from.latency_counts.to_vec(),
         )
     }
@@ -289,12 +289,12 @@ pub(crate) struct Vibration {
 impl From<&Verdict> for Vibration {
     fn from(from: &Verdict) -> Self {
         Self {
-            state: word::<VibrationState>(from.state),
-            kind: word::<VibrationClass>(from.class),
+            state: code_name::<VibrationState>(from.state),
+            kind: code_name::<VibrationClass>(from.class),
             rivals: set::<VibrationClass>(from.rivals),
             axis: channel_name(from.axis),
             suspect_alias: from.suspect_alias != 0,
-            advice: word::<Advice>(from.advice),
+            advice: code_name::<Advice>(from.advice),
             sensor_faults: set::<SensorFault>(from.sensor_faults),
             advice_lobe: from.advice_lobe,
             gear_joint: from.gear_joint,

@@ -55,6 +55,14 @@ pub fn sentence(effect: &AnyEffect, stated: Option<&[f64]>, is_prismatic: bool) 
     }
 }
 
+/// The joint whose motion is coupled into another one.
+fn coupled_joint(effect: &AnyEffect) -> String {
+    match effect {
+        AnyEffect::JointCoupling(coupling) => format!("joint {}", coupling.from_joint() + 1),
+        _ => "another joint".to_owned(),
+    }
+}
+
 /// Drives, gears and compliances.
 fn drive_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
     let (n, mrad) = (|k| formatter.formatted(k), formatter.angle_unit());
@@ -64,15 +72,11 @@ fn drive_phrase(formatter: &EffectFormatter<'_>, joint: &str) -> String {
             "{joint} has a scale error of {} of its angle: gear ratio or encoder scale",
             n(0)
         ),
-        "joint_coupling" => {
-            let from = match formatter.effect {
-                AnyEffect::JointCoupling(coupling) => {
-                    format!("joint {}", coupling.from_joint() + 1)
-                }
-                _ => "another joint".to_owned(),
-            };
-            format!("{joint} is coupled to {from} by {} of its motion: coupled gears", n(0))
-        }
+        "joint_coupling" => format!(
+            "{joint} is coupled to {} by {} of its motion: coupled gears",
+            coupled_joint(formatter.effect),
+            n(0)
+        ),
         "transmission_error" => format!(
             "{joint} has a transmission error of {} {mrad} with {} cycles per {}: eccentricity or mesh of its gears",
             n(0),

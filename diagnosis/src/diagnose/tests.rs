@@ -31,12 +31,13 @@ fn errors_far_above_the_noise_are_found_from_few_poses_and_not_taken_for_unknown
         let found = diagnose(campaign, &nominal, &[], None, seed, &ignore);
         let case = format!("{poses} poses of {targets} targets, seed {seed}");
         assert_eq!(found.verdict, Verdict::MissingPhysics, "{case}");
-        assert!(found.test_errors.before > 5e-4, "{case}");
+        assert!(found.test_errors.before > 3e-4, "{case}");
         assert!(found.test_errors.after < 1e-4, "{case}");
-        let offset = found.findings.iter().find(|finding| {
-            matches!(finding.effect, AnyEffect::JointOffset(_)) && finding.effect.joint() == Some(1)
+        // Of the other errors these poses determine only combinations.
+        let wrist = found.findings.iter().find(|finding| {
+            matches!(finding.effect, AnyEffect::JointOffset(_)) && finding.effect.joint() == Some(4)
         });
-        let offset = offset.unwrap_or_else(|| panic!("{case}")).effect.values()[0];
-        assert!((offset - 1.2e-3).abs() < 1e-4, "{case}");
+        let offset = wrist.unwrap_or_else(|| panic!("{case}")).effect.values()[0];
+        assert!((offset - 1.5e-3).abs() < 1.5e-4, "{case}: {offset}");
     }
 }

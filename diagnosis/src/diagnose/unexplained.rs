@@ -36,7 +36,8 @@ const EARLY_REPLACEMENT_MARGIN: f64 = 0.1;
 pub(super) const IMITATING_EFFECTS_MIN: usize = 4;
 /// Share of the total gain below which a selected effect is a minor one.
 const MAJOR_GAIN_SHARE: f64 = 0.1;
-/// Least improvement of a smooth function before the selection is complete, in the sum of squares: the AR noise model is still uncertain then.
+/// Improvement of a smooth function, in the sum of squares, from which it is far above the noise: needed before the selection is complete, since the
+/// AR noise model is still uncertain then.
 const EARLY_IMPROVEMENT_MIN: f64 = 200.0;
 /// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
 const COEFFICIENT_SIGMA: f64 = 5e-3;
@@ -164,7 +165,7 @@ pub(super) fn early_replacement(
     let are_many = selection.selected.len() >= IMITATING_EFFECTS_MIN && kept.contains(&true);
     let (few, law) = are_many
         .then(|| replacement(search, selection, covariates, kept, EARLY_REPLACEMENT_MARGIN))??;
-    (law.improvement > EARLY_IMPROVEMENT_MIN).then_some((few, law))
+    law.replaces_certain_effects().then_some((few, law))
 }
 
 /// The smooth function that exceeds all selected effects by the relative margin `share`, or, if the minor effects are many, exceeds these beside the
@@ -389,6 +390,11 @@ impl SmoothFunction {
     pub(super) fn is_supported(&self, design_effect: f64, [without, with]: [f64; 2]) -> bool {
         let gain = 0.5 * (without - with) / design_effect;
         validation_margin(0.5 * self.improvement, gain) > 0.0
+    }
+
+    /// Whether effects far above the noise were removed in favour of it ([`EARLY_IMPROVEMENT_MIN`]).
+    pub(super) fn replaces_certain_effects(&self) -> bool {
+        self.replaces_effects && self.improvement > EARLY_IMPROVEMENT_MIN
     }
 
     /// The function as structure that the test set `held_out` confirms: it must reduce the error there, by as much as is required of the validation set.

@@ -48,8 +48,9 @@ fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let mut case =
         Case::from_outcome("natural frequencies", "the tool's modes", &arguments, &answer);
     let RunOutcome::Done(folder) = &answer else { return Ok(vec![case]) };
+    let page = folder.join("report.html");
     bench.offer_figure(
-        &folder.join("report.html"),
+        &page,
         "Size of the accelerance",
         "Size of the accelerance, with the natural frequencies as found.",
     );
@@ -80,10 +81,8 @@ fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
         text: "modes near 1056, 1941, 2598 Hz (noted with the set)",
     });
     for known in MODES_HZ {
-        let nearest = modes
-            .iter()
-            .map(|mode| mode.0)
-            .min_by(|a, b| (a - known).abs().total_cmp(&(b - known).abs()));
+        let frequencies = modes.iter().map(|mode| mode.0);
+        let nearest = frequencies.min_by(|a, b| (a - known).abs().total_cmp(&(b - known).abs()));
         let deviation = nearest.map_or(f64::NAN, |hz| 100.0 * (hz - known).abs() / known);
         case.checks.push(LimitCheck::at_most(
             &format!("off the mode near {known} Hz"),
