@@ -436,7 +436,7 @@ fn units_of_response_functions_are_converted_or_refused() {
     let mass_of = |text: &str| {
         place.file("arm.uff", text);
         place.succeed(&["tap", "arm.uff", "--json", "arm.json"]);
-        place.json("arm.json")["modes"][0]["modal_mass_kg"].as_f64().unwrap()
+        place.json("arm.json")["modes"][0]["clearest"]["modal_mass_kg"].as_f64().unwrap()
     };
     let (stated, newton) = (uff(), format!("{:<20} {:<20}", "NONE", "N"));
     let with_force = |unit: &str| {
