@@ -47,7 +47,7 @@ pub struct TestErrors {
     pub noise: f64,
     /// Whether the errors are lengths (m) or angles (rad).
     pub is_length: bool,
-    /// How much larger they are than the residuals of the training rows, if by more than chance ([`ExcessSettings`]).
+    /// How much larger they are than the residuals of the training rows, if by more than chance (docs/diagnosis.md).
     pub excess: Option<TestExcess>,
 }
 

@@ -13,7 +13,7 @@ use crate::waves::{self, Grid, Options, Waves};
 /// The format of a file is recognised from this many bytes at its start.
 const HEAD_BYTES: u64 = 4096;
 
-/// The findings in a file to which no mapping applies: a URDF, WAV, a universal file. A LabVIEW measurement is text, which a mapping may describe as a
+/// The findings in a file to which no mapping applies: a URDF, WAV, a universal file. A `LabVIEW` measurement is text, which a mapping may describe as a
 /// table; so is any other file.
 ///
 /// # Errors

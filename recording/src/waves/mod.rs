@@ -210,7 +210,7 @@ fn is_mapped(path: &Path, options: &Options) -> bool {
     options.mapping.is_some() || mapping_path(path).is_file()
 }
 
-/// The name of LabVIEW's text format.
+/// The name of `LabVIEW`'s text format.
 pub(crate) const LABVIEW: &str = "LabVIEW measurement";
 
 /// The name of an instrument's format, detected from the first bytes of a file; `None` for tables

@@ -73,7 +73,7 @@ pub(super) fn of(unit: &str) -> Option<(Quantity, f64)> {
         let (at, factor) = unit
             .char_indices()
             .filter_map(|(at, _)| Some((at, unit.get(..at)?.trim_end().parse::<f64>().ok()?)))
-            .last()?;
+            .next_back()?;
         let (quantity, si) = spelled(unit.get(at..)?)?;
         (factor.is_finite() && factor > 0.0).then_some((quantity, factor * si))
     })

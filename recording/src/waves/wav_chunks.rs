@@ -138,7 +138,7 @@ impl Wav {
             match &chunk.id {
                 // 0 before the size is known: a pipe leaves it so.
                 b"ds64" => {
-                    data_size = bytes.number::<8>(chunk.offset + 8)?.filter(|size| *size > 0)
+                    data_size = bytes.number::<8>(chunk.offset + 8)?.filter(|size| *size > 0);
                 }
                 b"fmt " => format = Some(bytes.format(&chunk)?),
                 b"data" => {
