@@ -268,7 +268,11 @@ direction = [0.0, 2.0, 0.0]
             ),
             ("[800.0, 300.0, 150.0]", "[0, 0, 0]", "`cut.coefficients_N_per_mm2`: is [0.0"),
             ("[800.0, 300.0, 150.0]", "[800.0, 1e9, 150.0]", "`cut.coefficients_N_per_mm2`"),
-            ("axial_depth_mm = 0.5", "axial_depth_mm = 1e6", "`cut.axial_depth_mm`: is 1000000 mm"),
+            (
+                "axial_depth_mm = 0.5",
+                "axial_depth_mm = 1e6",
+                "`cut.axial_depth_mm`: is 1000 m deep, out of the range of the prediction",
+            ),
             (
                 "teeth = 2",
                 "teeth = 2\nentry_deg = -200.0\nexit_deg = 180.0",
