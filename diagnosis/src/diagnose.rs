@@ -168,6 +168,8 @@ pub struct Diagnosis {
     pub notes: Vec<String>,
     /// Why nothing may be claimed: joint positions recorded before the arm had settled, or structure that the test set does not confirm.
     objection: Option<String>,
+    /// Whether a validation set confirmed the findings: with few poses there is none.
+    has_validation_set: bool,
     /// The campaign as it was used, after exclusion and subsampling of rows.
     pub campaign: Campaign,
     /// Split into training and test poses.
@@ -228,7 +230,7 @@ fn diagnose_selected_rows(
     let progress = begin(Stage::FirstSearch);
     let search = Search { campaign: &campaign, known, settings, dictionary, cache, progress };
     let validation = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
-    let validation: Vec<bool> = validation.collect();
+    let validation = validation.collect::<Vec<bool>>();
     let (preselected, also) =
         selection::preselect(&search, &base, unexplained::IMITATING_EFFECTS_MIN);
     let (selection, law) =
@@ -266,7 +268,7 @@ fn diagnose_selected_rows(
     let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
     let found = finish(campaign, model, selection, law, split, &covariates, listener);
     notes.extend(found.notes);
-    Diagnosis { not_tested, notes, ..found }
+    Diagnosis { not_tested, notes, has_validation_set: validation.contains(&true), ..found }
 }
 
 /// Sets the campaign's AR noise models to those of the residual of `current` and refits the known model with them; `None` if the noise models are
@@ -347,6 +349,7 @@ fn finish(
         not_tested: Vec::new(),
         notes,
         objection,
+        has_validation_set: false,
         campaign,
         split,
     }
@@ -396,10 +399,11 @@ impl Diagnosis {
                 "{outliers} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
             ));
         }
-        // Without a finding, the model would be said to agree with the recording.
-        let excess = self.test_errors.excess.filter(|_| self.verdict == Verdict::Consistent)?;
+        // Without a finding, the model would be said to agree with the recording; without a validation set, nothing else has confirmed the findings.
+        let is_unconfirmed = self.verdict == Verdict::Consistent || !self.has_validation_set;
+        let excess = self.test_errors.excess.filter(|_| is_unconfirmed)?;
         Some(format!(
-            "the model does not predict the poses that were held out: their RMS error is {:.1} times that of the fitted poses, more than scatter explains, and no known effect accounts for it; measure more poses, spread over the workspace",
+            "the model does not predict the poses that were held out: their RMS error is {:.1} times that of the fitted poses, more than scatter explains, and known effects do not account for it; measure more poses, spread over the workspace",
             excess.ratio
         ))
     }
