@@ -88,7 +88,8 @@ const OUTLIER_SHARE_MAX: f64 = 0.2;
 /// rows.
 const EXPLAINED_RMS_SHARE: f64 = 0.5;
 
-/// Ratio of the residuals to an instrument's stated noise from which a note says so; above 1. Default 1.5: statements on data sheets are seldom better.
+/// Least ratio of the residuals to an instrument's stated noise that is noted; above 1. Default 1.5: five standard deviations above 1 for an estimate from
+/// 50 values, whose relative standard deviation is 1/√(2·50).
 const STATED_NOISE_RATIO: f64 = 1.5;
 
 /// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.

@@ -155,8 +155,8 @@ pub enum FeedforwardError {
         "time steps are uneven, expected the output of `trued correct --dynamic` or `trued learn`, or a path without corrected joints (c1_deg …)"
     )]
     UnevenTable,
-    /// A corrected joint is no number.
-    #[error("{at}: {column} is no number")]
+    /// A corrected joint is not a number.
+    #[error("{at}: {column} is not a number")]
     NoNumber {
         /// Its row.
         at: PathRow,

@@ -20,7 +20,7 @@ pub const SCHEMA: &str = "trued.cut/1";
 const SPINDLE_RPM: (Bound<f64>, Bound<f64>) = (Bound::Included(1.0), Bound::Included(1e6));
 /// Largest depth of cut, and of the chart, mm.
 const DEPTH_MAX_MM: f64 = 1000.0;
-/// Largest cutting coefficient, N/mm²: ten times that of the hardest steels.
+/// Largest cutting coefficient, N/mm². Chosen: those of metals are some thousand at most, and one in N/m² instead is far above.
 const COEFFICIENT_MAX_N_PER_MM2: f64 = 1e5;
 /// Least sine of the angle between feed and up; the same as in the equations.
 const ACROSS_LEAST: f64 = 1e-6;

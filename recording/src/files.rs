@@ -51,7 +51,7 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 }
 
 /// Bytes of UTF-16 as UTF-8; `None` for anything else. Recognised by the byte-order mark, or by zero bytes between the first characters of ASCII.
-/// Bytes that are no valid UTF-16 become the replacement character.
+/// `None` also if it is not valid UTF-16.
 #[must_use]
 pub fn utf16_as_utf8(bytes: &[u8]) -> Option<String> {
     let head = bytes.get(..UTF16_HEAD_BYTES.min(bytes.len())).unwrap_or_default();
@@ -65,7 +65,8 @@ pub fn utf16_as_utf8(bytes: &[u8]) -> Option<String> {
         _ if has_pairs && pairs.iter().all(|[a, b]| is_text(*b, *a)) => UTF_16BE,
         _ => return None,
     };
-    Some(encoding.decode(bytes).0.into_owned())
+    let (text, _, is_broken) = encoding.decode(bytes);
+    (!is_broken).then(|| text.into_owned())
 }
 
 /// Bytes as text, without a byte-order mark: UTF-8, or UTF-16.
@@ -172,6 +173,8 @@ mod tests {
             assert_eq!(text_of("x", little).unwrap(), text);
             assert_eq!(text_of("x", big).unwrap(), text);
         }
+        // A half of a surrogate pair.
+        assert!(text_of("x", b"\xff\xfe1\0\x00\xd8,\0".to_vec()).is_err());
         for bytes in [&b"RIFF\x24\0\0\0WAVEfmt "[..], b"", b"a\0", text.as_bytes()] {
             assert_eq!(utf16_as_utf8(bytes), None);
         }

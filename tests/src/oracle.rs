@@ -206,7 +206,7 @@ impl Oracle {
             return Err(format!("{} joints sent for {}", sent.len(), command.len()));
         }
         if command.iter().any(|q| !q.is_finite()) {
-            return Err("a command that is no number was answered".to_owned());
+            return Err("a command that is not a number was answered".to_owned());
         }
         let correction: [f64; JOINTS] = std::array::from_fn(|i| sent[i] - command[i]);
         self.former.retain(|(until_s, _)| *until_s >= t_s);

@@ -28,7 +28,7 @@ const MODEL: &str = include_str!("../../deploy/presets/irb1600-6-145.toml");
 pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let count = match arguments.first() {
         Some(argument) => {
-            argument.parse().map_err(|_| format!("{argument} is no number of recordings"))?
+            argument.parse().map_err(|_| format!("{argument} is not a number of recordings"))?
         }
         None => RECORDINGS,
     };

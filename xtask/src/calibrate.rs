@@ -17,7 +17,7 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let mut numbers = arguments.iter().filter(|argument| !argument.starts_with("--"));
     let campaigns: u64 = match numbers.next() {
         Some(argument) => {
-            argument.parse().map_err(|_| format!("{argument} is no number of campaigns"))?
+            argument.parse().map_err(|_| format!("{argument} is not a number of campaigns"))?
         }
         None => 1000,
     };

@@ -14,7 +14,7 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let profile = if arguments.contains(&"--debug") { "dev" } else { "release" };
     let count = match arguments.iter().find(|argument| !argument.starts_with("--")) {
         Some(argument) => {
-            argument.parse().map_err(|_| format!("{argument} is no number of seeds"))?
+            argument.parse().map_err(|_| format!("{argument} is not a number of seeds"))?
         }
         None => 20_u64,
     };

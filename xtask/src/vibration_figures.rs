@@ -19,7 +19,7 @@ pub(crate) fn run(arguments: &[&str]) -> Result<bool, String> {
     let mut numbers = arguments.iter().filter(|argument| !argument.starts_with("--"));
     let hours: f64 = match numbers.next() {
         Some(argument) => {
-            argument.parse().map_err(|_| format!("{argument} is no number of hours"))?
+            argument.parse().map_err(|_| format!("{argument} is not a number of hours"))?
         }
         None => 10.0,
     };

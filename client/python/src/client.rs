@@ -119,7 +119,7 @@ impl Client {
         sent.map_err(|e| e.raise(py))
     }
 
-    /// What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing; a command that is no number is a ValueError.
+    /// What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing; a command that is not a number is a ValueError.
     #[pyo3(signature = (q_cmd, now_ns = None))]
     fn target_for(
         &self,

@@ -241,7 +241,7 @@ class Client:
     def target_for(self, q_cmd: ArrayLike, now_ns: int | None = None) -> Target:
         """What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing.
 
-        A command that is no number is a ValueError; nothing has changed then.
+        A command that is not a number is a ValueError; nothing has changed then.
         """
 
     def last_target(self) -> Target | None:

@@ -1,8 +1,8 @@
-//! Diagnoses of few poses, whose rows are too few for a validation set.
+//! Diagnoses of few poses, whose rows are too few for a validation set; and what is said where the test set does not confirm the result.
 
-use physics::{AnyEffect, ParameterValues};
+use physics::{AnyEffect, Model, ParameterValues};
 
-use super::{Verdict, diagnose};
+use super::{Diagnosis, Verdict, diagnose};
 use crate::campaign_simulation::simulate_readings;
 use crate::progress::ignore;
 use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
@@ -16,8 +16,8 @@ const ERRORS: [(&str, usize, &str, f64); 5] = [
     ("joint_compliance", 2, "compliance", 3e-6),
 ];
 
-#[test]
-fn errors_far_above_the_noise_are_found_from_few_poses_and_not_taken_for_unknown_structure() {
+/// The nominal robot with these errors.
+fn robot_with_errors() -> Model {
     let nominal = nominal_robot();
     let mut robot = nominal;
     for (kind, joint, name, value) in ERRORS {
@@ -25,6 +25,24 @@ fn errors_far_above_the_noise_are_found_from_few_poses_and_not_taken_for_unknown
         let effect = AnyEffect::build(kind, &nominal.arm, Some(joint), ParameterValues(&values));
         robot.push(effect.expect("sound")).expect("space for it");
     }
+    robot
+}
+
+/// Diagnosis of `poses` poses of a robot by the nominal model. Every fifth pose is held out; its noise is `held_out_scale` times that of the others, which is
+/// `scale` times the stated one.
+fn diagnosis_of(robot: &Model, poses: u32, scale: f64, held_out_scale: f64) -> Diagnosis {
+    let bare = unmeasured_campaign(1, poses);
+    let measured = |scale| simulate_readings(&bare, robot, &bare.surroundings, scale, 7);
+    let (mut campaign, louder) = (measured(scale), measured(scale * held_out_scale));
+    let held_out: Vec<bool> = (0..campaign.poses.len()).map(|pose| pose % 5 == 2).collect();
+    let replaced = campaign.poses.iter_mut().zip(louder.poses).zip(&held_out);
+    replaced.filter(|(_, held_out)| **held_out).for_each(|((pose, louder), _)| *pose = louder);
+    diagnose(campaign, &nominal_robot(), &[], Some(held_out), 7, &ignore)
+}
+
+#[test]
+fn errors_far_above_the_noise_are_found_from_few_poses_and_not_taken_for_unknown_structure() {
+    let (nominal, robot) = (nominal_robot(), robot_with_errors());
     for (targets, poses, seed) in [(1, 80, 1), (1, 100, 2), (3, 60, 3), (3, 100, 4)] {
         let bare = unmeasured_campaign(targets, poses);
         let campaign = simulate_readings(&bare, &robot, &bare.surroundings, 0.6, seed);
@@ -40,4 +58,58 @@ fn errors_far_above_the_noise_are_found_from_few_poses_and_not_taken_for_unknown
         let offset = wrist.unwrap_or_else(|| panic!("{case}")).effect.values()[0];
         assert!((offset - 1.5e-3).abs() < 1.5e-4, "{case}: {offset}");
     }
+}
+
+#[test]
+fn nothing_is_claimed_where_the_poses_held_out_are_not_predicted() {
+    let (nominal, robot) = (nominal_robot(), robot_with_errors());
+    let unpredicted_reason = "the model does not predict the poses that were held out";
+    for (robot, verdict) in [(&nominal, Verdict::Consistent), (&robot, Verdict::MissingPhysics)] {
+        let sound = diagnosis_of(robot, 100, 0.6, 1.0);
+        assert_eq!((sound.verdict, sound.reason_not_to_claim()), (verdict, None));
+        let unpredicted = diagnosis_of(robot, 100, 0.6, 4.0);
+        let reason = unpredicted.reason_not_to_claim().unwrap_or_default();
+        assert!(reason.starts_with(unpredicted_reason), "{verdict:?}: {reason}");
+    }
+    // A validation set has confirmed the findings.
+    let validated = diagnosis_of(&robot, 400, 0.6, 4.0);
+    assert!(validated.has_validation_set && validated.test_errors.excess.is_some());
+    assert_eq!(validated.reason_not_to_claim(), None);
+}
+
+#[test]
+fn residuals_above_the_stated_noise_are_noted() {
+    let notes = |scale| {
+        let found = diagnosis_of(&nominal_robot(), 100, scale, 1.0);
+        assert_eq!(found.verdict, Verdict::Consistent);
+        found.notes.join("; ")
+    };
+    assert!(!notes(1.0).contains("stated noise"));
+    let loud = notes(3.0);
+    let (before, _) = loud.split_once(" times as large as the stated noise").expect("a note");
+    let ratio: f64 =
+        before.rsplit_once(' ').and_then(|(_, ratio)| ratio.parse().ok()).expect("a ratio");
+    assert!((2.5..3.5).contains(&ratio), "{loud}");
+}
+
+#[test]
+fn structure_of_the_fitted_poses_that_those_held_out_do_not_have_is_not_claimed() {
+    let bare = unmeasured_campaign(1, 100);
+    let mut bent = bare.clone();
+    for pose in &mut bent.poses {
+        let q = pose.inputs.q;
+        pose.inputs.q[1] += 2e-3 * (3.0 * q[1]).sin() * q[2];
+    }
+    let measured =
+        |campaign| simulate_readings(campaign, &nominal_robot(), &bare.surroundings, 0.6, 7);
+    let (straight, bent) = (measured(&bare), measured(&bent));
+    let held_out: Vec<bool> = (0..bare.poses.len()).map(|pose| pose % 5 == 2).collect();
+    let mut campaign = bare.clone();
+    for (pose, is_held_out) in held_out.iter().enumerate() {
+        let source = if *is_held_out { &straight } else { &bent };
+        campaign.poses[pose].seen.clone_from(&source.poses[pose].seen);
+    }
+    let found = diagnose(campaign, &nominal_robot(), &[], Some(held_out), 7, &ignore);
+    let reason = found.reason_not_to_claim().unwrap_or_default();
+    assert!(reason.contains("held out"), "{:?} {:?}: {reason}", found.verdict, found.test_errors);
 }

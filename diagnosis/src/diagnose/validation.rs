@@ -63,9 +63,9 @@ pub struct TestExcess {
 /// When errors on the test set count as larger than the residuals of the training rows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ExcessSettings {
-    /// Least ratio of the RMS values; no unit, above 1. Default 1.5: smaller ratios occur where the noise differs between parts of the workspace.
+    /// Least ratio of the RMS values; no unit, above 1. Default 1.5, chosen: noise that differs between parts of the workspace causes smaller ratios.
     pub(super) ratio_least: f64,
-    /// Least normal deviate; above 0. Default 4: by chance once in 30 000 recordings.
+    /// Least normal deviate; above 0. Default 4: exceeded with a probability of 3e-5 by normally distributed errors.
     pub(super) deviate_least: f64,
 }
 

@@ -162,7 +162,7 @@ impl<'s> Source<'s> {
     }
 
     /// A number that may be infinite, if the attribute is present; unrealistically large ones
-    /// become infinite. NaN, with a fault, if it is no number.
+    /// become infinite. NaN, with a fault, if it is not a number.
     pub(super) fn wide(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
         let found = self.attribute(node, attribute)?;
         let number = found.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
@@ -186,7 +186,7 @@ impl<'s> Source<'s> {
         }
     }
 
-    /// Three numbers; `None`, with a fault, if they are no numbers, and without one if the attribute is missing.
+    /// Three numbers; `None`, with a fault, if they are not numbers, and without one if the attribute is missing.
     pub(super) fn vector(&self, node: Node<'_, '_>, attribute: &str) -> Option<DVec3> {
         let found = self.attribute(node, attribute)?;
         let numbers: Option<Vec<f64>> = found.1.split_whitespace().map(number).collect();

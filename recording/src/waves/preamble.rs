@@ -4,7 +4,7 @@
 //! separator. The table begins at the first of six lines (or of all that follow) most of which have
 //! the same number of numeric cells.
 
-use super::names;
+use super::names::{self, ColumnRole};
 use super::quantity;
 use crate::faults::{Fault, Location};
 use crate::series::{Dialect, is_number, is_unit};
@@ -120,13 +120,20 @@ fn cells(line: &str, separator: u8) -> Vec<&str> {
     cells
 }
 
-/// A line above a table that has names, each of letters, but not one for each column. Lines of blanks and tabulators are text of any kind.
+/// A line of names directly above a table with another number of columns. A line counts as names if one of them is a time or has a unit, or if commas or
+/// semicolons separate single words; any other may be text about the measurement.
 fn unusable_names(text: &str, separator: u8, width: usize, line: usize) -> Option<UnusableNames> {
-    let cells = cells(text, separator);
-    let is_name = |cell: &&str| cell.contains(char::is_alphabetic) && !cell.contains(' ');
-    let is_line_of_names = matches!(separator, b',' | b';') && cells.len() > 1;
-    let found = is_line_of_names && cells.len() != width && cells.iter().all(is_name);
-    found.then(|| UnusableNames { line, text: text.to_owned(), names: cells.len(), columns: width })
+    let cells = cells(text.trim_start().trim_start_matches(['#', '%']), separator);
+    let is_text = |cell: &&str| cell.contains(char::is_alphabetic);
+    let is_word = |cell: &&str| !cell.contains(' ');
+    let is_quantity = |cell: &&str| {
+        let unit = names::split(cell).1.and_then(names::measured);
+        unit.is_some() || matches!(names::counts(cell), ColumnRole::Time(_))
+    };
+    let has_words = matches!(separator, b',' | b';') && cells.iter().all(is_word);
+    let are_names = cells.iter().all(is_text) && (has_words || cells.iter().any(is_quantity));
+    (separator != b' ' && are_names && cells.len() > 1 && cells.len() != width)
+        .then(|| UnusableNames { line, text: text.to_owned(), names: cells.len(), columns: width })
 }
 
 fn heads(
@@ -217,6 +224,9 @@ mod tests {
     fn names_that_are_not_one_for_each_column_are_reported_and_other_texts_are_not() {
         let unusable = |text: &str| find(text, 0).unwrap().unusable.is_some();
         assert!(unusable("t_s,a\n0,000,1,5\n0,001,1,7\n0,002,2,0\n"));
+        assert!(unusable("Time (s),Force (N)\n0,000,1,5\n0,001,1,7\n0,002,2,0\n"));
+        assert!(unusable("time\tforce\n0\t1\t5\n1\t1\t7\n2\t2\t0\n"));
+        assert!(!unusable("Operator\tMiller\n0\t1\t5\n1\t1\t7\n2\t2\t0\n"));
         assert!(!unusable("t_s,a\n0,1\n1,2\n2,3\n"));
         assert!(!unusable("Recorded by, the third shift\n0,1,2\n1,2,3\n2,3,4\n"));
         assert!(!unusable("Device;7\n0;1;2\n1;2;3\n2;3;4\n"));

@@ -69,7 +69,7 @@ const SPELLINGS: &[(&[&str], Quantity, f64)] = &[
 pub(super) fn of(unit: &str) -> Option<(Quantity, f64)> {
     spelled(unit).or_else(|| {
         let unit = unit.trim_start();
-        // A number ends where no longer beginning of the text is one: `1e3N`, `2 mm`.
+        // The factor is the longest prefix that is a number: 1e3 in `1e3N`.
         let (at, factor) = unit
             .char_indices()
             .filter_map(|(at, _)| Some((at, unit.get(..at)?.trim_end().parse::<f64>().ok()?)))

@@ -254,7 +254,7 @@ fn force_factor(
             Ok(1.0)
         }
         (None, Some(_)) => Err(format!(
-            "the force, column `{}`, is in `{}`, which is no force",
+            "the force, column `{}`, is in `{}`, which is not a unit of force",
             force.name, force.unit
         )),
         (None, None) => Err(format!(

@@ -165,7 +165,7 @@ struct Input {
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let share: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    let share: f64 = text.parse().map_err(|_| format!("`{text}` is not a number"))?;
     if share > 0.0 && share < 0.5 {
         Ok(share)
     } else {
@@ -174,7 +174,7 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 fn worth_mm(word: &str) -> Result<f64, String> {
-    let worth: f64 = word.parse().map_err(|_| format!("`{word}` is no number"))?;
+    let worth: f64 = word.parse().map_err(|_| format!("`{word}` is not a number"))?;
     if worth.is_finite() && worth >= 0.0 {
         Ok(worth)
     } else {

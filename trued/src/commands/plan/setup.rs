@@ -29,7 +29,7 @@ impl<const N: usize> FromStr for CommaTuple<N> {
         }
         for (slot, part) in numbers.iter_mut().zip(parts) {
             let number = part.trim().parse().ok().filter(|number: &f64| number.is_finite());
-            *slot = number.ok_or_else(|| format!("`{part}` is no number"))?;
+            *slot = number.ok_or_else(|| format!("`{part}` is not a number"))?;
         }
         Ok(Self(numbers))
     }
