@@ -204,14 +204,14 @@ fn sentence(report: &Report) -> String {
     match (report.verdict, report.all_findings().count()) {
         ("consistent", _) => {
             format!(
-                "Model and recording agree within the scatter of the readings ({residual} {unit})."
+                "Nothing in the recording contradicts the model: the residuals scatter by {residual} {unit} without structure."
             )
         }
         ("undetermined", _) => format!(
-            "The model error is {before} {unit} at a scatter of the readings of {residual} {unit}, but this recording cannot distinguish between several causes."
+            "The model error is {before} {unit} at a residual scatter of {residual} {unit}, but this recording cannot distinguish between several causes."
         ),
         ("unknown_structure", 0) => format!(
-            "The model error is {before} {unit} at a scatter of the readings of {residual} {unit}, and no known effect explains it."
+            "The model error is {before} {unit} at a residual scatter of {residual} {unit}, and no known effect explains it."
         ),
         ("unknown_structure", count) => format!(
             "The model error is {before} {unit}. {} reduce{} it to {after} {unit}; the remaining error is not explained by any known effect.",
@@ -232,13 +232,13 @@ fn effect_count(count: usize) -> String {
 
 /// Key figures without a tone: an improvement is not necessarily sufficient.
 fn key_figures(report: &Report) -> Vec<Number> {
-    let rms = "RMS of held-out readings";
+    let rms = format!("on held-out readings: {}", report.error_kind());
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
         let share = format!(
             "{rms}; {} % of the given model's error",
             significant(100.0 * after / before, 2)
         );
-        let given = Number::new("Given model", before, report.unit).note(rms);
+        let given = Number::new("Given model", before, report.unit).note(rms.clone());
         let found = Number::new("With the findings", after, report.unit).note(share);
         if report.all_findings().count() == 0 { vec![given] } else { vec![given, found] }
     });
@@ -258,7 +258,7 @@ fn alternatives_section(page: Page, report: &Report) -> Page {
     if report.findings.iter().all(|reported| reported.alternatives.is_empty()) {
         return page;
     }
-    page.section("Rivals")
+    page.section("Alternatives")
         .text("Alternative explanations of a finding, with the probability of each from this recording alone.")
         .figure("Probability of each candidate.", &figures::probabilities_of_alternatives(report))
 }

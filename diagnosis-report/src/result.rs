@@ -350,7 +350,7 @@ impl Report {
             noise_rms: 0.0,
             heldout_rms_before: None,
             heldout_rms_after: None,
-            heldout: "nothing: the recordings cannot be evaluated".to_owned(),
+            heldout: "no errors are reported: the recordings cannot be evaluated".to_owned(),
             tolerance: None,
             findings: Vec::new(),
             minor: Vec::new(),
@@ -544,16 +544,30 @@ fn deviation(report: &Report) -> String {
         _ => format!(", {} with the findings", significant(after, 3)),
     };
     let errors = format!(
-        "held-out RMS error (single values): {} {} with the given model{found}; the residual scatter is {}",
+        "held-out error ({}): {} {} with the given model{found}; the residual scatter is {}",
+        report.error_kind(),
         significant(before, 3),
         report.unit,
         significant(report.noise_rms, 3)
     );
     match count {
-        0 if report.unexplained.is_none() => format!("nothing above the noise; {errors}"),
+        0 if report.unexplained.is_none() => {
+            format!("no structure above the residual scatter; {errors}")
+        }
         0 => format!("no known effect explains it; {errors}"),
         1 => format!("one effect; {errors}"),
         count => format!("{count} effects; {errors}"),
+    }
+}
+
+impl Report {
+    /// Which mean the errors of this domain are (docs/reference/results.md).
+    pub(crate) fn error_kind(&self) -> &'static str {
+        match self.domain {
+            "position" => "RMS of single values",
+            "torque" => "RMS, each joint weighted by its noise",
+            _ => "RMS",
+        }
     }
 }
 

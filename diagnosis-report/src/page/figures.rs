@@ -271,7 +271,7 @@ fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) ->
 
 /// Posterior probabilities of the alternatives to each finding.
 pub(crate) fn probabilities_of_alternatives(report: &Report) -> Svg {
-    let mut bars = Bars::new("Rivals", Axis::new("Probability", "").range(0.0, 1.0));
+    let mut bars = Bars::new("Alternatives", Axis::new("Probability", "").range(0.0, 1.0));
     let whose = |effect: &str, joint: Option<usize>| {
         let joint = joint.map_or(String::new(), |joint| format!(", joint {joint}"));
         format!("{}{joint}", effect.replace('_', " "))

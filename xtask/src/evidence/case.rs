@@ -138,9 +138,14 @@ impl Case {
         let unit = result.text("unit");
         let [before, after, noise] = ["heldout_rms_before", "heldout_rms_after", "noise_rms"]
             .map(|key| significant(result.number(key), 3));
+        let kind = match result.text("domain") {
+            "position" => "RMS of single values",
+            "torque" => "RMS, each joint weighted by its noise",
+            _ => "RMS",
+        };
         if result.number("heldout_rms_before") > 0.0 {
             self.statements.push(format!(
-                "Held out ({}): {before} {unit} with the given model, {after} {unit} with the findings, noise {noise} {unit} (RMS of single values).",
+                "Held out ({}): {before} {unit} with the given model, {after} {unit} with the findings, noise {noise} {unit} ({kind}).",
                 result.text("heldout")
             ));
         }
