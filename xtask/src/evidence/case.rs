@@ -97,6 +97,15 @@ impl LimitCheck {
     }
 }
 
+/// Which mean the errors of a domain are (docs/reference/results.md).
+fn error_kind(domain: &str) -> &'static str {
+    match domain {
+        "position" => "RMS of single values",
+        "torque" => "RMS, each joint weighted by its noise",
+        _ => "RMS",
+    }
+}
+
 impl Case {
     /// Result of a command other than a diagnosis.
     pub(super) fn from_outcome(
@@ -138,11 +147,7 @@ impl Case {
         let unit = result.text("unit");
         let [before, after, noise] = ["heldout_rms_before", "heldout_rms_after", "noise_rms"]
             .map(|key| significant(result.number(key), 3));
-        let kind = match result.text("domain") {
-            "position" => "RMS of single values",
-            "torque" => "RMS, each joint weighted by its noise",
-            _ => "RMS",
-        };
+        let kind = error_kind(result.text("domain"));
         if result.number("heldout_rms_before") > 0.0 {
             self.statements.push(format!(
                 "Held out ({}): {before} {unit} with the given model, {after} {unit} with the findings, noise {noise} {unit} ({kind}).",
