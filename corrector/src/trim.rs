@@ -49,7 +49,8 @@ pub struct TrimRules {
     /// Deviations beyond this many standard deviations are not noise; no unit, above 0. Default 5:
     /// probability 1.5e-5 in three dimensions (chi distribution).
     pub noise_sigmas: f64,
-    /// After this many intervals without a measurement the estimate is held; no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
+    /// After this many intervals without a measurement the estimate is held, and the reason is that none is received, no longer that the last one was refused;
+    /// no unit, 1 or more. Default 2.5: a single dropout does not interrupt it.
     pub fresh_intervals: f64,
     /// When measurements agree.
     pub gate: OutlierRules,
@@ -148,6 +149,8 @@ pub struct Trim {
     /// The newest accepted deviation, and when it was received.
     deviation_m: DVec3,
     accepted_ns: Option<u64>,
+    /// When the newest measurement was received, accepted or not.
+    received_ns: Option<u64>,
     /// Both low-passes; the second is the estimate.
     low_passes_m: [DVec3; 2],
     /// Whether the estimate has started.
@@ -169,6 +172,7 @@ impl Trim {
             gate: OutlierGate::new(settings.rules.gate),
             deviation_m: DVec3::ZERO,
             accepted_ns: None,
+            received_ns: None,
             low_passes_m: [DVec3::ZERO; 2],
             has_begun: false,
             share: 0.0,
@@ -196,6 +200,7 @@ impl Trim {
     /// Adds a measurement received by `now_ns`.
     pub fn add_measurement(&mut self, sample: &PointSample, now_ns: u64) {
         self.report.measurements += 1;
+        self.received_ns = Some(now_ns);
         match self.deviation(sample, now_ns) {
             Ok(deviation_m) => match self.gate.judge(deviation_m, self.deviation_max_m()) {
                 MeasurementVerdict::Accepted => self.accept(deviation_m, now_ns),
@@ -223,9 +228,15 @@ impl Trim {
         self.stepped_ns = now_ns;
         let TrimSettings { is_sent, interval_s, time_constant_s, hold_s, rules, .. } =
             self.settings;
-        let age_s =
-            self.accepted_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)));
-        let is_fresh = self.gate.is_steady() && age_s <= rules.fresh_intervals * interval_s + dt_s;
+        let since_s = |at_ns: Option<u64>| {
+            at_ns.map_or(f64::INFINITY, |at_ns| seconds(now_ns.saturating_sub(at_ns)))
+        };
+        let age_s = since_s(self.accepted_ns);
+        let fresh_s = rules.fresh_intervals * interval_s + dt_s;
+        let is_fresh = self.gate.is_steady() && age_s <= fresh_s;
+        if since_s(self.received_ns) > fresh_s {
+            self.last_refusal = TrimReason::None;
+        }
         if is_fresh {
             let part = -expm1(-2.0 * dt_s / time_constant_s);
             self.low_passes_m[0] += part * (self.deviation_m - self.low_passes_m[0]);

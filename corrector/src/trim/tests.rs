@@ -397,6 +397,22 @@ fn a_measurement_that_makes_no_sense_is_refused_by_name_and_changes_nothing() {
     assert_eq!(bench.trim.report().trim_m, before.trim_m);
 }
 
+#[test]
+fn after_a_refused_measurement_an_interrupted_beam_is_reported_as_no_measurement() {
+    let mut bench = Bench::new(settings());
+    bench.rest(3000, 1e-3);
+    let late = PointSample { point_m: DVec3::X * 1e-3, t_ns: bench.now_ns - MS };
+    bench.now_ns += 100 * MS;
+    bench.trim.add_measurement(&late, bench.now_ns);
+    bench.trim.step(bench.now_ns, true);
+    assert_eq!(bench.state_and_reason(), (TrimState::Holding, TrimReason::Late));
+    for _ in 0..40 {
+        bench.now_ns += MS;
+        bench.trim.step(bench.now_ns, true);
+    }
+    assert_eq!(bench.state_and_reason(), (TrimState::Holding, TrimReason::NoMeasurement));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
