@@ -129,13 +129,24 @@ pub struct Finding {
     pub group: Option<usize>,
 }
 
+/// What a structure in the residual is attributed to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StructureLocation {
+    /// The error of a joint; index from 0.
+    Joint(usize),
+    /// A motion of the measuring frame against the robot's base.
+    MeasuringFrame,
+    /// A motion of the measured points on the tool.
+    MeasuredPoint,
+}
+
 /// Structure in the residual that no effect of the dictionary explains, modelled as a smooth function of one or two covariates.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
     /// Names of the covariates, as in docs/reference/results.md.
     pub depends_on: Vec<String>,
-    /// Index of the joint to whose error the structure is attributed, from 0.
-    pub joint: usize,
+    /// What it is attributed to.
+    pub location: StructureLocation,
     /// RMS error on the test set without and with the smooth function, m or rad.
     pub heldout: [f64; 2],
 }

@@ -113,23 +113,27 @@ impl<'a> ScoreTest<'a> {
         scores
     }
 
-    /// Scores of groups of columns that are all multiples of one motion of the tool, given by their factors at each pose.
+    /// Scores of groups of columns that are multiples of motions of the tool, given by their factors at each pose. With several motions there is one
+    /// group, and its columns are the multiples of the first motion, then those of the second …
     pub(crate) fn scores_of_multiples(
         &self,
         groups: &ColumnGroups,
-        mut motion: impl FnMut(usize) -> ToolMotion,
+        mut motions: impl FnMut(usize, &mut Vec<ToolMotion>),
         mut multiples: impl FnMut(usize, &mut Vec<f64>),
     ) -> Vec<CandidateScore> {
-        let (mut now, mut moved, mut times) = (usize::MAX, ToolMotion::default(), Vec::new());
+        let (mut now, mut moved, mut times) = (usize::MAX, Vec::new(), Vec::new());
         self.scores_along(groups, |reading, into| {
             if now != reading.pose {
                 now = reading.pose;
-                moved = motion(now);
+                moved.clear();
+                motions(now, &mut moved);
                 times.clear();
                 multiples(now, &mut times);
             }
-            let along = reading.rows.derivative_along(&moved);
-            into.extend(times.iter().map(|times| along * *times));
+            for motion in &moved {
+                let along = reading.rows.derivative_along(motion);
+                into.extend(times.iter().map(|times| along * *times));
+            }
         })
     }
 

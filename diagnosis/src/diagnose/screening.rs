@@ -1,13 +1,14 @@
 //! Screening of recordings before anything is fitted: time stamps, rows without measurements, stations of the instrument, channels that are frozen,
-//! saturated, repeated over several rows or coarsely quantised.
+//! saturated, repeated over several rows or coarsely quantised, targets that slipped on the tool.
 //!
-//! Read in this order: `time_stamps`, `expected_values` (of a channel, in any measuring frame), `channel_faults`.
+//! Read in this order: `time_stamps`, `expected_values` (of a channel, in any measuring frame), `channel_faults`, `target_slip`.
 //!
 //! Measurements that are frozen or saturated while the arm moves are excluded and reported with channel, time and number of rows; a recording without
 //! usable measurements is refused with the reason. No measured value is changed, and only the nominal kinematics is used.
 
 mod channel_faults;
 mod expected_values;
+mod target_slip;
 mod time_stamps;
 
 use physics::Arm;
@@ -16,6 +17,7 @@ use recording::series::{Channel, Recording};
 use crate::campaign_import::JointPositions;
 use crate::frame_drift::FrameDrift;
 use channel_faults::ChannelInspection;
+use target_slip::separate_slipped_targets;
 
 /// Result of the screening.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -30,6 +32,7 @@ pub struct ScreeningReport {
 pub fn screen_recordings(arm: &Arm, recordings: &mut [Recording]) -> ScreeningReport {
     let mut all = ScreeningReport::default();
     let several = recordings.len() > 1;
+    let mut new_target = recordings.iter().map(Recording::target_count).max().unwrap_or(0);
     for recording in recordings.iter_mut() {
         let mut notes = time_stamps::notes(recording);
         notes.extend(missing_value_notes(recording));
@@ -38,6 +41,7 @@ pub fn screen_recordings(arm: &Arm, recordings: &mut [Recording]) -> ScreeningRe
         let Ok(q) = JointPositions::of(arm, recording) else { continue };
         let had_measurements = has_measurements(recording);
         notes.extend(ChannelInspection::new(arm, recording, &q).exclude_faulty_rows());
+        notes.extend(separate_slipped_targets(recording, &mut new_target));
         let is_empty = had_measurements && !has_measurements(recording);
         let name = recording.file.file_name().map(|name| name.to_string_lossy().into_owned());
         let with_file_name = |note: String| match &name {

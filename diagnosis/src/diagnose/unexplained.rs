@@ -5,24 +5,30 @@
 //! selected effect is also modelled as a function of a covariate (a varying-coefficient model, Hastie and Tibshirani 1993): if it varies, the
 //! selected effect is not the cause.
 //!
+//! Not every structure is the robot's: the instrument or the robot's base may move during the recording, or the measured points on the tool. Both are
+//! tried as motions over time (six or three coordinates, each a polynomial of time).
+//!
 //! The criterion includes penalties for the coefficients and for the number of functions tried.
 
-use super::Unexplained;
 use super::covariates::Covariate;
 use super::residual_map::displacements;
 use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
 use super::terms::{count, pairs, singles, terms};
 use super::validation::validation_margin;
+use super::{StructureLocation, Unexplained};
 use crate::fit::refit_with_fixed_weights;
 use crate::score_test::{ColumnGroups, ScoreTest};
 use crate::simd::dot;
 use crate::tool_motion::ToolMotion;
+use glam::DVec3;
 use physics::spec::Need;
 use physics::{AnyEffect, Arm, Chain, Inputs};
 use std::rc::Rc;
 
 /// Degree of the polynomials of a single covariate.
 const DEGREE: usize = 5;
+/// Degrees of the polynomials of a motion over time: a steady drift, and any slow motion.
+const DEGREES_OVER_TIME: [usize; 2] = [1, DEGREE];
 /// Degree of the polynomials by which the size of a selected effect varies.
 const SIZE_DEGREE: usize = 3;
 /// Whitened residuals beyond this are outliers, in standard deviations.
@@ -42,21 +48,60 @@ const EARLY_IMPROVEMENT_MIN: f64 = 200.0;
 /// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
 const COEFFICIENT_SIGMA: f64 = 5e-3;
 
-/// The motion that a smooth function multiplies.
+/// The motions that a smooth function multiplies, each with coefficients of its own.
 #[derive(Clone, Debug)]
 enum ModulatedMotion {
-    /// An error of the joint's position, rad or m.
+    /// An error of a joint's position, rad or m.
     JointError,
     /// The motion by a selected effect: tool displacement at each pose, and index of the covariate that the effect itself depends on.
     EffectSize(Rc<[ToolMotion]>, Option<usize>),
+    /// Translations of the measuring frame along the axes of the base, m; with the degree of the polynomials.
+    FrameShift(usize),
+    /// Translations of the measuring frame along the axes of the base and rotations about them, m and rad; with the degree.
+    FrameMotion(usize),
+    /// Translations of the measured points along the axes of the tool, m; with the degree.
+    ToolShift(usize),
 }
 
 impl ModulatedMotion {
-    /// Tool displacement at a pose per unit of the smooth function.
-    fn unit(&self, arm: &Arm, joint: usize, inputs: &Inputs, pose: usize) -> ToolMotion {
+    /// Passes the tool displacements at a pose per unit of the smooth function to `take`.
+    fn units(
+        &self,
+        arm: &Arm,
+        location: StructureLocation,
+        (inputs, pose): (&Inputs, usize),
+        mut take: impl FnMut(ToolMotion),
+    ) {
+        let chain = || Chain::nominal(arm, &inputs.q);
+        let shift = |shift| ToolMotion { shift, ..ToolMotion::default() };
         match self {
-            Self::JointError => ToolMotion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
-            Self::EffectSize(motions, _) => motions[pose],
+            Self::JointError => {
+                if let StructureLocation::Joint(joint) = location {
+                    take(ToolMotion::of_joint(arm, &chain(), joint));
+                }
+            }
+            Self::EffectSize(motions, _) => take(motions[pose]),
+            Self::FrameShift(_) => DVec3::AXES.into_iter().for_each(|axis| take(shift(axis))),
+            Self::FrameMotion(_) => {
+                let tcp = chain().base_from_tool.origin;
+                DVec3::AXES.into_iter().for_each(|axis| take(shift(axis)));
+                DVec3::AXES.into_iter().for_each(|turn| {
+                    take(ToolMotion { turn, ..shift(turn.cross(tcp)) });
+                });
+            }
+            Self::ToolShift(_) => {
+                let rotation = chain().base_from_tool.rotation;
+                DVec3::AXES.into_iter().for_each(|axis| take(shift(rotation * axis)));
+            }
+        }
+    }
+
+    /// Number of these motions.
+    fn unit_count(&self) -> usize {
+        match self {
+            Self::JointError | Self::EffectSize(..) => 1,
+            Self::FrameShift(_) | Self::ToolShift(_) => 3,
+            Self::FrameMotion(_) => 6,
         }
     }
 
@@ -65,27 +110,30 @@ impl ModulatedMotion {
         match self {
             Self::JointError => DEGREE,
             Self::EffectSize(..) => SIZE_DEGREE,
+            Self::FrameShift(degree) | Self::FrameMotion(degree) | Self::ToolShift(degree) => {
+                *degree
+            }
         }
     }
 
-    /// Standard deviation of the prior of a coefficient: rad or m for an error of the joint, relative for the size of a selected effect.
+    /// Standard deviation of the prior of a coefficient: rad or m, relative for the size of a selected effect.
     fn coefficient_sigma(&self) -> f64 {
         match self {
-            Self::JointError => COEFFICIENT_SIGMA,
             Self::EffectSize(..) => 1.0,
+            _ => COEFFICIENT_SIGMA,
         }
     }
 }
 
-/// A smooth function that models the error of a joint, or the size of an effect selected there.
+/// A smooth function that models the error of a joint, the size of an effect selected there, or a motion of the measuring frame or of the measured points.
 #[derive(Clone, Debug)]
 pub(super) struct SmoothFunction {
-    /// Index of the joint, from 0.
-    pub(super) joint: usize,
+    /// What it models.
+    pub(super) location: StructureLocation,
     carrier: ModulatedMotion,
     /// Indices of its covariates: one or two.
     covariates: Vec<usize>,
-    /// Coefficients of the terms: rad or m for an error of the joint, relative for the size of a selected effect.
+    /// Coefficients of the terms of each motion: rad or m, relative for the size of a selected effect.
     coefficients: Vec<f64>,
     /// Reduction of the sum of squares less the penalty; a function above zero is significant.
     pub(super) improvement: f64,
@@ -246,21 +294,44 @@ pub(super) fn best_function(
     fitted: &ScoreTest<'_>,
     covariates: &[Covariate],
 ) -> Option<SmoothFunction> {
-    let joints = fitted.state.hypothesis.model.arm.count();
     let mut best = best_over_joints(fitted, covariates, |joint| singles(covariates, joint), None);
     best = best_over_joints(fitted, covariates, |joint| pairs(covariates, joint), best);
     // The covariate of the best function may interact with any other covariate.
     if let Some(one) = best.clone() {
         let with = |joint: usize| {
-            let all = (0..covariates.len()).filter(|_| joint == one.joint);
+            let is_there = StructureLocation::Joint(joint) == one.location;
+            let all = (0..covariates.len()).filter(|_| is_there);
             all.filter(|w| !one.covariates.contains(w))
                 .map(|w| vec![one.covariates[0], w])
                 .collect()
         };
         best = best_over_joints(fitted, covariates, with, best);
     }
-    debug_assert!(best.as_ref().is_none_or(|law| law.joint < joints));
+    best = best_motion_over_time(fitted, covariates, best);
     best.filter(|law| law.improvement > 0.0)
+}
+
+/// The best motion over time of the measuring frame or of the measured points on the tool, or `before` if that is better.
+fn best_motion_over_time(
+    fitted: &ScoreTest<'_>,
+    covariates: &[Covariate],
+    before: Option<SmoothFunction>,
+) -> Option<SmoothFunction> {
+    let Some(time) = covariates.iter().position(|one| one.name == "t_s") else { return before };
+    let motions: Vec<(StructureLocation, ModulatedMotion)> = DEGREES_OVER_TIME
+        .into_iter()
+        .flat_map(|degree| {
+            [
+                (StructureLocation::MeasuringFrame, ModulatedMotion::FrameShift(degree)),
+                (StructureLocation::MeasuringFrame, ModulatedMotion::FrameMotion(degree)),
+                (StructureLocation::MeasuredPoint, ModulatedMotion::ToolShift(degree)),
+            ]
+        })
+        .collect();
+    let tried = motions.len();
+    motions.iter().fold(before, |best, (location, carrier)| {
+        best_in_groups(fitted, covariates, (*location, carrier), (&[vec![time]], tried), best)
+    })
 }
 
 /// The best function of `groups` of covariates (per joint), or `before` if that is better.
@@ -277,7 +348,7 @@ fn best_over_joints(
         best_in_groups(
             fitted,
             covariates,
-            (joint, &ModulatedMotion::JointError),
+            (StructureLocation::Joint(joint), &ModulatedMotion::JointError),
             (groups, tried),
             best,
         )
@@ -305,7 +376,8 @@ fn best_varying_size(
             displacements(search.campaign, &without, whole).into(),
             own_index,
         );
-        best_in_groups(fitted, covariates, (joint, &carrier), (&groups, tried), best)
+        let location = StructureLocation::Joint(joint);
+        best_in_groups(fitted, covariates, (location, &carrier), (&groups, tried), best)
     })
 }
 
@@ -313,19 +385,23 @@ fn best_varying_size(
 fn best_in_groups(
     fitted: &ScoreTest<'_>,
     covariates: &[Covariate],
-    (joint, carrier): (usize, &ModulatedMotion),
+    (location, carrier): (StructureLocation, &ModulatedMotion),
     (groups, tried): (&[Vec<usize>], usize),
     before: Option<SmoothFunction>,
 ) -> Option<SmoothFunction> {
     let arm = &fitted.state.hypothesis.model.arm;
+    let terms_in = |group: &Vec<usize>| count(covariates, group, carrier.degree());
     let column_counts: Vec<usize> =
-        groups.iter().map(|group| count(covariates, group, carrier.degree())).collect();
+        groups.iter().map(|group| carrier.unit_count() * terms_in(group)).collect();
     let column_groups = ColumnGroups {
         sigmas: vec![carrier.coefficient_sigma(); column_counts.iter().sum()],
         column_counts,
     };
-    let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
-    let scores = fitted.scores_of_multiples(&column_groups, unit, |pose, into| {
+    let units = |pose: usize, into: &mut Vec<ToolMotion>| {
+        let inputs = &fitted.campaign.poses[pose].inputs;
+        carrier.units(arm, location, (inputs, pose), |unit| into.push(unit));
+    };
+    let scores = fitted.scores_of_multiples(&column_groups, units, |pose, into| {
         groups.iter().for_each(|group| {
             terms(covariates, group, (pose, carrier.degree()), |term| into.push(term));
         });
@@ -337,7 +413,7 @@ fn best_in_groups(
         if best.as_ref().is_none_or(|best| improvement > best.improvement) {
             let (carrier, covariates) = (carrier.clone(), groups[score.candidate].clone());
             best = Some(SmoothFunction {
-                joint,
+                location,
                 carrier,
                 covariates,
                 coefficients: score.values,
@@ -410,7 +486,7 @@ impl SmoothFunction {
         let is_supported = self.is_supported(fitted.fit.design_effect, [without, with]);
         (is_supported && with < without).then(|| Unexplained {
             depends_on: self.covariate_names(covariates),
-            joint: self.joint,
+            location: self.location,
             heldout: [error, error * (with / without).sqrt()],
         })
     }
@@ -423,13 +499,17 @@ impl SmoothFunction {
         covariates: &[Covariate],
         pose: usize,
     ) -> ToolMotion {
-        let mut sum = 0.0;
+        let mut motion = ToolMotion::default();
         let mut found = self.coefficients.iter();
         let degree = self.carrier.degree();
-        terms(covariates, &self.covariates, (pose, degree), |term| {
-            sum += term * found.next().unwrap_or(&0.0);
+        self.carrier.units(arm, self.location, (inputs, pose), |unit| {
+            let mut sum = 0.0;
+            terms(covariates, &self.covariates, (pose, degree), |term| {
+                sum += term * found.next().unwrap_or(&0.0);
+            });
+            motion = motion.plus(&unit.scaled(sum));
         });
-        self.carrier.unit(arm, self.joint, inputs, pose).scaled(sum)
+        motion
     }
 
     /// Sums of squares of the whitened residuals on the poses `held`, without and with the function. The fitted parameters respond to the function as

@@ -345,7 +345,7 @@ fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
         let late = cell.stand(cycles, &mut gauge);
         assert_eq!(largest(&late) == 0.0, is_out, "after {cycles} cycles: {late:?}");
         cell.daemon.signal(rustix::process::Signal::CONT);
-        let again = cell.stand(800, &mut gauge);
+        let again = cell.settle(&mut gauge);
         let change = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
         assert!(change < 1e-6, "{again:?} after {stood:?}");
     }
