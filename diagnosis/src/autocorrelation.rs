@@ -1,19 +1,24 @@
 //! Autocorrelated noise: one autoregressive model AR(p) per instrument, and the whitening of rows before they are summed.
 //!
-//! `w_t = (r_t − Σ φ_k r_{t−k}) / s`, s the standard deviation of the innovation (Box and Jenkins, Time Series Analysis, chapter 3). Rows
-//! without p predecessors (after a gap, at the start of a segment) are not whitened.
+//! `w_t = (r_t − Σ φ_k r_{t−k}) / s`, s the standard deviation of the innovation (Box and Jenkins, Time Series Analysis, chapter 3). Where rows are
+//! missing, or fewer than p precede (subsampled recordings, rows with a fault, the start of a recording), φ and s are those of the best linear
+//! prediction from the last rows that exist, by the autocorrelation function of the model (chapter 5, there).
 //!
 //! Residuals and all columns pass the same filter, so the whitened noise has unit variance if the noise model is right.
 //! How the model is estimated: [`ArModel::estimate`].
 
 use crate::campaign::{Campaign, Pose, Reading, ToolPoint};
 use crate::simd::subtract_scaled;
+use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
 /// Largest order that is tried.
 const ORDER_MAX: usize = 8;
 /// A model whose coefficients sum to no more than this is rejected.
 const SWINGS: f64 = 0.05;
+/// Number of lags, in rows, over which rows are correlated; a power of two, above [`ORDER_MAX`]. Default 512: with the largest reflection coefficient the
+/// correlation is then below 1e-4.
+const LAGS: usize = 512;
 /// Bound on the reflection coefficients: it keeps the poles inside the unit circle, so that a drift is not taken for noise.
 const REFLECTION_MAX: f64 = 0.98;
 
@@ -24,11 +29,13 @@ pub struct ArModel {
     coefficients: Vec<f64>,
     /// Standard deviation of the innovation, relative to that of the noise.
     innovation_sigma: f64,
+    /// Autocorrelation at lags of 0, 1 … rows; beyond, it is negligible or not needed.
+    autocorrelation: Vec<f64>,
 }
 
 impl Default for ArModel {
     fn default() -> Self {
-        Self { coefficients: Vec::new(), innovation_sigma: 1.0 }
+        Self::from_reflections(&[])
     }
 }
 
@@ -36,13 +43,42 @@ impl ArModel {
     /// The model estimated from runs of consecutive residuals.
     #[must_use]
     pub fn estimate(runs: &[Vec<f64>]) -> Self {
-        let (coefficients, innovation_sigma) = burg(runs);
+        let model = Self::from_reflections(&burg(runs));
         // A flexible model that overfits leaves residuals that alternate in sign; no instrument's noise does.
-        if coefficients.iter().sum::<f64>() <= SWINGS {
-            Self::default()
-        } else {
-            Self { coefficients, innovation_sigma }
+        if model.coefficient_sum() <= SWINGS { Self::default() } else { model }
+    }
+
+    /// The model with these reflection coefficients (Levinson's recursion; Box and Jenkins, appendix A3.2).
+    fn from_reflections(reflections: &[f64]) -> Self {
+        let (mut coefficients, mut left, mut autocorrelation) = (Vec::new(), 1.0, vec![1.0]);
+        for reflection in reflections {
+            autocorrelation.push(predicted(&coefficients, &autocorrelation) + reflection * left);
+            let before = coefficients.clone();
+            coefficients
+                .iter_mut()
+                .zip(before.iter().rev())
+                .for_each(|(a, back): (&mut f64, &f64)| *a -= reflection * back);
+            coefficients.push(*reflection);
+            left *= 1.0 - reflection * reflection;
         }
+        while !coefficients.is_empty() && autocorrelation.len() < LAGS {
+            autocorrelation.push(predicted(&coefficients, &autocorrelation));
+        }
+        Self { coefficients, innovation_sigma: left.sqrt(), autocorrelation }
+    }
+
+    /// The best linear prediction of a row from rows that precede it by `lags`, newest first: a coefficient for each, and the standard deviation of
+    /// its error relative to that of the noise.
+    fn predictor(&self, lags: &[usize]) -> (Vec<f64>, f64) {
+        let correlation = |lag: usize| self.autocorrelation.get(lag).copied().unwrap_or_default();
+        let count = lags.len();
+        let between = DMatrix::from_fn(count, count, |i, k| correlation(lags[i].abs_diff(lags[k])));
+        let with_row = DVector::from_fn(count, |i, _| correlation(lags[i]));
+        let solved = between.cholesky().map(|factor| factor.solve(&with_row));
+        let coefficients = solved.unwrap_or_else(|| DVector::zeros(count));
+        let variance = 1.0 - coefficients.dot(&with_row);
+        let sigma = variance.max(self.innovation_sigma * self.innovation_sigma).sqrt();
+        (coefficients.iter().copied().collect(), sigma)
     }
 
     /// Whether the noise is white, so that no filter is needed.
@@ -86,19 +122,24 @@ impl ArModel {
     }
 }
 
-/// Burg's recursion over separate runs; the order minimises the Bayesian information criterion.
-fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
+/// Prediction of the next value of a series, whose values are given oldest first.
+fn predicted(coefficients: &[f64], series: &[f64]) -> f64 {
+    coefficients.iter().zip(series.iter().rev()).map(|(a, x)| a * x).sum()
+}
+
+/// Reflection coefficients by Burg's recursion over separate runs; their number minimises the Bayesian information criterion.
+fn burg(runs: &[Vec<f64>]) -> Vec<f64> {
     let runs: Vec<&Vec<f64>> = runs.iter().filter(|run| run.len() > 2 * ORDER_MAX).collect();
     let count: usize = runs.iter().map(|run| run.len()).sum();
     if count < 20 * ORDER_MAX {
-        return (Vec::new(), 1.0);
+        return Vec::new();
     }
     let mut forward: Vec<Vec<f64>> = runs.iter().map(|run| (*run).clone()).collect();
     let mut backward = forward.clone();
-    let mut law: Vec<f64> = Vec::new();
+    let mut reflections: Vec<f64> = Vec::new();
     let mut left = 1.0;
     let penalty = (count as f64).ln() / count as f64;
-    let mut best = (0.0, Vec::new(), 1.0);
+    let mut best = (0.0, 0);
     for order in 1..=ORDER_MAX {
         let (mut product, mut energy) = (0.0, 0.0);
         for (f, b) in forward.iter().zip(&backward) {
@@ -116,16 +157,15 @@ fn burg(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
                 b[t] = y - reflection * x;
             }
         }
-        let before = law.clone();
-        law.iter_mut().zip(before.iter().rev()).for_each(|(a, back)| *a -= reflection * back);
-        law.push(reflection);
+        reflections.push(reflection);
         left *= 1.0 - reflection * reflection;
-        let worth = -left.ln() - order as f64 * penalty;
+        let worth = -f64::ln(left) - order as f64 * penalty;
         if worth > best.0 {
-            best = (worth, law.clone(), left.sqrt());
+            best = (worth, order);
         }
     }
-    (best.1, best.2)
+    reflections.truncate(best.1);
+    reflections
 }
 
 /// The series of consecutive measurements (TCP, each target, …) that a measurement belongs to.
@@ -152,11 +192,18 @@ pub(crate) fn is_next_row(campaign: &Campaign, before: usize, now: usize) -> boo
         && pose(before).inputs.time_s <= pose(now).inputs.time_s
 }
 
-/// The last rows of one series, newest first, and the pose of the newest.
+/// Whether one pose is a later row than another in the same recording.
+fn is_later_row(campaign: &Campaign, before: usize, now: usize) -> bool {
+    let pose = |place: usize| -> &Pose { &campaign.poses[place] };
+    pose(before).row < pose(now).row
+        && pose(before).recording == pose(now).recording
+        && pose(before).inputs.time_s <= pose(now).inputs.time_s
+}
+
+/// The last rows of one series, each with its pose, newest first.
 #[derive(Default)]
 struct SeriesHistory {
-    pose: usize,
-    rows: Vec<Vec<f64>>,
+    rows: Vec<(usize, Vec<f64>)>,
     /// Buffer of a dropped row, reused for the next.
     spare: Vec<f64>,
 }
@@ -165,11 +212,13 @@ struct SeriesHistory {
 pub(crate) struct WhiteningFilter<'a> {
     campaign: &'a Campaign,
     past: BTreeMap<(usize, usize, usize), SeriesHistory>,
+    /// Predictors by instrument and lags, zeros at the end.
+    predictors: BTreeMap<(usize, [usize; ORDER_MAX]), (Vec<f64>, f64)>,
 }
 
 impl<'a> WhiteningFilter<'a> {
     pub(crate) fn new(campaign: &'a Campaign) -> Self {
-        Self { campaign, past: BTreeMap::new() }
+        Self { campaign, past: BTreeMap::new(), predictors: BTreeMap::new() }
     }
 
     /// Filters `row` (columns and right-hand side, in units of the noise) of component `part` of a measurement.
@@ -181,27 +230,39 @@ impl<'a> WhiteningFilter<'a> {
         part: usize,
         row: &mut [f64],
     ) {
-        let ArModel { coefficients, innovation_sigma } =
-            &self.campaign.instruments[instrument].noise_model;
-        if coefficients.is_empty() {
+        let model = &self.campaign.instruments[instrument].noise_model;
+        if model.is_white() {
             return;
         }
         let past = self.past.entry((instrument, stream, part)).or_default();
-        if !past.rows.is_empty() && !is_next_row(self.campaign, past.pose, pose) {
+        let newest = past.rows.first().map(|(newest, _)| *newest);
+        if newest.is_some_and(|newest| !is_later_row(self.campaign, newest, pose)) {
             past.rows.clear();
         }
-        past.pose = pose;
         let mut raw = std::mem::take(&mut past.spare);
         raw.clear();
         raw.extend_from_slice(row);
-        if past.rows.len() >= coefficients.len() {
-            for (share, before) in coefficients.iter().zip(&past.rows) {
-                subtract_scaled(row, *share, before);
+        let mut lags = [0; ORDER_MAX];
+        let mut count = 0;
+        for (before, _) in &past.rows {
+            let lag = self.campaign.poses[pose].row - self.campaign.poses[*before].row;
+            if lag < LAGS {
+                (lags[count], count) = (lag, count + 1);
             }
-            row.iter_mut().for_each(|x| *x /= innovation_sigma);
-            past.spare = past.rows.pop().unwrap_or_default();
         }
-        past.rows.insert(0, raw);
+        if count > 0 {
+            let predictor = self.predictors.entry((instrument, lags));
+            let (coefficients, sigma) =
+                predictor.or_insert_with(|| model.predictor(&lags[..count]));
+            for (coefficient, (_, before)) in coefficients.iter().zip(&past.rows) {
+                subtract_scaled(row, *coefficient, before);
+            }
+            row.iter_mut().for_each(|x| *x /= *sigma);
+        }
+        if past.rows.len() >= model.coefficients.len() {
+            past.spare = past.rows.pop().map(|(_, row)| row).unwrap_or_default();
+        }
+        past.rows.insert(0, (pose, raw));
     }
 }
 
@@ -236,7 +297,7 @@ mod tests {
 
     #[test]
     fn sums_of_noise_that_remembers_itself_vary_as_its_law_says() {
-        let colour = ArModel { coefficients: vec![0.8], innovation_sigma: 0.6 };
+        let colour = ArModel::from_reflections(&[0.8]);
         let sums: Vec<f64> =
             (0..400).map(|seed| run(0.8, 300, seed)[100..200].iter().sum()).collect();
         let varies = sums.iter().map(|sum| sum * sum).sum::<f64>() / 400.0;
@@ -252,15 +313,54 @@ mod tests {
         let mut campaign = crate::test_campaigns::unmeasured_campaign(0, 60);
         campaign.poses.iter_mut().enumerate().for_each(|(k, p)| p.inputs.time_s = k as f64);
         let series = run(0.7, 60, 4);
-        campaign.instruments[0].noise_model =
-            ArModel { coefficients: vec![0.7], innovation_sigma: 0.5 };
+        campaign.instruments[0].noise_model = ArModel::from_reflections(&[0.7]);
         let mut filter = WhiteningFilter::new(&campaign);
         for (k, value) in series.iter().enumerate().filter(|(k, _)| !(20..25).contains(k)) {
             let mut row = [*value];
             filter.pass(k, 0, 0, 0, &mut row);
-            let starts = k == 0 || k == 25;
-            let wanted = if starts { *value } else { (value - 0.7 * series[k - 1]) / 0.5 };
+            // After a gap of n rows the correlation is 0.7^n.
+            let law = |n: usize| 0.7_f64.powi(n as i32);
+            let innovation =
+                |n: usize| (value - law(n) * series[k - n]) / (1.0 - law(n).powi(2)).sqrt();
+            let wanted = match k {
+                0 => *value,
+                25 => innovation(6),
+                _ => innovation(1),
+            };
             assert!((row[0] - wanted).abs() < 1e-12, "{k}");
+        }
+    }
+
+    #[test]
+    fn every_third_row_of_slow_noise_is_whitened() {
+        let mut campaign = crate::test_campaigns::unmeasured_campaign(0, 3000);
+        campaign.poses.iter_mut().enumerate().for_each(|(k, p)| p.inputs.time_s = k as f64);
+        let series = run(0.95, 3000, 5);
+        campaign.instruments[0].noise_model = ArModel::from_reflections(&[0.95]);
+        let mut filter = WhiteningFilter::new(&campaign);
+        let mut white = Vec::new();
+        for (k, value) in series.iter().enumerate().step_by(3) {
+            let mut row = [*value];
+            filter.pass(k, 0, 0, 0, &mut row);
+            white.push(row[0]);
+        }
+        let sum = |lag: usize| -> f64 { white.iter().zip(&white[lag..]).map(|(a, b)| a * b).sum() };
+        assert!((sum(0) / 1000.0 - 1.0).abs() < 0.15, "{}", sum(0));
+        assert!((sum(1) / sum(0)).abs() < 0.1, "{}", sum(1) / sum(0));
+    }
+
+    #[test]
+    fn the_autocorrelation_is_that_of_the_model() {
+        let model = ArModel::from_reflections(&[0.8, -0.3, 0.2]);
+        let mut response = vec![0.0, 0.0, 1.0];
+        while response.len() < 2000 {
+            response.push(predicted(&model.coefficients, &response));
+        }
+        let sum =
+            |lag: usize| -> f64 { response.iter().zip(&response[lag..]).map(|(a, b)| a * b).sum() };
+        assert!((model.innovation_sigma.powi(2) - 1.0 / sum(0)).abs() < 1e-9);
+        for lag in [1, 2, 3, 10, 100] {
+            assert!((model.autocorrelation[lag] - sum(lag) / sum(0)).abs() < 1e-9, "{lag}");
         }
     }
 }

@@ -10,6 +10,15 @@ impl ScoreTest<'_> {
     /// Standard uncertainty of each fitted column, SI, in the order of [`crate::fit_result::Fit::columns`]: the larger of the cluster-robust value and
     /// that of the noise model.
     pub(crate) fn uncertainty(&self) -> Vec<f64> {
+        let of_blocks = self.covariance();
+        let sigma = |(k, column): (usize, &usize)| {
+            self.fit.sigma(*column).unwrap_or_default().max(of_blocks[(k, k)].sqrt())
+        };
+        self.fit.columns().iter().enumerate().map(sigma).collect()
+    }
+
+    /// Cluster-robust covariance of the fitted columns, SI, in their order.
+    pub(crate) fn covariance(&self) -> DMatrix<f64> {
         let settings = BlockSettings::POSITION;
         let width = self.fit.columns().len();
         let poses = self.campaign.poses.len().max(1);
@@ -32,11 +41,7 @@ impl ScoreTest<'_> {
             unit[column] = 1.0;
             inverse.column_mut(column).copy_from_slice(&triangle.back(triangle.forward(unit)));
         }
-        let of_blocks = covariance(&inverse, blocks, &settings);
-        let sigma = |(k, column): (usize, &usize)| {
-            self.fit.sigma(*column).unwrap_or_default().max(of_blocks[(k, k)].sqrt())
-        };
-        self.fit.columns().iter().enumerate().map(sigma).collect()
+        covariance(&inverse, blocks, &settings)
     }
 }
 

@@ -25,6 +25,7 @@ mod outer_iteration;
 mod plot_data;
 mod preparation;
 mod residual_map;
+mod robust_selection;
 mod screening;
 mod selection;
 pub mod sentences;
@@ -94,6 +95,9 @@ const STATED_NOISE_RATIO: f64 = 1.5;
 
 /// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.
 const NOT_CONFIRMED: &str = "there are errors above the noise, but the poses that were held out do not confirm what explains the fitted ones; measure more poses, spread over the workspace";
+
+/// Why nothing is claimed if the findings do not reduce the error on the test set.
+const NOT_PREDICTED: &str = "there are errors above the noise, but the effects that explain the fitted poses do not reduce the error on those that were held out: slowly varying noise, such as a drift of the instrument or air turbulence, looks like this; measure the same poses again in another order";
 
 /// An effect that the model lacks, or whose stated parameters are wrong.
 #[derive(Clone, Debug)]
@@ -265,6 +269,8 @@ fn diagnose_selected_rows(
                 let progress = begin(Stage::Validation);
                 let selection =
                     validation::drop_unsupported(&campaign, model, splits, selection, progress);
+                let search = Search { progress, ..search };
+                let selection = robust_selection::drop_inflated(&search, selection);
                 begin(Stage::Structure);
                 unexplained::with_structure(&search, selection, &covariates, &validation)
             }
@@ -410,6 +416,10 @@ impl Diagnosis {
             return Some(format!(
                 "{outliers} of {rows} rows are not consistent with the others: the recording mixes different setups, or its readings are not of this robot"
             ));
+        }
+        let TestErrors { before, after, .. } = self.test_errors;
+        if !self.findings.is_empty() && after >= before {
+            return Some(NOT_PREDICTED.to_owned());
         }
         // Without a finding, the model would be said to agree with the recording; without a validation set, nothing else has confirmed the findings.
         let is_unconfirmed = self.verdict == Verdict::Consistent || !self.has_validation_set;
