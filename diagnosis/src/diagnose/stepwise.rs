@@ -6,7 +6,7 @@
 
 use super::gram_matrix::{CandidateEstimate, GramMatrix, LinearisedCandidate};
 use super::selection::{
-    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect,
+    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect, hardens,
     hypothesis_without, key, nuisance_columns,
 };
 use super::verdict::are_forms_of_one_law;
@@ -169,25 +169,20 @@ impl<'a> StepwiseSelection<'a> {
         others.filter(|other| other.changes().is_none()).collect()
     }
 
-    /// Whether a candidate is compatible with others: it must not describe the same error as one of them, and stiffening needs a compliance of the
-    /// joint.
+    /// Whether a candidate is compatible with others: it must not describe the same error as one of them, and needs what it adds to.
     fn is_compatible(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
-        let is_compliant = |effect: &AnyEffect| {
-            effect.joint() == candidate.joint
-                && ["joint_compliance", "gravity_compliance", "load_compliance"]
-                    .contains(&effect.spec().kind)
-        };
-        let needs_ground = candidate
-            .probes
-            .first()
-            .is_some_and(|probe| matches!(probe.effect, AnyEffect::StiffnessHardening(_)));
-        let grounded = !needs_ground
-            || beside
-                .iter()
-                .flat_map(|other| other.probes.first())
-                .any(|p| is_compliant(&p.effect))
-            || self.given.effects().any(is_compliant);
-        grounded && !beside.iter().any(|other| candidate.excludes(other))
+        self.has_its_base(candidate, beside)
+            && !beside.iter().any(|other| candidate.excludes(other))
+    }
+
+    /// Whether the effect that a candidate adds to is there: hardening needs a linear compliance of the joint.
+    fn has_its_base(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
+        let first = |one: &Candidate| one.probes.first().map(|probe| probe.effect);
+        let Some(effect) = first(candidate) else { return true };
+        let is_base = |other: &AnyEffect| hardens(&effect, other);
+        !matches!(effect, AnyEffect::StiffnessHardening(_))
+            || beside.iter().filter_map(|other| first(other)).any(|other| is_base(&other))
+            || self.given.effects().any(is_base)
     }
 
     /// Candidates that are compatible with the selected ones except `but`, the best first; among equals in the order of the dictionary.
@@ -260,12 +255,13 @@ impl<'a> StepwiseSelection<'a> {
         true
     }
 
-    /// Removes the effect with the least improvement, if that is not positive or its parameters are outside their ranges.
+    /// Removes the effect with the least improvement, if that is not positive, its parameters are outside their ranges, or what it adds to is gone.
     fn remove_weakest(&mut self) -> bool {
         let worth = |(index, place): (usize, &usize)| {
             let gain = self.gram.estimate_beside_others(*place);
             let entry = &self.entries[*place];
-            let sound = self.plausible_estimates(&entry.candidate, &gain).is_some();
+            let sound = self.plausible_estimates(&entry.candidate, &gain).is_some()
+                && self.has_its_base(&entry.candidate, &self.others_than(&[*place]));
             (index, if sound { self.improvement(&gain, entry) } else { f64::NEG_INFINITY })
         };
         let weakest =

@@ -2,8 +2,8 @@
 
 use super::gram_matrix::LinearisedCandidate;
 use super::selection::{
-    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect,
-    hypothesis_without, shift_indices_after,
+    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect, hardens,
+    hypothesis_without, is_needed, shift_indices_after,
 };
 use crate::fit::{fit, refit_with_fixed_weights};
 use crate::hypothesis::Hypothesis;
@@ -49,7 +49,8 @@ impl SelectedEffect {
     }
 }
 
-/// Whether an alternative of effect `k` is compatible with the other selected effects: two of them must not be replaced by the same effect.
+/// Whether an alternative of effect `k` is compatible with the other selected effects: two of them must not be replaced by the same effect, and a
+/// hardening keeps its linear compliance.
 fn is_compatible(selection: &EffectSelection, k: usize, rival: &AlternativeEffect) -> bool {
     let effects = &selection.fit.hypothesis.model;
     let new = selection
@@ -58,7 +59,9 @@ fn is_compatible(selection: &EffectSelection, k: usize, rival: &AlternativeEffec
         .enumerate()
         .filter(|(index, one)| *index != k && one.previous_priors.is_none());
     let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
-    !others.any(|effect| rival.candidate.excludes_effect(effect))
+    let keeps_base = !is_needed(&selection.selected[k], &selection.fit)
+        || effects.effects().any(|effect| hardens(effect, &rival.effect));
+    keeps_base && !others.any(|effect| rival.candidate.excludes_effect(effect))
 }
 
 impl Search<'_> {

@@ -2,7 +2,9 @@
 //!
 //! Frames and targets are estimated on training rows. Outliers of the final model are excluded from the errors of all models that are compared.
 
-use super::selection::{EffectSelection, SelectedEffect, hypothesis_without, shift_indices_after};
+use super::selection::{
+    EffectSelection, SelectedEffect, hypothesis_without, is_needed, shift_indices_after,
+};
 use crate::autocorrelation::{WhiteningFilter, series_index};
 use crate::campaign::Campaign;
 use crate::effect_size::EffectSize;
@@ -131,6 +133,9 @@ pub(super) fn drop_unsupported(
         let held = FitEvaluator::new(campaign, (split, kept), &selection.fit);
         let left = held.whitened_sum(&selection.fit);
         let supported_margin = |one: &SelectedEffect| {
+            if is_needed(one, &selection.fit) {
+                return f64::INFINITY;
+            }
             let mut without = hypothesis_without(&selection.fit, model, &[one]);
             if one.previous_priors.is_some() {
                 // If the parameters stayed free within their stated uncertainty, they would be fitted to the corrected values and the gain would
@@ -161,6 +166,9 @@ pub(super) fn drop_unsupported(
         let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
         margins.remove(k);
+        // An effect that the removed one needed is validated now.
+        let needed = margins.iter_mut().filter(|margin| **margin == f64::INFINITY);
+        needed.for_each(|margin| *margin = f64::NEG_INFINITY);
         let hypothesis = hypothesis_without(&selection.fit, model, &[&selection.selected[k]]);
         let removed = selection.selected.remove(k);
         shift_indices_after(&mut selection.selected, &removed);
