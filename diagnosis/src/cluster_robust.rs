@@ -10,15 +10,15 @@ impl ScoreTest<'_> {
     /// Standard uncertainty of each fitted column, SI, in the order of [`crate::fit_result::Fit::columns`]: the larger of the cluster-robust value and
     /// that of the noise model.
     pub(crate) fn uncertainty(&self) -> Vec<f64> {
-        let of_blocks = self.covariance();
+        let of_blocks = self.covariance(self.block_sums());
         let sigma = |(k, column): (usize, &usize)| {
             self.fit.sigma(*column).unwrap_or_default().max(of_blocks[(k, k)].sqrt())
         };
         self.fit.columns().iter().enumerate().map(sigma).collect()
     }
 
-    /// Cluster-robust covariance of the fitted columns, SI, in their order.
-    pub(crate) fn covariance(&self) -> DMatrix<f64> {
+    /// Scores and normal matrices of the fitted columns, SI, by block of consecutive poses.
+    pub(crate) fn block_sums(&self) -> Vec<BlockSums> {
         let settings = BlockSettings::POSITION;
         let width = self.fit.columns().len();
         let poses = self.campaign.poses.len().max(1);
@@ -34,6 +34,12 @@ impl ScoreTest<'_> {
                 gram.ger(1.0, &row, &row, 1.0);
             },
         );
+        blocks
+    }
+
+    /// Cluster-robust covariance of the fitted columns, SI, in their order.
+    pub(crate) fn covariance(&self, blocks: Vec<BlockSums>) -> DMatrix<f64> {
+        let width = self.fit.columns().len();
         let triangle = &self.fit.triangle;
         let mut inverse = DMatrix::zeros(width, width);
         for column in 0..width {
@@ -41,7 +47,7 @@ impl ScoreTest<'_> {
             unit[column] = 1.0;
             inverse.column_mut(column).copy_from_slice(&triangle.back(triangle.forward(unit)));
         }
-        covariance(&inverse, blocks, &settings)
+        covariance(&inverse, blocks, &BlockSettings::POSITION)
     }
 }
 

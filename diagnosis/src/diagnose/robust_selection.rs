@@ -5,13 +5,13 @@
 //! ([`crate::cluster_robust`]); their ratio is a design effect of this effect alone, by which its gain is divided. It must still exceed its penalty.
 //!
 //! The covariance of `k` parameters from `n` blocks has the mean inverse `(n − 1)/(n − k − 2)` times too large (inverse Wishart distribution), which is
-//! corrected. Uses training rows only; no effect is ever added.
+//! corrected. An effect whose rows lie in few blocks cannot be judged so and is kept. Uses training rows only; no effect is ever added.
 
 use super::selection::{
     EffectSelection, Search, SelectedEffect, hypothesis_without, is_needed, lacks_its_base,
     shift_indices_after,
 };
-use crate::engine::sandwich::BlockSettings;
+use crate::engine::sandwich::{BlockSettings, BlockSums};
 use crate::fit::refit_with_fixed_weights;
 use crate::fit_result::Fit;
 use crate::hypothesis::parameter_key;
@@ -24,13 +24,17 @@ use physics::spec::Role;
 const CORRECTION_MIN: f64 = 0.05;
 
 /// Removes effects, the least supported first, until the gain of each exceeds its penalty under the cluster-robust covariance too.
+///
+/// White noise needs no such test: rows that are not correlated with the next ones are not correlated over longer times either.
 pub(super) fn drop_inflated(
     search: &Search<'_>,
     mut selection: EffectSelection,
 ) -> EffectSelection {
-    while !selection.selected.is_empty() {
+    let is_white = search.campaign.instruments.iter().all(|one| one.noise_model.is_white());
+    while !is_white && !selection.selected.is_empty() {
         let fitted = ScoreTest::new(search.campaign, &selection.fit, &search.settings);
-        let robust = fitted.covariance();
+        let blocks = fitted.block_sums();
+        let robust = fitted.covariance(blocks.clone());
         let margins = selection.selected.iter().map(|one| {
             if lacks_its_base(one, &selection.fit) {
                 return f64::NEG_INFINITY;
@@ -39,7 +43,7 @@ pub(super) fn drop_inflated(
                 return f64::INFINITY;
             }
             let penalty = one.gain - one.margin;
-            one.gain / design_effect(one, &selection.fit, &robust, search) - penalty
+            one.gain / design_effect(one, &selection.fit, (&robust, &blocks), search) - penalty
         });
         let worst = margins.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
@@ -57,11 +61,12 @@ pub(super) fn drop_inflated(
     selection
 }
 
-/// Ratio of the Wald statistics of an effect under the noise model and under the covariance `robust` of all columns; at least 1.
+/// Ratio of the Wald statistics of an effect under the noise model and under the covariance `robust` of all columns, which was estimated from `blocks`;
+/// at least 1.
 fn design_effect(
     one: &SelectedEffect,
     fit: &Fit,
-    robust: &DMatrix<f64>,
+    (robust, blocks): (&DMatrix<f64>, &[BlockSums]),
     search: &Search<'_>,
 ) -> f64 {
     let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { return 1.0 };
@@ -86,6 +91,13 @@ fn design_effect(
         return 1.0;
     }
     let changes = DVector::from_vec(changes);
+    let information = blocks.iter().map(|BlockSums { gram, .. }| {
+        let own = gram.select_rows(&places).select_columns(&places);
+        changes.dot(&(own * &changes))
+    });
+    if effective_number(information) < BlockSettings::POSITION.blocks_least as f64 {
+        return 1.0;
+    }
     let columns: Vec<usize> = places.iter().map(|place| fit.columns()[*place]).collect();
     let of_model = DMatrix::from_fn(columns.len(), columns.len(), |i, k| {
         fit.covariance(columns[i], columns[k]).unwrap_or_default()
@@ -98,4 +110,24 @@ fn design_effect(
     let free = BlockSettings::POSITION.blocks as f64 - 1.0;
     let correction = ((free - 1.0 - columns.len() as f64) / free).max(CORRECTION_MIN);
     (model / (correction * blocks).max(f64::MIN_POSITIVE)).max(1.0)
+}
+
+/// Number of equal shares with the same concentration as these (Kish 1965); 0 if there are none.
+fn effective_number(shares: impl Iterator<Item = f64>) -> f64 {
+    let (sum, squares) =
+        shares.fold((0.0, 0.0), |(sum, squares), share| (sum + share, squares + share * share));
+    if squares > 0.0 { sum * sum / squares } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::effective_number;
+
+    #[test]
+    fn unequal_shares_count_less_than_their_number() {
+        assert_eq!(effective_number([2.0; 5].into_iter()), 5.0);
+        assert_eq!(effective_number([0.0, 3.0, 0.0].into_iter()), 1.0);
+        assert_eq!(effective_number(std::iter::empty()), 0.0);
+        assert!(effective_number([4.0, 1.0, 1.0].into_iter()) < 2.1);
+    }
 }
