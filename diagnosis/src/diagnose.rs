@@ -266,13 +266,7 @@ fn diagnose_selected_rows(
                     Some(refitted) => selection::restart(&search, &refitted, first),
                 };
                 let splits = (&selection_split, validation.as_slice());
-                let progress = begin(Stage::Validation);
-                let selection =
-                    validation::drop_unsupported(&campaign, model, splits, selection, progress);
-                let search = Search { progress, ..search };
-                let selection = robust_selection::drop_inflated(&search, selection);
-                begin(Stage::Structure);
-                unexplained::with_structure(&search, selection, &covariates, &validation)
+                supported_effects(search, splits, selection, &covariates, listener)
             }
         };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
@@ -287,6 +281,31 @@ fn diagnose_selected_rows(
     let found = finish(campaign, model, selection, law, split, &covariates, listener);
     notes.extend(found.notes);
     Diagnosis { not_tested, notes, has_validation_set: validation.contains(&true), ..found }
+}
+
+/// The effects that the validation set and the scatter of blocks support, and the structure that they leave. `splits`: the split of the selection, and
+/// the validation set.
+fn supported_effects(
+    search: Search<'_>,
+    splits: (&HoldOutSplit, &[bool]),
+    selection: EffectSelection,
+    covariates: &[Covariate],
+    listener: Listener<'_>,
+) -> (EffectSelection, Option<SmoothFunction>) {
+    let progress = StageProgress::begin(listener, Stage::Validation);
+    let search = Search { progress, ..search };
+    let model = &search.known.model;
+    let selection =
+        validation::drop_unsupported(search.campaign, model, splits, selection, progress);
+    let reduced = robust_selection::without_inflated(&search, &selection);
+    StageProgress::begin(listener, Stage::Structure);
+    let structure =
+        |selection| unexplained::with_structure(&search, selection, covariates, splits.1);
+    match reduced.map(structure) {
+        // Effects without which structure remains describe more than noise.
+        None | Some((_, Some(_))) => structure(selection),
+        Some(reduced) => reduced,
+    }
 }
 
 /// Sets the campaign's AR noise models to those of the residual of `current` and refits the known model with them; `None` if the noise models are

@@ -23,15 +23,21 @@ use physics::spec::Role;
 /// blocks the statistic says nothing.
 const CORRECTION_MIN: f64 = 0.05;
 
-/// Removes effects, the least supported first, until the gain of each exceeds its penalty under the cluster-robust covariance too.
+/// The selection without the effects, the least supported removed first, whose gain does not exceed their penalty under the cluster-robust covariance
+/// too; `None` if there are none.
 ///
 /// White noise needs no such test: rows that are not correlated with the next ones are not correlated over longer times either.
-pub(super) fn drop_inflated(
+pub(super) fn without_inflated(
     search: &Search<'_>,
-    mut selection: EffectSelection,
-) -> EffectSelection {
-    let is_white = search.campaign.instruments.iter().all(|one| one.noise_model.is_white());
-    while !is_white && !selection.selected.is_empty() {
+    selection: &EffectSelection,
+) -> Option<EffectSelection> {
+    if search.campaign.instruments.iter().all(|one| one.noise_model.is_white()) {
+        return None;
+    }
+    let count = selection.selected.len();
+    let mut selection =
+        EffectSelection { fit: selection.fit.clone(), selected: selection.selected.clone() };
+    while !selection.selected.is_empty() {
         let fitted = ScoreTest::new(search.campaign, &selection.fit, &search.settings);
         let blocks = fitted.block_sums();
         let robust = fitted.covariance(blocks.clone());
@@ -58,7 +64,7 @@ pub(super) fn drop_inflated(
         );
         search.progress.selected(selection.selected.len());
     }
-    selection
+    (selection.selected.len() < count).then_some(selection)
 }
 
 /// Ratio of the Wald statistics of an effect under the noise model and under the covariance `robust` of all columns, which was estimated from `blocks`;
