@@ -8,11 +8,11 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 use spectrum::frf::{Estimator, Response};
-use spectrum::modal::COHERENCE_MIN;
 use spectrum_report::tap::{self, Channels, Settings, analyse};
 use tracing::warn;
 
 use crate::exit::{Answer, Failure, Outcome};
+use crate::options::value_name;
 use crate::output::Console;
 use crate::wrap;
 
@@ -45,11 +45,11 @@ pub(crate) struct Tap {
     /// Files are tables of a frequency response function: frequency in Hz, real part, imaginary part
     #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "response", "rate", "block_s", "windows", "estimator", "coherence_least"])]
     frf: bool,
-    /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: h1]
     #[arg(long, value_name = "h1|h2", value_enum, hide_possible_values = true)]
+    #[arg(help = format!("Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: {}]", value_name(Estimate::of(Settings::default().estimator))))]
     estimator: Option<Estimate>,
-    /// Minimum coherence at a mode, 0 to 1 [default: 0.75]
     #[arg(long, value_name = "0..1")]
+    #[arg(help = format!("Minimum coherence at a mode, 0 to 1 [default: {}]", Settings::default().coherence_least))]
     coherence_least: Option<f64>,
     /// Frequency range of the modes, Hz; if not given, the range that the hammer excites
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
@@ -57,8 +57,8 @@ pub(crate) struct Tap {
     /// Length of the block for each hit, s; if not given, the longest that the hits allow
     #[arg(long, value_name = "S")]
     block_s: Option<f64>,
-    /// auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: auto]
     #[arg(long, value_name = "auto|none", value_enum, hide_possible_values = true)]
+    #[arg(help = format!("auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: {}]", value_name(Windowing::of(Settings::default().windows))))]
     windows: Option<Windowing>,
     /// Direction of hit and response in the base frame, for the modes of the model
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
@@ -99,14 +99,20 @@ impl Kind {
 }
 
 /// How the response function is estimated.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Estimate {
-    #[default]
     H1,
     H2,
 }
 
 impl Estimate {
+    fn of(estimator: Estimator) -> Self {
+        match estimator {
+            Estimator::H1 => Self::H1,
+            Estimator::H2 => Self::H2,
+        }
+    }
+
     fn estimator(self) -> Estimator {
         match self {
             Self::H1 => Estimator::H1,
@@ -116,11 +122,16 @@ impl Estimate {
 }
 
 /// Whether windows are laid over the hits.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Windowing {
-    #[default]
     Auto,
     None,
+}
+
+impl Windowing {
+    fn of(windows: bool) -> Self {
+        if windows { Self::Auto } else { Self::None }
+    }
 }
 
 /// A direction of unit length.
@@ -245,14 +256,15 @@ impl Tap {
     }
 
     fn settings(&self) -> Settings {
+        let usual = Settings::default();
         Settings {
-            estimator: self.estimator.unwrap_or_default().estimator(),
-            coherence_least: self.coherence_least.unwrap_or(COHERENCE_MIN),
+            estimator: self.estimator.map_or(usual.estimator, Estimate::estimator),
+            coherence_least: self.coherence_least.unwrap_or(usual.coherence_least),
             band_hz: self.band_hz(),
             block_s: self.block_s,
-            windows: self.windows.unwrap_or_default() == Windowing::Auto,
+            windows: self.windows.map_or(usual.windows, |windows| windows == Windowing::Auto),
             direction: self.direction.map(|direction| direction.0),
-            ..Settings::default()
+            ..usual
         }
     }
 
