@@ -39,15 +39,25 @@ pub struct ClassifiedLine {
     pub is_tracked: bool,
 }
 
+/// Least number of samples of a window.
+const SAMPLES_LEAST: usize = 16;
+
 /// Length of the segments that are averaged, s: an eighth of the recording, within a quarter and two seconds.
 pub(super) fn window_s(given_s: Option<f64>, source: &Source) -> Result<f64, Error> {
     let longest_s = source.pieces.iter().map(Piece::len).max().unwrap_or(0) as f64 / source.rate_hz;
     let window_s = given_s.unwrap_or_else(|| (0.125 * source.seconds()).clamp(0.25, 2.0));
-    if !(window_s.is_finite() && window_s * source.rate_hz >= 16.0) {
+    let samples = source.pieces.iter().map(Piece::len).max().unwrap_or(0);
+    if given_s.is_none() && samples < SAMPLES_LEAST {
         return Err(Error::input(format!(
-            "--window is {window_s} s, expected 16 samples or more; at {} Hz that is {:.3} s",
+            "the recording has {samples} samples without a gap, expected at least {SAMPLES_LEAST} for a spectrum: record longer, or at a higher rate"
+        )));
+    }
+    if !(window_s.is_finite() && window_s * source.rate_hz >= SAMPLES_LEAST as f64) {
+        return Err(Error::input(format!(
+            "{} is {window_s} s, expected {SAMPLES_LEAST} samples or more; at {} Hz that is {:.3} s",
+            if given_s.is_some() { "--window" } else { "the window, as --window is not given," },
             source.rate_hz,
-            16.0 / source.rate_hz
+            SAMPLES_LEAST as f64 / source.rate_hz
         )));
     }
     if let Some(given_s) = given_s.filter(|given_s| *given_s > longest_s) {
