@@ -318,7 +318,7 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     place.file("rateless.csv", "sample,force\n1,2\n2,3\n3,5\n4,1\n5,2\n");
     place.file("run.csv", &tones(1000.0).csv());
     place.file("broken.csv", "t_s,fx_N\n0,1\n0.001,two\n0.002,inf\n0.003,4\n");
-    let short: String = (0..12).map(|i| format!("{:.3},{i}\n", 1e-3 * f64::from(i))).collect();
+    let short: String = (0..12).map(|i| format!("{:.1},{i}\n", 0.1 * f64::from(i))).collect();
     place.file("short.csv", &format!("t_s,fx_N\n{short}"));
     place.file("uneven.csv", "t_s,force\n0,1\n1,2\n1.1,3\n5,4\n5.1,1\n9,1\n9.3,2\n");
     let fast: String =
@@ -340,7 +340,7 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
         (vec!["--band", "-5", "100", "run.csv"], "--band is -5 100"),
         (vec!["--threshold", "nan", "run.csv"], "--threshold is NaN, expected 0.25 to 10"),
         (vec!["--mains", "-1", "run.csv"], "--mains is -1"),
-        (vec!["short.csv"], "12 samples without a gap"),
+        (vec!["short.csv"], "without --window, the window is 0.25 s, expected 16 samples or more"),
         (vec!["--window", "0", "run.csv"], "--window"),
         (vec!["--model", "irb1600", "run.csv"], "neither a model file nor a preset"),
         (vec!["broken.csv"], "broken.csv:3:7"),

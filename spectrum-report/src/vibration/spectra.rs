@@ -46,16 +46,13 @@ const SAMPLES_LEAST: usize = 16;
 pub(super) fn window_s(given_s: Option<f64>, source: &Source) -> Result<f64, Error> {
     let longest_s = source.pieces.iter().map(Piece::len).max().unwrap_or(0) as f64 / source.rate_hz;
     let window_s = given_s.unwrap_or_else(|| (0.125 * source.seconds()).clamp(0.25, 2.0));
-    let samples = source.pieces.iter().map(Piece::len).max().unwrap_or(0);
-    if given_s.is_none() && samples < SAMPLES_LEAST {
-        return Err(Error::input(format!(
-            "the recording has {samples} samples without a gap, expected at least {SAMPLES_LEAST} for a spectrum: record longer, or at a higher rate"
-        )));
-    }
     if !(window_s.is_finite() && window_s * source.rate_hz >= SAMPLES_LEAST as f64) {
+        let window = match given_s {
+            Some(_) => "--window is",
+            None => "without --window, the window is",
+        };
         return Err(Error::input(format!(
-            "{} is {window_s} s, expected {SAMPLES_LEAST} samples or more; at {} Hz that is {:.3} s",
-            if given_s.is_some() { "--window" } else { "the window, as --window is not given," },
+            "{window} {window_s} s, expected {SAMPLES_LEAST} samples or more; at {} Hz that is {:.3} s, of a recording of {longest_s:.3} s",
             source.rate_hz,
             SAMPLES_LEAST as f64 / source.rate_hz
         )));
