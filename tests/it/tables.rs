@@ -192,3 +192,18 @@ fn a_pipe_is_read_once_and_from_its_beginning() {
     );
     assert!(broken.code == Some(2) && broken.err.contains("`x` is not a number"), "{broken:#?}");
 }
+
+#[test]
+fn a_remedy_names_the_options_that_the_command_has() {
+    let place = Place::new();
+    place.file("path.csv", "t_s,q1_deg\n0,1\n0.1,2\n0.2,3\n");
+    for (command, options) in [
+        ("tap", "(--force C, --response C)"),
+        ("spectrum", "(--column C)"),
+        ("surface", "(--column C)"),
+    ] {
+        let done = place.run(&[command, "path.csv"]);
+        assert_eq!(done.code, Some(2), "{done:#?}");
+        assert!(done.err.contains(options), "{options} in {done:#?}");
+    }
+}

@@ -71,6 +71,11 @@ pub(crate) struct FaultyFile(Faults);
 impl FaultyFile {
     /// The faults, with the options of the command line for the settings that they name.
     pub(crate) fn of(faults: Faults) -> Self {
+        Self::with(faults, option)
+    }
+
+    /// The same for a command with options of its own.
+    pub(crate) fn with(faults: Faults, option: impl Fn(Setting) -> &'static str) -> Self {
         Self(faults.name_settings(option))
     }
 }

@@ -77,7 +77,7 @@ impl Mapping {
             _ => None,
         };
         // A text that is no time is reported when the column is read.
-        let unit_s = column("t_s").map_or(1.0, |column| column.unit_s());
+        let unit_s = column("t_s").map_or(1.0, MappedColumn::unit_s);
         let times = table.times(&time, clock, unit_s, &mut Faults::new("")).values;
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();

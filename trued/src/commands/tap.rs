@@ -7,11 +7,14 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use recording::faults::Setting;
+use recording::files::FileError;
 use spectrum::frf::{Estimator, Response};
 use spectrum_report::tap::{self, Channels, Settings, analyse};
 use tracing::warn;
 
 use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{FaultyFile, option};
 use crate::options::value_name;
 use crate::output::Console;
 use crate::wrap;
@@ -162,6 +165,17 @@ struct Unusable {
     expected: &'static str,
 }
 
+/// Faults of a file with the options of this command: its columns are force and response.
+fn by_option(error: spectrum_report::Error) -> Failure {
+    let spectrum_report::Error::File(FileError::Content(faults)) = error else {
+        return error.into();
+    };
+    Failure::input(FaultyFile::with(faults, |setting| match setting {
+        Setting::Columns => "--force C, --response C",
+        setting => option(setting),
+    }))
+}
+
 impl Tap {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
@@ -171,7 +185,7 @@ impl Tap {
         }
         outputs.check(self.model.iter().chain(&self.files))?;
         let base = self.model.as_deref().map(crate::input::model).transpose()?;
-        let source = tap::read(&self.files, &self.channels())?;
+        let source = tap::read(&self.files, &self.channels()).map_err(by_option)?;
         if source.has_functions() {
             self.check_used_by_functions()?;
         }
