@@ -140,7 +140,7 @@ impl Place {
         let (mut input, text) = (child.stdin.take().unwrap(), text.to_owned());
         // A program that refuses early leaves the rest of the text.
         let feed = std::thread::spawn(move || {
-            drop(std::io::Write::write_all(&mut input, text.as_bytes()))
+            drop(std::io::Write::write_all(&mut input, text.as_bytes()));
         });
         let output = child.wait_with_output().unwrap();
         feed.join().unwrap();

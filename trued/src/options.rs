@@ -100,7 +100,7 @@ pub(crate) fn tolerance_mm(text: &str) -> Result<f64, String> {
 }
 
 /// The name of a value on the command line, for the default in a help text.
-pub(crate) fn value_name(value: impl ValueEnum) -> String {
+pub(crate) fn value_name(value: &impl ValueEnum) -> String {
     value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
 }
 

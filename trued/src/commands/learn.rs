@@ -70,7 +70,7 @@ impl Learn {
         input.recording = recording;
         let (mut corrections, _) =
             static_corrections(&input.model, &input.recording, cell, &|done| {
-                progress::show_rows(&spinner, done)
+                progress::show_rows(&spinner, done);
             })?;
         let wanted = static_commands(&corrections, &input.recording, &source)?;
         let commands = Commands { commanded: commanded.unwrap_or_else(|| wanted.clone()), wanted };

@@ -49,7 +49,7 @@ pub(crate) struct Tap {
     #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "response", "rate", "block_s", "windows", "estimator", "coherence_least"])]
     frf: bool,
     #[arg(long, value_name = "h1|h2", value_enum, hide_possible_values = true)]
-    #[arg(help = format!("Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: {}]", value_name(Estimate::of(Settings::default().estimator))))]
+    #[arg(help = format!("Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: {}]", value_name(&Estimate::of(Settings::default().estimator))))]
     estimator: Option<Estimate>,
     #[arg(long, value_name = "0..1")]
     #[arg(help = format!("Minimum coherence at a mode, 0 to 1 [default: {}]", Settings::default().coherence_least))]
@@ -61,7 +61,7 @@ pub(crate) struct Tap {
     #[arg(long, value_name = "S")]
     block_s: Option<f64>,
     #[arg(long, value_name = "auto|none", value_enum, hide_possible_values = true)]
-    #[arg(help = format!("auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: {}]", value_name(Windowing::of(Settings::default().windows))))]
+    #[arg(help = format!("auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: {}]", value_name(&Windowing::of(Settings::default().windows))))]
     windows: Option<Windowing>,
     /// Direction of hit and response in the base frame, for the modes of the model
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
