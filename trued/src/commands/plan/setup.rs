@@ -245,7 +245,6 @@ mod tests {
     use diagnosis::plan::arm_constraints::ArmConstraints;
     use recording::model::RobotModel;
 
-    use super::*;
     use crate::cli::Cli;
 
     #[test]
