@@ -71,7 +71,7 @@ pub struct Summary {
 pub enum RunError {
     /// A result exists already.
     #[error(
-        "{} already exists, for {files}; use --resume to keep existing results, --overwrite to recompute them, or another folder",
+        "{} already exists, for {files}; keep existing results, recompute them, or use another folder",
         path.display()
     )]
     Exists {

@@ -4,7 +4,6 @@
 //! time, and the writer's name is fixed.
 
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,6 +16,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::record::Field;
 use parquet::schema::parser::parse_message_type;
+use recording::quiet_panic::caught;
 
 use crate::key::Key;
 
@@ -303,8 +303,7 @@ fn read<T>(
 ) -> Option<T> {
     let file = File::open(path).ok()?;
     // The library panics on some invalid input.
-    let read = catch_unwind(AssertUnwindSafe(|| extract(&SerializedFileReader::new(file).ok()?)));
-    read.ok().flatten()
+    caught(|| extract(&SerializedFileReader::new(file).ok()?)).flatten()
 }
 
 #[cfg(test)]

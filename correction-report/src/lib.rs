@@ -9,14 +9,14 @@
 //! ```no_run
 //! use std::path::Path;
 //!
-//! use correction_report::path::{CorrectedPath, CorrectionRequest};
+//! use correction_report::path::{CorrectedPath, CorrectionRequest, ignore};
 //! use recording::model::RobotModel;
 //! use recording::series::{self, RequiredData};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let model = RobotModel::read(Path::new("arm.toml"))?;
 //! let recording = series::read(Path::new("path.csv"), None, RequiredData::Path)?;
-//! let corrected = CorrectedPath::compute(&model, recording, CorrectionRequest::default())?;
+//! let corrected = CorrectedPath::compute(&model, recording, CorrectionRequest::default(), &ignore)?;
 //! println!("{}", corrected.figures.text(None));
 //! std::fs::write("path.corrected.csv", &corrected.csv)?;
 //! # Ok(())

@@ -31,6 +31,29 @@ pub struct CorrectionRequest {
     pub dynamic: Option<Settings>,
 }
 
+/// How far a correction is, for display; no result depends on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// A stage begins.
+    Stage(&'static str),
+    /// Rows of the present stage that are done, of all.
+    Rows {
+        /// Rows done, from 0 to `of`.
+        done: usize,
+        /// All rows.
+        of: usize,
+    },
+}
+
+/// Receives the progress.
+pub type Listener<'a> = &'a dyn Fn(Progress);
+
+/// A [`Listener`] that does nothing.
+pub fn ignore(_: Progress) {}
+
+/// Rows between two reports of progress: a row takes a few microseconds, a report more than one.
+const ROWS_PER_REPORT: usize = 256;
+
 /// A corrected path.
 #[derive(Debug)]
 pub struct CorrectedPath {
@@ -67,6 +90,7 @@ impl CorrectedPath {
         model: &RobotModel,
         mut recording: Recording,
         request: CorrectionRequest,
+        listener: Listener<'_>,
     ) -> Result<Self, Error> {
         let arm = &model.physics.arm;
         let kinds = setup::joint_kinds(arm);
@@ -74,9 +98,13 @@ impl CorrectedPath {
         let extend = |settings| DynamicPath::extend(model, &mut recording, &kinds, settings);
         let in_time = request.dynamic.map(extend).transpose()?;
         let (mut corrections, frees_tool_axis) =
-            static_corrections(model, &recording, request.cell)?;
+            static_corrections(model, &recording, request.cell, listener)?;
+        if in_time.is_some() {
+            listener(Progress::Stage("dynamic compensation"));
+        }
         let dynamic = in_time.as_ref().map(|in_time| in_time.compensate(model, &mut corrections));
         let dynamic = dynamic.transpose()?;
+        listener(Progress::Stage("table and figures"));
         let csv = corrections.csv(recording);
         let figures = corrections.figures(&csv);
         let few_joints = arm.count() < 6 && !frees_tool_axis;
@@ -148,14 +176,21 @@ pub fn static_corrections(
     model: &RobotModel,
     recording: &Recording,
     cell: Option<(String, CellConfig)>,
+    listener: Listener<'_>,
 ) -> Result<(Corrections, bool), Error> {
     let mut cycle = cycle(model, recording, cell)?;
     let mut corrections = Corrections::new(model);
+    listener(Progress::Stage("static corrections"));
+    let of = recording.len();
     for (place, row) in Setpoints::new(recording, model.physics.arm.count()).enumerate() {
+        if place % ROWS_PER_REPORT == 0 {
+            listener(Progress::Rows { done: place, of });
+        }
         let answer = cycle.answer(&row).map_err(|why| why.in_row(recording, place))?;
         let left = cycle.remaining_error(&answer);
         corrections.add(row.setpoint.joints(), &answer, left).map_err(Error::system)?;
     }
+    listener(Progress::Rows { done: of, of });
     Ok((corrections, cycle.frees_tool_axis()))
 }
 

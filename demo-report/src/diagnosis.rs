@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use diagnosis::diagnose::{Verdict, sentences};
-use diagnosis_report::progress::ignore;
+use diagnosis_report::progress::Listener;
 use diagnosis_report::{JSON, MODEL, PAGE, RobotDiagnosis, Settings, lines, summary};
 use physics::JointKind;
 use recording::model::RobotModel;
@@ -36,13 +36,16 @@ pub(crate) fn run(
     demo: &Demo<'_>,
     cell: &str,
     tell: &mut EventSink<'_>,
+    listener: Listener<'_>,
 ) -> Result<(DiagnosisOutcome, bool), Error> {
     let Demo { scene, out, .. } = demo;
     let start = Instant::now();
-    let found = diagnose_recording(out, scene.seed)?;
+    let found = diagnose_recording(out, scene.seed, listener)?;
     let diagnosis_s = start.elapsed().as_secs_f64();
     let folder = out.join(FOLDER);
+    tell(Event::Stage("figures and files"))?;
     write_files(demo, &found, &folder)?;
+    tell(Event::Ended)?;
     let mut says = Vec::new();
     for report in found.reports() {
         let verdict = report.verdict.replace('_', " ");
@@ -82,12 +85,16 @@ pub(crate) fn run(
 }
 
 /// The diagnosis of the measuring program's recording with the daemon's model.
-fn diagnose_recording(out: &Path, seed: u64) -> Result<RobotDiagnosis, Error> {
+fn diagnose_recording(
+    out: &Path,
+    seed: u64,
+    listener: Listener<'_>,
+) -> Result<RobotDiagnosis, Error> {
     let model = RobotModel::read(&out.join(MODEL))?;
     let recording = out.join("measured.csv");
     let recording = series::read(&recording, None, RequiredData::Measurement)?;
     let settings = Settings { seed, ..Settings::default() };
-    Ok(diagnosis_report::diagnose(model, vec![recording], &settings, &ignore)?)
+    Ok(diagnosis_report::diagnose(model, vec![recording], &settings, listener)?)
 }
 
 /// Writes diagnosis, model and page.

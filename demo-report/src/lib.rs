@@ -14,6 +14,7 @@
 //! use std::sync::atomic::AtomicBool;
 //!
 //! use demo_report::{Demo, Event, Programs, Scene};
+//! use diagnosis_report::progress::ignore;
 //!
 //! /// The installed program is daemon and cell.
 //! struct Installed;
@@ -35,12 +36,13 @@
 //! # fn main() -> Result<(), demo_report::Error> {
 //! let scene = Scene::new(7, true)?;
 //! let demo = Demo::new(&scene, PathBuf::from("demo-out"));
-//! let report = demo.run(&Installed, &AtomicBool::new(false), &mut |event| {
+//! let mut show = |event| {
 //!     if let Event::Text(lines) = event {
 //!         lines.iter().for_each(|line| println!("{line}"));
 //!     }
 //!     Ok(())
-//! })?;
+//! };
+//! let report = demo.run(&Installed, &AtomicBool::new(false), &mut show, &ignore)?;
 //! let errors = &report.milled.tool_error_mm;
 //! assert!(errors.with.mean < errors.without.mean);
 //! # Ok(())

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use diagnosis_report::progress::Listener;
 use harness::child::ChildGuard;
 use recording::outputs::Outputs;
 use report::{Provenance, TextLine};
@@ -36,6 +37,8 @@ pub trait Programs {
 pub enum Event {
     /// Lines of the result, in order.
     Text(Vec<TextLine>),
+    /// A stage of unknown length begins.
+    Stage(&'static str),
     /// Work with a known number of steps begins.
     Begins {
         /// Description of the work.
@@ -45,7 +48,7 @@ pub enum Event {
     },
     /// Steps of that work that were done.
     Done(u64),
-    /// The work has ended.
+    /// The work or stage has ended.
     Ended,
 }
 
@@ -75,7 +78,7 @@ impl<'s> Demo<'s> {
         Self { scene, out, may_replace: false, provenance, width: None }
     }
 
-    /// Runs it to its end, reporting to `tell`; ends early once `stop` is set.
+    /// Runs it to its end, reporting to `tell`, and the progress of its diagnosis to `listener`; ends early once `stop` is set.
     ///
     /// # Errors
     /// Files that cannot be written; a process that fails; `stop` was set; an error of `tell`.
@@ -84,9 +87,11 @@ impl<'s> Demo<'s> {
         programs: &dyn Programs,
         stop: &AtomicBool,
         tell: &mut EventSink<'_>,
+        listener: Listener<'_>,
     ) -> Result<Report, Error> {
         let Self { scene, out, width, .. } = self;
         tell(Event::Text(text::introduction(scene)))?;
+        tell(Event::Stage("starting daemon and cell"))?;
         let name = format!("demo-{}", std::process::id());
         let config = self.write_cell_files(&name)?;
         let mut command = programs.daemon(&config).map_err(Error::system)?;
@@ -98,14 +103,16 @@ impl<'s> Demo<'s> {
         let lines = cell.stdout().map(BufReader::new).into_iter().flat_map(BufRead::lines);
         let mut lines = CellOutput { lines: Box::new(lines), stop, daemon: &mut daemon };
 
+        tell(Event::Ended)?;
         let steps = scene.path.samples.len() as u64;
         tell(Event::Begins { what: "milling", steps })?;
         let milled: MillingResult = from_json(&lines.wait_for_line("milled ", tell)?)?;
         tell(Event::Ended)?;
         tell(Event::Text(text::milled(&milled, *width)))?;
         tell(Event::Text(text::measurement(scene)))?;
+        tell(Event::Stage("measuring"))?;
         lines.wait_for_line("measured", &mut |_| Ok(()))?;
-        let (outcome, swapped) = diagnosis::run(self, &name, tell)?;
+        let (outcome, swapped) = diagnosis::run(self, &name, tell, listener)?;
         let go_on = if swapped { "again" } else { "end" };
         let outcome_json = serde_json::to_string(&outcome).map_err(Error::system)?;
         cell.write_line(&format!("{go_on} {outcome_json}")).map_err(Error::system)?;

@@ -550,7 +550,13 @@ fn deviation(report: &Report) -> String {
     let held = report.heldout_rms_before.zip(report.heldout_rms_after);
     let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
     else {
-        return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
+        return match (&report.unexplained, held) {
+            (Some(rest), _) => rest.says.clone(),
+            (None, Some((0.0, _))) if report.samples > 0 => {
+                "the given model predicts every held-out reading exactly".to_owned()
+            }
+            (None, _) => "no held-out reading tests the given model".to_owned(),
+        };
     };
     let count = report.all_findings().count();
     // Without findings the second figure differs only by nuisance parameters.

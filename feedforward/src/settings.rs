@@ -25,6 +25,13 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Default of `bandwidth_hz`.
+    pub const BANDWIDTH_HZ: f64 = 40.0;
+    /// Default of `robust_to`.
+    pub const ROBUST_TO: f64 = 0.3;
+    /// Default limits of the correction: position, rad or m; rate, per s; jerk, per s³.
+    pub const LIMITS: [f64; 3] = [0.2, 1.0, 5000.0];
+
     /// The defaults with other limits: position (rad or m), rate (per s), jerk (per s³).
     ///
     /// # Errors
@@ -34,7 +41,13 @@ impl Settings {
             let LimitsError { bound: name, value } = error;
             FeedforwardError::Setting { name, value, expected: "a finite number above 0" }
         })?;
-        Ok(Self { bandwidth_hz: 40.0, robust_to: 0.3, unstated: 0.1, limits, error_max: 0.2 })
+        Ok(Self {
+            bandwidth_hz: Self::BANDWIDTH_HZ,
+            robust_to: Self::ROBUST_TO,
+            unstated: 0.1,
+            limits,
+            error_max: 0.2,
+        })
     }
 
     /// Checks the ranges.
@@ -70,8 +83,9 @@ impl Settings {
     }
 }
 
-/// The defaults of the command line.
+/// The defaults.
 #[cfg(test)]
 pub(crate) fn settings() -> Settings {
-    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
+    let [position, rate, jerk] = Settings::LIMITS;
+    Settings::with_limits(position, rate, jerk).expect("sound")
 }

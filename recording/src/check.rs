@@ -91,15 +91,11 @@ pub fn validate_file(
     model: Option<&RobotModel>,
 ) -> Result<Findings, FileError> {
     if !is_toml(path) {
-        // A mapping is for tables: a URDF and waveforms of instruments are what they are.
-        if mapping.is_some()
-            && let Some(findings) = other::of_own_format(path)?
-        {
-            return Ok(findings);
-        }
-        // With a mapping, any other text is a table.
-        let beside = mapping.is_some() || mapping_path(path).is_file();
-        if !beside && let Some(findings) = other::file(path)? {
+        // A mapping is for tables: a URDF and waveforms of instruments are what they are. With one, any other text is a table.
+        let is_mapped = mapping.is_some() || mapping_path(path).is_file();
+        let of_other_format =
+            if is_mapped { other::of_own_format(path)? } else { other::file(path)? };
+        if let Some(findings) = of_other_format {
             return Ok(findings);
         }
         let mut findings = Findings { kind: "recording", ..Findings::default() };
@@ -260,7 +256,7 @@ fn read_recording(
 ) -> Result<Recording, FileError> {
     let recording = match series::read(path, mapping, RequiredData::Path) {
         // A recording of forces alone is valid too, except for a replay.
-        Err(FileError::Content(faults)) if model.is_none() => {
+        Err(FileError::Content(faults)) if model.is_none() && path.is_file() => {
             series::read(path, mapping, RequiredData::Measurement).map_err(|_| faults)?
         }
         recording => recording?,

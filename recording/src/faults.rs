@@ -11,8 +11,32 @@ use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet}
 /// At most this many faults are kept of one file; more are counted.
 pub const FAULTS_MAX: usize = 50;
 
-/// At most this many characters of a line are kept and shown.
+/// At most this many bytes of a line are kept and shown: those around the marked place.
 const LINE_MAX: usize = 400;
+
+/// At most this many bytes of a part of a message (a quoted cell, a list of names) are kept.
+const PART_MAX: usize = 1000;
+/// Stands for what is left out.
+const ELLIPSIS: char = '…';
+
+/// A setting of the caller by which a fault may be remedied: a program names its own option for it ([`Faults::name_settings`]).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Setting {
+    /// The sampling rate of waveforms.
+    SamplingRate,
+    /// The spacing of a profile's points.
+    Spacing,
+    /// The value of a WAV file's full scale.
+    FullScale,
+    /// The columns or channels that are read.
+    Columns,
+    /// The mapping of a table.
+    Mapping,
+    /// The link at which a chain begins.
+    BaseLink,
+    /// The link at which a chain ends.
+    TipLink,
+}
 
 /// One fault: place, message, expectation, remedy.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -27,6 +51,8 @@ pub struct Fault {
     pub expected: String,
     /// What to do about it; may be empty.
     pub help: String,
+    /// Settings by which to do it.
+    pub settings: Vec<Setting>,
 }
 
 /// A span within one line of a file.
@@ -36,7 +62,7 @@ pub struct Location {
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
-    /// The line itself, without its end, cut at a sensible length.
+    /// The line itself, without its end; of a long one what is around the place, with `…` for the rest.
     pub text: String,
     /// The marked bytes within `text`.
     pub span: Range<usize>,
@@ -58,11 +84,31 @@ impl Location {
     /// A span of bytes within a given line (`line` counts from 1).
     #[must_use]
     pub fn from_line(line: usize, text: &str, span: &Range<usize>) -> Self {
-        let kept = text.get(..floor_boundary(text, LINE_MAX)).unwrap_or_default();
-        let start = floor_boundary(kept, span.start);
-        let end = floor_boundary(kept, span.end).max(start);
-        let column = text.get(..floor_boundary(text, span.start)).unwrap_or_default();
-        Self { line, column: column.chars().count() + 1, text: kept.to_owned(), span: start..end }
+        let start = floor_boundary(text, span.start);
+        let end = floor_boundary(text, span.end).max(start);
+        let column = text.get(..start).unwrap_or_default().chars().count() + 1;
+        if text.len() <= LINE_MAX {
+            return Self { line, column, text: text.to_owned(), span: start..end };
+        }
+        let first = if end <= LINE_MAX {
+            0
+        } else {
+            floor_boundary(text, start.saturating_sub(LINE_MAX / 4))
+        };
+        let last = floor_boundary(text, first + LINE_MAX);
+        let mut kept = String::new();
+        kept.extend((first > 0).then_some(ELLIPSIS));
+        let shift = kept.len();
+        kept.push_str(text.get(first..last).unwrap_or_default());
+        kept.extend((last < text.len()).then_some(ELLIPSIS));
+        let span = start - first + shift..end.min(last) - first + shift;
+        Self { line, column, text: kept, span }
+    }
+
+    /// Whether the start of the line was left out, so that a column in `text` is not one of the line.
+    fn begins_late(&self) -> bool {
+        let before = self.text.get(..self.span.start).unwrap_or_default();
+        before.chars().count() + 1 != self.column
     }
 }
 
@@ -75,16 +121,27 @@ fn floor_boundary(text: &str, byte: usize) -> usize {
     byte
 }
 
+/// A text without its middle if it is long.
+fn shortened(text: String) -> String {
+    if text.len() <= PART_MAX {
+        return text;
+    }
+    let head = text.get(..floor_boundary(&text, PART_MAX / 2)).unwrap_or_default();
+    let tail = text.get(floor_boundary(&text, text.len() - PART_MAX / 4)..).unwrap_or_default();
+    format!("{head}{ELLIPSIS}{tail}")
+}
+
 impl Fault {
     /// A fault without a place.
     #[must_use]
     pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
         Self {
             location: None,
-            key: key.into(),
-            message: message.into(),
+            key: shortened(key.into()),
+            message: shortened(message.into()),
             expected: String::new(),
             help: String::new(),
+            settings: Vec::new(),
         }
     }
 
@@ -98,14 +155,29 @@ impl Fault {
     /// The same fault with an expectation.
     #[must_use]
     pub fn expected(mut self, expected: impl Into<String>) -> Self {
-        self.expected = expected.into();
+        self.expected = shortened(expected.into());
         self
     }
 
     /// The same fault with a remedy.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = help.into();
+        self.help = shortened(help.into());
+        self
+    }
+
+    /// The same fault of a row of data that has no line, from 1; what to do is kept.
+    #[must_use]
+    pub fn in_row(mut self, row: usize) -> Self {
+        let place = format!("in row {row} of the data");
+        self.help = if self.help.is_empty() { place } else { format!("{place}: {}", self.help) };
+        self
+    }
+
+    /// The same fault with the settings by which it may be remedied.
+    #[must_use]
+    pub fn by(mut self, settings: &[Setting]) -> Self {
+        self.settings = settings.to_vec();
         self
     }
 
@@ -125,11 +197,15 @@ impl Fault {
                 let label =
                     (!self.expected.is_empty()).then(|| format!("expected {}", self.expected));
                 let mark = AnnotationKind::Primary.span(place.span.clone()).label(label);
-                let snippet = Snippet::source(place.text.as_str())
-                    .line_start(place.line)
-                    .path(file)
-                    .annotation(mark);
-                Group::with_title(title).element(snippet)
+                let snippet =
+                    Snippet::source(place.text.as_str()).line_start(place.line).annotation(mark);
+                let group = Group::with_title(title);
+                if place.begins_late() {
+                    let origin = Origin::path(file).line(place.line).char_column(place.column);
+                    group.element(origin).element(snippet)
+                } else {
+                    group.element(snippet.path(file))
+                }
             }
         };
         if self.location.is_none() && !self.expected.is_empty() {
@@ -187,6 +263,20 @@ impl Faults {
                 Err(self)
             }
         }
+    }
+
+    /// The faults with the caller's names of their settings added to what to do.
+    #[must_use]
+    pub fn name_settings(mut self, name: impl Fn(Setting) -> &'static str) -> Self {
+        for fault in &mut self.list {
+            let names: Vec<&str> = fault.settings.drain(..).map(&name).collect();
+            match (names.is_empty(), fault.help.is_empty()) {
+                (true, _) => {}
+                (false, true) => fault.help = format!("see {}", names.join(", ")),
+                (false, false) => fault.help += &format!(" ({})", names.join(", ")),
+            }
+        }
+        self
     }
 
     /// Name of the file.
@@ -329,6 +419,38 @@ mod tests {
         }
         assert_eq!((faults.list().len(), faults.len()), (FAULTS_MAX, FAULTS_MAX + 7));
         assert!(faults.plain().ends_with("and 7 more errors in x"));
+    }
+
+    #[test]
+    fn a_caller_adds_its_names_of_the_settings_once() {
+        let mut faults = Faults::new("x");
+        faults.push(Fault::new("k", "m").help("state the rate").by(&[Setting::SamplingRate]));
+        faults.push(Fault::new("l", "m").by(&[Setting::BaseLink]));
+        assert!(!faults.plain().contains("--rate") && !faults.plain().contains("--base"));
+        let name = |setting| if setting == Setting::BaseLink { "--base" } else { "--rate" };
+        let named = faults.name_settings(name);
+        let helps: Vec<&str> = named.list().iter().map(|fault| fault.help.as_str()).collect();
+        assert_eq!(helps, ["state the rate (--rate)", "see --base"]);
+        assert_eq!(named.clone().name_settings(name), named);
+    }
+
+    #[test]
+    fn a_place_far_in_a_long_line_is_shown_with_its_true_column_and_a_short_text() {
+        let line = format!("{}wrong{}", "größe,".repeat(1_000), ",1".repeat(1_000_000));
+        let at = line.find("wrong").unwrap();
+        let place = Location::from_span(&line, &(at..at + 5));
+        assert_eq!((place.line, place.column), (1, 6_001));
+        assert_eq!(place.text.get(place.span.clone()), Some("wrong"));
+        let mut faults = Faults::new("long.csv");
+        let quoted = format!("`{line}` is not a number");
+        faults.push(Fault::new("q1_deg", quoted).at(place).expected("a number"));
+        let text = faults.plain();
+        assert!(text.contains("long.csv:1:6001\n"), "{text}");
+        assert!(text.contains("is not a number") && text.len() < 4_000, "{}", text.len());
+        // A span as long as the line.
+        let whole = Location::from_line(1, &line, &(0..line.len()));
+        assert!((whole.column, whole.text.len() < 500) == (1, true), "{}", whole.text.len());
+        assert_eq!(whole.span.start, 0);
     }
 
     #[test]

@@ -17,6 +17,9 @@ const UTF16_HEAD_BYTES: usize = 16;
 /// Least number of characters there.
 const UTF16_PAIRS_MIN: usize = 4;
 
+/// Zero bytes are searched in this many bytes at the start of a file.
+const BINARY_HEAD_BYTES: usize = 4096;
+
 /// Why a file could not be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum FileError {
@@ -69,6 +72,39 @@ pub fn utf16_as_utf8(bytes: &[u8]) -> Option<String> {
     (!is_broken).then(|| text.into_owned())
 }
 
+/// First bytes of formats that are no text, and their names.
+const BINARY_FORMATS: [(&[u8], &str); 11] = [
+    (b"\x1f\x8b", "compressed (gzip)"),
+    (b"PK\x03\x04", "an archive or a spreadsheet (zip)"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet or document (OLE)"),
+    (b"\x28\xb5\x2f\xfd", "compressed (Zstandard)"),
+    (b"\xfd7zXZ", "compressed (xz)"),
+    (b"BZh", "compressed (bzip2)"),
+    (b"PAR1", "a Parquet file"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"\x89MCAP", "a recording in MCAP"),
+    (b"MATLAB 5.0", "a MATLAB file"),
+    (b"RIFF", "a WAV file"),
+];
+
+/// The fault of content that is no text by its first bytes, or by zero bytes at its start.
+pub(crate) fn binary_fault(bytes: &[u8]) -> Option<Fault> {
+    let head = bytes.get(..BINARY_HEAD_BYTES.min(bytes.len())).unwrap_or_default();
+    let known = BINARY_FORMATS.iter().find(|(mark, _)| bytes.starts_with(mark));
+    let what = match known {
+        Some((_, what)) => *what,
+        None if head.iter().filter(|byte| **byte == 0).count() > 1 => "binary",
+        None => return None,
+    };
+    let fault = Fault::new("", format!("is {what}, not text")).expected("a text table");
+    Some(match what {
+        "a Parquet file" => fault.help("name it with the ending .parquet"),
+        "a recording in MCAP" => fault.help("name it with the ending .mcap"),
+        what if what.starts_with("compressed") => fault.help("decompress it first"),
+        _ => fault.help("export it as CSV"),
+    })
+}
+
 /// Bytes as text, without a byte-order mark: UTF-8, or UTF-16.
 ///
 /// # Errors
@@ -85,6 +121,11 @@ pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
             Ok(text)
         }
         Err(error) => {
+            if let Some(fault) = binary_fault(error.as_bytes()) {
+                let mut faults = Faults::new(name);
+                faults.push(fault);
+                return Err(faults);
+            }
             let good = error.utf8_error().valid_up_to();
             let head = String::from_utf8_lossy(error.as_bytes().get(..good).unwrap_or_default());
             let place = Location::from_span(&head, &(good..good));
@@ -161,6 +202,19 @@ mod tests {
         let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
         assert_eq!(faults.list()[0].location.as_ref().unwrap().line, 2);
         assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");
+    }
+
+    #[test]
+    fn content_that_is_no_text_is_named_as_what_it_is() {
+        for (bytes, what) in [
+            (&b"\x1f\x8b\x08\x00\xff"[..], "compressed (gzip)"),
+            (b"PK\x03\x04\xff", "a spreadsheet (zip)"),
+            (b"PAR1\xff", "a Parquet file"),
+            (b"a\0b\0\xff", "is binary"),
+            (b"gr\xf6sse", "byte 2 is not UTF-8"),
+        ] {
+            text_of("x.csv", bytes.to_vec()).unwrap_err().assert_say(what);
+        }
     }
 
     #[test]

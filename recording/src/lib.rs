@@ -19,6 +19,7 @@ pub mod outputs;
 mod partial_file;
 pub mod program;
 pub mod programs;
+pub mod quiet_panic;
 pub mod ros2;
 #[cfg(feature = "schema")]
 pub mod schema;

@@ -53,7 +53,7 @@ pub enum WriteError {
         source: io::Error,
     },
     /// The file exists.
-    #[error("{} already exists; nothing was written. Choose another name, or use --overwrite to replace it", .0.display())]
+    #[error("{} already exists; nothing was written. Choose another name, or permit it to be replaced", .0.display())]
     Exists(PathBuf),
     /// An input would be overwritten; refused even with `--overwrite`.
     #[error("{}: the output would overwrite an input file; choose another name", .0.display())]

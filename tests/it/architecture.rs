@@ -197,6 +197,55 @@ fn the_crates_that_compute_know_no_clock_no_file_and_no_thread() {
     assert!(faults.is_empty(), "computing crates reach outside:\n{}", faults.join("\n"));
 }
 
+/// A caller of a library cannot act on an option of the command line: `recording::faults::Setting` names what it stands for.
+#[test]
+fn no_message_of_a_reader_names_an_option_of_the_command_line() {
+    let mut faults = Vec::new();
+    for path in sources() {
+        let shown = shown(&path);
+        let is_library = ["recording/src", "batch/src"].iter().any(|of| shown.starts_with(of));
+        if !is_library || is_test_code(&shown) {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+        let names_option = |line: &str| {
+            let (_, literal) = line.split_once('"').unwrap_or_default();
+            let mut after = literal.split("--").skip(1);
+            after.any(|rest| rest.starts_with(|c: char| c.is_ascii_lowercase()))
+        };
+        let is_code =
+            |line: &&str| !line.trim_start().starts_with("//") && !line.contains("`trued ");
+        let found = code.lines().filter(is_code).filter(|line| names_option(line));
+        faults.extend(found.map(|line| format!("{shown}: {}", line.trim())));
+    }
+    assert!(faults.is_empty(), "options in messages of libraries:\n{}", faults.join("\n"));
+}
+
+/// Defaults in help texts come from the settings, so that they cannot differ from what is done.
+#[test]
+fn no_help_text_has_a_default_typed_by_hand() {
+    // The band of `diagnose` depends on the recording, its first number is private to the diagnosis; radii depend on the arm, and a test of their options
+    // holds their parts of its length.
+    let allowed = ["[default: 40, or a tenth of the sampling rate]", "% of the arm's length"];
+    let mut faults = Vec::new();
+    for path in sources().filter(|path| shown(path).starts_with("trued/src")) {
+        let text = fs::read_to_string(&path).unwrap();
+        let typed = |line: &&str| {
+            let is_doc = line.trim_start().starts_with("///");
+            let states = line.contains("[default:")
+                || line
+                    .split("default ")
+                    .skip(1)
+                    .any(|rest| rest.starts_with(|c: char| c.is_ascii_digit()));
+            is_doc && states && !allowed.iter().any(|allowed| line.contains(allowed))
+        };
+        let lines = text.lines().filter(typed);
+        faults.extend(lines.map(|line| format!("{}: {}", shown(&path), line.trim())));
+    }
+    assert!(faults.is_empty(), "defaults typed by hand:\n{}", faults.join("\n"));
+}
+
 fn is_test_code(shown: &str) -> bool {
     shown.ends_with("tests.rs") || shown.contains("/tests/") || shown.ends_with("conformance.rs")
 }

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::schemas;
@@ -132,6 +132,21 @@ impl Place {
         ended(command)
     }
 
+    /// The same with a text on its standard input, which is a pipe.
+    pub(crate) fn run_fed(&self, text: &str, arguments: &[&str]) -> Done {
+        let mut child = self.command(arguments);
+        child.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = child.spawn().unwrap();
+        let (mut input, text) = (child.stdin.take().unwrap(), text.to_owned());
+        // A program that refuses early leaves the rest of the text.
+        let feed = std::thread::spawn(move || {
+            drop(std::io::Write::write_all(&mut input, text.as_bytes()));
+        });
+        let output = child.wait_with_output().unwrap();
+        feed.join().unwrap();
+        Done::of(output)
+    }
+
     /// The same, and it has to succeed.
     pub(crate) fn succeed(&self, arguments: &[&str]) -> Done {
         let done = self.run(arguments);
@@ -147,9 +162,14 @@ impl Place {
 }
 
 fn ended(mut command: Command) -> Done {
-    let output = command.stdin(Stdio::null()).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    Done { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    Done::of(command.stdin(Stdio::null()).output().unwrap())
+}
+
+impl Done {
+    fn of(output: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    }
 }
 
 impl Drop for Place {

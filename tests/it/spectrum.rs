@@ -318,6 +318,8 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     place.file("rateless.csv", "sample,force\n1,2\n2,3\n3,5\n4,1\n5,2\n");
     place.file("run.csv", &tones(1000.0).csv());
     place.file("broken.csv", "t_s,fx_N\n0,1\n0.001,two\n0.002,inf\n0.003,4\n");
+    let short: String = (0..12).map(|i| format!("{:.1},{i}\n", 0.1 * f64::from(i))).collect();
+    place.file("short.csv", &format!("t_s,fx_N\n{short}"));
     place.file("uneven.csv", "t_s,force\n0,1\n1,2\n1.1,3\n5,4\n5.1,1\n9,1\n9.3,2\n");
     let fast: String =
         (0..64).map(|i| format!("{:.9},{}\n", 2.5e-7 * f64::from(i), i % 7)).collect();
@@ -330,10 +332,15 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
         (vec!["--window", "1e9", "run.csv"], "longer than the recording"),
         (vec!["--band", "10", "1e9", "run.csv"], "above 500 Hz"),
         (vec!["rateless.csv"], "--rate HZ"),
+        (vec!["--rate", "-5", "rateless.csv"], "is -5"),
         (vec!["--column", "fx_M", "run.csv"], "did you mean `fx_N`?"),
         (vec!["--rate=-5", "rateless.csv"], "above 0"),
         (vec!["--spindle-rpm", "NaN", "run.csv"], "--spindle-rpm"),
-        (vec!["--band", "200", "100", "run.csv"], "band_hz"),
+        (vec!["--band", "200", "100", "run.csv"], "--band is 200 100"),
+        (vec!["--band", "-5", "100", "run.csv"], "--band is -5 100"),
+        (vec!["--threshold", "nan", "run.csv"], "--threshold is NaN, expected 0.25 to 10"),
+        (vec!["--mains", "-1", "run.csv"], "--mains is -1"),
+        (vec!["short.csv"], "without --window, the window is 0.25 s, expected 16 samples or more"),
         (vec!["--window", "0", "run.csv"], "--window"),
         (vec!["--model", "irb1600", "run.csv"], "neither a model file nor a preset"),
         (vec!["broken.csv"], "broken.csv:3:7"),
@@ -348,7 +355,10 @@ fn bad_input_is_refused_with_a_remedy_and_nothing_is_written() {
     }
     let over = place.run(&["spectrum", "--report", "run.csv", "run.csv"]);
     assert_eq!(over.code, Some(2), "an input is not replaced");
-    assert_eq!(place.names(), ["broken.csv", "fast.csv", "rateless.csv", "run.csv", "uneven.csv"]);
+    assert_eq!(
+        place.names(),
+        ["broken.csv", "fast.csv", "rateless.csv", "run.csv", "short.csv", "uneven.csv"]
+    );
 }
 
 #[test]

@@ -102,3 +102,108 @@ fn readings_under_two_names_are_reported_by_check_and_refused_by_a_fit() {
     }
     assert_eq!(place.names(), ["twins.csv", "twins.toml"]);
 }
+
+#[test]
+fn a_damaged_parquet_file_is_refused_with_our_message_alone() {
+    let place = Place::new();
+    place.file("tiny.csv", "t_s,q1_deg\n0,1\n1,2\n");
+    place.succeed(&["convert", "tiny.csv", "--out", "tiny.parquet"]);
+    let mut bytes = std::fs::read(place.path("tiny.parquet")).unwrap();
+    // The type of the first page: data in place of its dictionary, on which the library panics.
+    assert_eq!(bytes[4..6], [0x15, 0x04]);
+    bytes[5] = 2;
+    std::fs::write(place.path("damaged.parquet"), bytes).unwrap();
+    let done = place.run(&["correct", "--model", "irb120", "damaged.parquet"]);
+    assert_eq!(done.code, Some(2), "{done:#?}");
+    assert!(done.err.contains("cannot be read as Parquet: its data are inconsistent"), "{done:#?}");
+    assert!(done.err.starts_with("error: ") && !done.err.contains("panicked"), "{done:#?}");
+}
+
+#[test]
+fn a_recording_that_is_given_twice_does_not_count_twice() {
+    let place = Place::new();
+    place.file("poses.csv", POSES);
+    place.file("poses.mapping.toml", MAPPING);
+    for again in ["poses.csv", "./poses.csv"] {
+        let done = place.run(&["diagnose", "--model", "irb120", "poses.csv", again]);
+        assert_eq!(done.code, Some(2), "{done:#?}");
+        assert!(done.err.contains("is given twice"), "{done:#?}");
+    }
+}
+
+#[test]
+fn a_mapping_of_the_same_name_or_one_that_is_given_is_no_part_of_a_wav_file() {
+    let place = Place::new();
+    let head = b"RIFF\x24\x10\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x40\x1f\0\0\x80\x3e\0\0\x02\0\x10\0data\0\x10\0\0";
+    let samples: Vec<u8> = (0..2048_i16).flat_map(|k| (k % 97).to_le_bytes()).collect();
+    std::fs::write(place.path("hit.wav"), [&head[..], &samples].concat()).unwrap();
+    place.file("hit.mapping.toml", MAPPING);
+    let checked = place.succeed(&["check", "hit.wav"]);
+    assert!(checked.out.contains("ok: hit.wav: WAV, 2048 samples"), "{checked:#?}");
+    place.succeed(&["spectrum", "hit.wav"]);
+    let done = place.run(&["spectrum", "hit.wav", "--mapping", "hit.mapping.toml"]);
+    assert_eq!(done.code, Some(2), "{done:#?}");
+    assert!(done.err.contains("is WAV, which no mapping describes"), "{done:#?}");
+    assert!(done.err.contains("leave out the mapping (--mapping FILE)"), "{done:#?}");
+}
+
+#[test]
+fn a_number_below_zero_is_answered_by_the_check_of_its_option() {
+    let place = Place::new();
+    place.file("poses.csv", POSES);
+    for arguments in [
+        &["spectrum", "--rate", "-5", "poses.csv"][..],
+        &["simulate", "--model", "irb120", "--out", "made", "--noise", "-1", "poses.csv"],
+        &["plan", "--model", "irb120", "--sigma-mm", "-1"],
+        &["tap", "--rate", "-3", "poses.csv"],
+        &["gears", "--model", "irb120", "--lines", "-1", "poses.csv"],
+        &["surface", "--cut-off-mm", "-1", "poses.csv"],
+        &["bench", "--seconds", "-1"],
+    ] {
+        let done = place.run(arguments);
+        assert_eq!(done.code, Some(2), "{arguments:?}: {done:#?}");
+        assert!(!done.err.contains("unexpected argument"), "{arguments:?}: {done:#?}");
+    }
+    assert_eq!(place.names(), ["poses.csv"]);
+}
+
+#[test]
+fn a_pipe_is_read_once_and_from_its_beginning() {
+    let place = Place::new();
+    let joints: String =
+        (0..40).map(|k| format!("{:.3},{k},0,0,0,30,0\n", 0.004 * f64::from(k))).collect();
+    place.file("path.csv", &format!("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n{joints}"));
+    let force: String =
+        (0..2000).map(|k| format!("{:.4},{}\n", 5e-4 * f64::from(k), k % 40)).collect();
+    place.file("force.csv", &format!("t_s,fx_N\n{force}"));
+    for (arguments, file, part) in [
+        (&["check", "/dev/stdin"][..], "path.csv", "path, 40 rows"),
+        (&["simulate", "--model", "irb120", "--out", "made", "/dev/stdin"], "path.csv", "40 rows"),
+        (&["correct", "--model", "irb120", "--out", "c.csv", "/dev/stdin"], "path.csv", "40 rows"),
+        (&["spectrum", "/dev/stdin"], "force.csv", "1.00 s at 2000.0 Hz, fx_N"),
+    ] {
+        let done = place.run_fed(&place.read(file), arguments);
+        assert_eq!(done.code, Some(0), "{arguments:?}: {done:#?}");
+        assert!(done.out.contains(part), "{part} in {done:#?}");
+    }
+    let broken = place.run_fed(
+        "t_s,q1_deg\n0,x\n",
+        &["simulate", "--model", "irb120", "--out", "b", "/dev/stdin"],
+    );
+    assert!(broken.code == Some(2) && broken.err.contains("`x` is not a number"), "{broken:#?}");
+}
+
+#[test]
+fn a_remedy_names_the_options_that_the_command_has() {
+    let place = Place::new();
+    place.file("path.csv", "t_s,q1_deg\n0,1\n0.1,2\n0.2,3\n");
+    for (command, options) in [
+        ("tap", "(--force C, --response C)"),
+        ("spectrum", "(--column C)"),
+        ("surface", "(--column C)"),
+    ] {
+        let done = place.run(&[command, "path.csv"]);
+        assert_eq!(done.code, Some(2), "{done:#?}");
+        assert!(done.err.contains(options), "{options} in {done:#?}");
+    }
+}

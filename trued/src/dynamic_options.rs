@@ -4,6 +4,10 @@ use clap::Args;
 use feedforward::Settings;
 
 use crate::exit::Failure;
+use crate::options::in_unit;
+
+/// The unit of the limits, rad.
+const MRAD: f64 = 1e-3;
 
 /// The options of [`InTime`].
 pub(crate) const IN_TIME: [&str; 5] =
@@ -14,19 +18,19 @@ pub(crate) const IN_TIME: [&str; 5] =
 #[command(next_help_heading = "Dynamic compensation")]
 pub(crate) struct InTime {
     /// Bandwidth of the dynamic compensation, Hz, 1 to 100
-    #[arg(long, value_name = "HZ", default_value_t = 40.0)]
+    #[arg(long, value_name = "HZ", default_value_t = Settings::BANDWIDTH_HZ)]
     bandwidth_hz: f64,
     /// Relative error of the model's delay, lags, frequencies and damping that must not make the path worse, 0 to 0.5
-    #[arg(long, value_name = "SHARE", default_value_t = 0.3)]
+    #[arg(long, value_name = "SHARE", default_value_t = Settings::ROBUST_TO)]
     robust_to: f64,
     /// Largest dynamic correction of a joint, mrad (mm for a linear axis); at speed it is many times the static correction
-    #[arg(long, value_name = "MRAD", default_value_t = 200.0, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MRAD", default_value_t = in_unit(Settings::LIMITS[0], MRAD), value_parser = positive, allow_negative_numbers = true)]
     max_mrad: f64,
     /// Largest rate of the dynamic correction, mrad/s (mm/s)
-    #[arg(long, value_name = "MRAD/S", default_value_t = 1e3, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MRAD/S", default_value_t = in_unit(Settings::LIMITS[1], MRAD), value_parser = positive, allow_negative_numbers = true)]
     max_rate_mrad_s: f64,
     /// Largest jerk of the dynamic correction, mrad/s³ (mm/s³)
-    #[arg(long, value_name = "MRAD/S3", default_value_t = 5e6, value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "MRAD/S3", default_value_t = in_unit(Settings::LIMITS[2], MRAD), value_parser = positive, allow_negative_numbers = true)]
     max_jerk_mrad_s3: f64,
 }
 
@@ -44,7 +48,7 @@ impl InTime {
     /// The same in SI, checked.
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
         let [position, rate, jerk] =
-            [self.max_mrad, self.max_rate_mrad_s, self.max_jerk_mrad_s3].map(|limit| limit * 1e-3);
+            [self.max_mrad, self.max_rate_mrad_s, self.max_jerk_mrad_s3].map(|limit| limit * MRAD);
         let limited = Settings::with_limits(position, rate, jerk).map_err(Failure::input)?;
         let Self { bandwidth_hz, robust_to, .. } = *self;
         let settings = Settings { bandwidth_hz, robust_to, ..limited };

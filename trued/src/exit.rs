@@ -11,6 +11,7 @@
 
 use std::error::Error;
 use std::io::ErrorKind;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use recording::outputs::WriteError;
@@ -77,6 +78,7 @@ impl From<WriteError> for Failure {
     fn from(error: WriteError) -> Self {
         let misnamed = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::IsADirectory];
         match &error {
+            WriteError::Exists(path) => Self::input(AlreadyExists(path.clone())),
             WriteError::Io { source, .. } if !misnamed.contains(&source.kind()) => {
                 Self::system(error)
             }
@@ -84,6 +86,11 @@ impl From<WriteError> for Failure {
         }
     }
 }
+
+/// [`WriteError::Exists`] with the option that permits it.
+#[derive(Debug, thiserror::Error)]
+#[error("{} already exists; nothing was written. Choose another name, or use --overwrite to replace it", .0.display())]
+struct AlreadyExists(PathBuf);
 
 /// How a command ends.
 pub type Outcome = Result<Answer, Failure>;

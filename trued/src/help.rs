@@ -1,6 +1,6 @@
 //! The help of the program: commands by task, examples, exit codes. Lists only commands that exist.
 
-use clap::Command;
+use clap::{Arg, Command};
 
 /// Every command of the interface, grouped by task.
 const TASKS: [(&str, &[&str]); 8] = [
@@ -50,7 +50,15 @@ pub(crate) fn with_help_sections(command: Command) -> Command {
         "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{EXIT_CODES}\n\n\
          Run `trued COMMAND --help` for more about a command.\n"
     );
-    command.help_template(template)
+    with_negative_numbers(command.help_template(template))
+}
+
+/// Lets every option take a negative number, so that the option's own check answers it and not the parser, which would take it for an option.
+fn with_negative_numbers(command: Command) -> Command {
+    let takes_value = |arg: &Arg| !arg.is_positional() && arg.get_action().takes_values();
+    command
+        .mut_args(|arg| if takes_value(&arg) { arg.allow_negative_numbers(true) } else { arg })
+        .mut_subcommands(with_negative_numbers)
 }
 
 fn tasks(command: &Command) -> String {

@@ -3,6 +3,7 @@
 //! Nothing with an error is used; all errors of a file are reported at once. The robot is never
 //! guessed.
 
+use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use daemon::setup;
 use physics::JointKind;
-use recording::faults::{Faults, nearest};
+use recording::faults::{Faults, Setting, nearest};
 use recording::files::FileError;
 use recording::model::{RobotModel, presets};
 use recording::series::{self, Recording, RecordingKind, RequiredData};
@@ -65,12 +66,42 @@ struct NoModelError {
 /// A file with faults, all of them.
 #[derive(Debug, thiserror::Error)]
 #[error("{} has {}\n\n{}", .0.file(), pluralise(.0.len(), "fault"), .0.plain())]
-pub(crate) struct FaultyFile(pub(crate) Faults);
+pub(crate) struct FaultyFile(Faults);
+
+impl FaultyFile {
+    /// The faults, with the options of the command line for the settings that they name.
+    pub(crate) fn of(faults: Faults) -> Self {
+        Self::with(faults, option)
+    }
+
+    /// The same for a command with options of its own.
+    pub(crate) fn with(faults: Faults, option: impl Fn(Setting) -> &'static str) -> Self {
+        Self(faults.name_settings(option))
+    }
+}
+
+/// The option for a setting of a library.
+pub(crate) fn option(setting: Setting) -> &'static str {
+    match setting {
+        Setting::SamplingRate => "--rate HZ",
+        Setting::Spacing => "--spacing-um UM",
+        Setting::FullScale => "--scale A",
+        Setting::Columns => "--column C",
+        Setting::Mapping => "--mapping FILE",
+        Setting::BaseLink => "--base LINK",
+        Setting::TipLink => "--tip LINK",
+    }
+}
 
 /// No model was named.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: no model is stated; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
 struct NoModelNamed(PathBuf);
+
+/// One recording, twice.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: is given twice, and its measurements would count twice; give each recording once", .0.display())]
+struct GivenTwice(PathBuf);
 
 /// Recordings of several robots.
 #[derive(Debug, thiserror::Error)]
@@ -89,6 +120,15 @@ impl Reading {
         self.read_with(RequiredData::Path, path, fallback, None)
     }
 
+    /// The same of a recording that has been inspected already.
+    pub(crate) fn path_after(
+        &self,
+        read: Option<Recording>,
+        path: &Path,
+    ) -> Result<Input, Failure> {
+        self.read_with(RequiredData::Path, path, None, read)
+    }
+
     /// Reads recordings of one robot's measurements, and its model.
     pub(crate) fn measured(
         &self,
@@ -103,6 +143,7 @@ impl Reading {
         mut read: Option<Recording>,
         paths: &[PathBuf],
     ) -> Result<(RobotModel, Vec<Recording>), Failure> {
+        check_distinct(paths)?;
         let mut inputs = Vec::with_capacity(paths.len());
         for path in paths {
             inputs.push(self.read_with(RequiredData::Measurement, path, None, read.take())?);
@@ -118,9 +159,11 @@ impl Reading {
     /// Reads a recording of which it is not known yet whether it contains joints.
     pub(crate) fn inspect(&self, path: &Path) -> Result<InspectedRecording, Failure> {
         // A read error is reported by the caller that needs joints.
-        let Ok(recording) = series::read(path, self.mapping.as_deref(), RequiredData::Samples)
-        else {
-            return Ok(InspectedRecording::OfArm(None));
+        let recording = match series::read(path, self.mapping.as_deref(), RequiredData::Samples) {
+            Ok(recording) => recording,
+            // A pipe can be read only once.
+            Err(error) if !path.is_file() => return Err(unusable(error)),
+            Err(_) => return Ok(InspectedRecording::OfArm(None)),
         };
         if recording.joint_count() > 0 {
             return Ok(InspectedRecording::OfArm(Some(Box::new(recording))));
@@ -149,7 +192,9 @@ impl Reading {
     ) -> Result<Input, Failure> {
         let recording = match read {
             Some(recording) => {
-                recording.check_need(need).map_err(|faults| Failure::input(FaultyFile(faults)))?;
+                recording
+                    .check_need(need)
+                    .map_err(|faults| Failure::input(FaultyFile::of(faults)))?;
                 recording
             }
             None => series::read(path, self.mapping.as_deref(), need).map_err(unusable)?,
@@ -161,11 +206,19 @@ impl Reading {
         let joint_kinds = setup::joint_kinds(&model.physics.arm);
         recording
             .check_joints(&joint_kinds)
-            .map_err(|faults| Failure::input(FaultyFile(faults)))?;
+            .map_err(|faults| Failure::input(FaultyFile::of(faults)))?;
         let input = Input { model, recording, joint_kinds };
         input.log_notes(need);
         Ok(input)
     }
+}
+
+/// Checks that no measurement counts twice: parameters would look more certain than they are.
+fn check_distinct(paths: &[PathBuf]) -> Result<(), Failure> {
+    let mut places = BTreeSet::new();
+    let place = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+    let again = paths.iter().find(|path| !places.insert(place(path)));
+    again.map_or(Ok(()), |path| Err(Failure::input(GivenTwice(path.clone()))))
 }
 
 impl Input {
@@ -218,7 +271,7 @@ pub(crate) fn in_file<E: Display>(path: &Path) -> impl Fn(E) -> Failure + '_ {
 /// A file that cannot be used is bad input, whatever the reason.
 pub(crate) fn unusable(error: FileError) -> Failure {
     match error {
-        FileError::Content(faults) => Failure::input(FaultyFile(faults)),
+        FileError::Content(faults) => Failure::input(FaultyFile::of(faults)),
         error => Failure::input(error),
     }
 }

@@ -99,6 +99,18 @@ pub(crate) fn tolerance_mm(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The name of a value on the command line, for the default in a help text.
+pub(crate) fn value_name(value: &impl ValueEnum) -> String {
+    value.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+}
+
+/// A default in the unit of its option, without the last digits of the conversion.
+pub(crate) fn in_unit(si: f64, unit_si: f64) -> f64 {
+    /// Decimals that a default may have.
+    const DECIMALS: f64 = 1e9;
+    (si / unit_si * DECIMALS).round() / DECIMALS
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::time::Duration;
 
+use correction_report::path;
 use diagnosis::progress::{Progress, Stage};
 use indicatif::style::TemplateError;
 use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
@@ -72,6 +73,17 @@ fn steps(done: u64, of: Option<u64>, left: Duration) -> String {
     }
 }
 
+/// Shows the progress of a correction by a spinner of [`stages`].
+pub fn show_rows(spinner: &ProgressBar, progress: path::Progress) {
+    match progress {
+        path::Progress::Stage(stage) => {
+            spinner.unset_length();
+            spinner.set_message(stage);
+        }
+        path::Progress::Rows { done, of } => show_steps(spinner, done, of),
+    }
+}
+
 /// Shows the progress of a diagnosis or calibration by a spinner of [`stages`].
 pub fn show(spinner: &ProgressBar, stage: Stage, progress: Progress) {
     match progress {
@@ -82,13 +94,20 @@ pub fn show(spinner: &ProgressBar, stage: Stage, progress: Progress) {
         Progress::Selected(count) => {
             spinner.set_message(format!("{stage}, {}", pluralise(count, "effect")));
         }
-        Progress::Steps { done: 0, of } => {
-            spinner.set_position(0);
-            spinner.set_length(of as u64);
-            spinner.reset_eta();
-        }
-        Progress::Steps { done, of } if done == of => spinner.unset_length(),
-        Progress::Steps { done, .. } => spinner.set_position(done as u64),
+        Progress::Steps { done, of } => show_steps(spinner, done, of),
+    }
+}
+
+/// Shows a loop, from `done` = 0 to `of`.
+fn show_steps(spinner: &ProgressBar, done: usize, of: usize) {
+    if done == of {
+        spinner.unset_length();
+    } else if done == 0 {
+        spinner.set_position(0);
+        spinner.set_length(of as u64);
+        spinner.reset_eta();
+    } else {
+        spinner.set_position(done as u64);
     }
 }
 
@@ -116,6 +135,21 @@ mod tests {
             let columns = 2 + format!("{stage}, 100 effects").len() + 1 + steps.len() + 6 + 1;
             assert!(columns <= 80, "{stage}: {columns}");
         }
+    }
+
+    #[test]
+    fn rows_of_a_correction_are_counted_and_a_stage_ends_the_count() {
+        let spinner = ProgressBar::hidden();
+        let shown = |progress| {
+            show_rows(&spinner, progress);
+            (spinner.message(), spinner.length(), spinner.position())
+        };
+        let stage = "static corrections";
+        shown(path::Progress::Stage(stage));
+        assert_eq!(shown(path::Progress::Rows { done: 0, of: 9 }), (stage.into(), Some(9), 0));
+        assert_eq!(shown(path::Progress::Rows { done: 4, of: 9 }), (stage.into(), Some(9), 4));
+        assert_eq!(shown(path::Progress::Stage("table")).1, None);
+        assert_eq!(shown(path::Progress::Rows { done: 0, of: 0 }).1, None);
     }
 
     #[test]

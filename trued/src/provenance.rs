@@ -53,7 +53,8 @@ impl Invocation {
 /// A file's name and the hash of its bytes; `None` if it is not an ordinary file, or cannot be
 /// read.
 pub(crate) fn hashed(path: &Path) -> Option<InputFile> {
-    let mut file = File::open(path).ok().filter(|_| path.is_file())?;
+    // A pipe loses what is read of it here.
+    let mut file = File::open(path.is_file().then_some(path)?).ok()?;
     let (mut hash, mut chunk) = (Sha256::new(), vec![0; CHUNK]);
     loop {
         match file.read(&mut chunk).ok()? {

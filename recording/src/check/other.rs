@@ -28,6 +28,10 @@ pub(super) fn of_own_format(path: &Path) -> Result<Option<Findings>, FileError> 
 
 fn head(path: &Path) -> Result<Vec<u8>, FileError> {
     let mut head = Vec::new();
+    // The first bytes of a pipe would be gone: it is taken for a table.
+    if path.exists() && !path.is_file() && !path.is_dir() {
+        return Ok(head);
+    }
     File::open(path)
         .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
         .map_err(FileError::io("read", path))?;

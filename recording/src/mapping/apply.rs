@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::{Columns, MappedColumn, Mapping, Orientation, Source};
 use crate::faults::{Fault, Faults};
 use crate::series::{
-    Builder, Column, RawTable, Recording, RecordingMetadata, RequiredData, TimeFormat,
+    Builder, Column, Decimal, EPOCH_S, RawTable, Recording, RecordingMetadata, RequiredData,
+    TimeFormat, Times,
 };
 use crate::unit::Unit;
 
@@ -76,7 +77,8 @@ impl Mapping {
             _ => None,
         };
         // A text that is no time is reported when the column is read.
-        let times = table.times(&time, clock, &mut Faults::new(""));
+        let unit_s = column("t_s").map_or(1.0, MappedColumn::unit_s);
+        let times = table.times(&time, clock, unit_s, &mut Faults::new("")).values;
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();
         table.keep(|row, table| {
@@ -148,6 +150,14 @@ impl MappedColumn {
             places.iter().for_each(|column| builder.check_unit(*column, self.read_in(), stated));
         }
         let values = match (&self.from, first) {
+            (Source::Column(_) | Source::Sum(_), _) if self.name == "t_s" => {
+                let times = builder.numeric_times(&places, self.unit_s());
+                return self.take_times(&places, times, builder);
+            }
+            (Source::Times(_, clock), _) => {
+                let times = builder.times(&places, clock.as_ref(), self.unit_s());
+                return self.take_times(&places, times, builder);
+            }
             (Source::Labels(_), _) => labels(table, &places),
             (Source::Sum(_), _) => {
                 let mut sum = vec![0.0; rows];
@@ -156,7 +166,6 @@ impl MappedColumn {
                 }
                 sum
             }
-            (Source::Times(_, clock), _) => builder.times(&places, clock.as_ref()),
             (Source::Numbers(_, numbers), Some(column)) => {
                 numbers_of_labels(table, column, numbers, builder)
             }
@@ -167,6 +176,31 @@ impl MappedColumn {
         };
         let values = values.into_iter().map(|value| self.ours(value)).collect();
         builder.take(&self.name, first, values);
+    }
+
+    /// Takes times that may count from an epoch. A stated `offset` that leads back from the epoch counts from the origin that it means.
+    fn take_times(&self, places: &[usize], times: Times, builder: &mut Builder<'_, '_>) {
+        let first = places.first().copied();
+        let Some(origin) = times.origin else {
+            let values = times.values.into_iter().map(|time| self.ours(time)).collect();
+            return builder.take(&self.name, first, values);
+        };
+        let exact = Decimal::of(self.unit_s()).and_then(|unit_s| origin.times(unit_s));
+        let exact = exact.zip(Decimal::of(self.offset)).and_then(|(start, by)| start.plus(by));
+        let start_s = exact.map_or_else(|| self.ours(origin.to_f64()), Decimal::to_f64);
+        let is_epoch = start_s.abs() >= EPOCH_S;
+        if let Some(epoch) = exact.or_else(|| Decimal::of(start_s)).filter(|_| is_epoch) {
+            builder.note_epoch(places, epoch);
+        }
+        let begin_s = if is_epoch { 0.0 } else { start_s };
+        let scaled = Self { offset: 0.0, ..self.clone() };
+        let values = times.values.into_iter().map(|time| scaled.ours(time) + begin_s).collect();
+        builder.take(&self.name, first, values);
+    }
+
+    /// The size of a time's unit in the file, s.
+    fn unit_s(&self) -> f64 {
+        self.unit.map_or(1.0, |unit| unit.si) * self.scale
     }
 
     /// The unit in the recording's column name.

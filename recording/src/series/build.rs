@@ -8,6 +8,7 @@ use super::metadata::{DirectionSource, HeldOut, RecordingMetadata};
 use physics::JointKind;
 
 use super::channel::{Channel, Column, FileUnits, joint_kind_of};
+use super::epoch_time::{Decimal, Epoch, Times, epoch_note};
 use super::required_data::lacking;
 use super::table::RawTable;
 use super::time_format::TimeFormat;
@@ -36,6 +37,8 @@ pub(crate) struct Builder<'t, 's> {
     other: Vec<(String, Vec<String>)>,
     degrees: bool,
     millimetres: bool,
+    notes: Vec<String>,
+    epoch: Option<Epoch>,
 }
 
 impl<'t, 's> Builder<'t, 's> {
@@ -52,6 +55,8 @@ impl<'t, 's> Builder<'t, 's> {
             other: Vec::new(),
             degrees: false,
             millimetres: false,
+            notes: Vec::new(),
+            epoch: None,
         }
     }
 
@@ -71,9 +76,31 @@ impl<'t, 's> Builder<'t, 's> {
         self.table.numbers(from, &mut self.faults)
     }
 
-    /// Times from columns of the foreign table, s; see [`RawTable::times`].
-    pub(crate) fn times(&mut self, from: &[usize], clock: Option<&TimeFormat>) -> Vec<f64> {
-        self.table.times(from, clock, &mut self.faults)
+    /// Times from columns of the foreign table; see [`RawTable::times`].
+    pub(crate) fn times(
+        &mut self,
+        from: &[usize],
+        clock: Option<&TimeFormat>,
+        unit_s: f64,
+    ) -> Times {
+        self.table.times(from, clock, unit_s, &mut self.faults)
+    }
+
+    /// Times from numeric columns; see [`RawTable::numeric_times`].
+    pub(crate) fn numeric_times(&mut self, from: &[usize], unit_s: f64) -> Times {
+        self.table.numeric_times(from, unit_s, &mut self.faults)
+    }
+
+    /// Notes that the time counts from the first row's, which is `epoch`, s.
+    pub(crate) fn note_epoch(&mut self, from: &[usize], epoch: Decimal) {
+        self.epoch = Some(Epoch(epoch));
+        let first = from.first().copied().unwrap_or_default();
+        if let Some(fault) = self.table.fault_of_epoch(first, epoch.to_f64()) {
+            self.fault(fault);
+        }
+        let names: Vec<String> =
+            from.iter().filter_map(|column| self.table.header.get(*column)).cloned().collect();
+        self.notes.push(epoch_note(&names.join(" + "), epoch, " s"));
     }
 
     /// See [`RawTable::check_unit`].
@@ -92,7 +119,10 @@ impl<'t, 's> Builder<'t, 's> {
             match Column::named(name) {
                 Ok(Column::Unknown) => self.keep(column),
                 Ok(Column::Time) => {
-                    let times = self.times(&[column], None);
+                    let Times { values: times, origin } = self.times(&[column], None, 1.0);
+                    if let Some(origin) = origin {
+                        self.note_epoch(&[column], origin);
+                    }
                     self.check_unit(column, Unit::from_name("s"), false);
                     self.take(name, Some(column), times);
                 }
@@ -215,7 +245,7 @@ impl<'t, 's> Builder<'t, 's> {
     fn cell_fault(&mut self, row: usize, from: Option<usize>, fault: Fault) {
         self.faults.push_with(|| match from {
             Some(from) => self.table.cell_fault(row, from, fault),
-            None => fault.help(format!("in row {} of the data", row + 1)),
+            None => fault.in_row(row + 1),
         });
     }
 
@@ -234,6 +264,11 @@ impl<'t, 's> Builder<'t, 's> {
         need: RequiredData,
     ) -> Result<Recording, Faults> {
         let rows = self.table.len();
+        if rows == 0 && self.table.header.iter().all(String::is_empty) {
+            let fault = Fault::new("", "is empty");
+            self.faults.push(fault.expected("a header row, then one row per sample"));
+            return self.faults.into_result(None);
+        }
         if rows == 0 {
             self.faults.push(Fault::new("", "the table has no rows"));
         }
@@ -243,6 +278,7 @@ impl<'t, 's> Builder<'t, 's> {
         self.judge_about(&metadata);
         self.judge_gauges(&metadata.gauges);
         let mut notes = self.table.notes.clone();
+        notes.append(&mut self.notes);
         notes.extend(suffix::note(self.kept()));
         notes.extend(unknown_columns(self.kept()));
         let name = |source: &ColumnOrigin| self.table.header.get(source.from?).cloned();
@@ -258,6 +294,7 @@ impl<'t, 's> Builder<'t, 's> {
             notes,
             columns: self.columns,
             kinds: self.kinds,
+            epoch: self.epoch,
             names,
         };
         for twins in recording.twins() {
@@ -290,7 +327,12 @@ impl<'t, 's> Builder<'t, 's> {
                 if unread || t.is_infinite() {
                     continue;
                 }
-                let fault = Fault::new("t_s", "is empty").expected("a time in every row");
+                let cell = from.and_then(|column| self.table.cell(row, column));
+                let message = match cell.filter(|cell| !cell.is_empty()) {
+                    Some(cell) => format!("is `{cell}`"),
+                    None => "is empty".to_owned(),
+                };
+                let fault = Fault::new("t_s", message).expected("a time in every row");
                 self.cell_fault(row, from, fault);
             } else if before.is_some_and(|before| before >= *t) {
                 let before = before.unwrap_or_default();
@@ -394,5 +436,7 @@ fn is_whole(value: f64) -> bool {
 /// One note on all unknown columns whose names do not resemble a known one.
 fn unknown_columns<'n>(other: impl Iterator<Item = &'n str>) -> Option<String> {
     let names: Vec<&str> = other.filter(|name| Channel::misnamed(name).is_none()).collect();
+    let named = |name: &'n str| if name.is_empty() { "one without a name" } else { name };
+    let names: Vec<&str> = names.into_iter().map(named).collect();
     (!names.is_empty()).then(|| format!("unused columns: {}", names.join(", ")))
 }

@@ -366,3 +366,94 @@ fn several_columns_for_one_are_refused_without_a_rule() {
     let text = "t_s,q1_deg,x_mm\n0,1,2\n";
     assert!(message(mapping, text).contains("has 2 columns for one quantity"));
 }
+
+#[test]
+fn times_since_an_epoch_keep_every_digit_and_count_from_the_first_row() {
+    let ns = "[columns]\nt_s = { from = \"t_ns\", unit = \"ns\" }\nq1_deg = { from = \"q\" }\nx_mm = { from = \"x\" }\n";
+    let scaled = ns.replace("unit = \"ns\"", "scale = 1e-9");
+    let nanoseconds =
+        "t_ns,q,x\n1732880000123456789,0,1\n1732880000123706789,0,1\n1732880000123956789,0,1\n";
+    let sum = "[columns]\nt_s = { from = [\"sec\", \"frac\"], sum = true }\nq1_deg = { from = \"q\" }\nx_mm = { from = \"x\" }\n";
+    let comma = "t_s;q1_deg;x_mm\n1732880000,123456;0,5;1\n1732880000,123706;0,5;1\n1732880000,123956;0;1\n";
+    for (mapping, text) in [
+        (
+            "",
+            "t_s,q1_deg,x_mm\n1732880000.123456,0,1\n1732880000.123706,0,1\n1732880000.123956,0,1\n",
+        ),
+        (
+            "",
+            "t_s,q1_deg,x_mm\n1.732880000123456e9,0,1\n1732880000.123706,0,1\n1732880000.123956,0,1",
+        ),
+        ("", comma),
+        (ns, nanoseconds),
+        (scaled.as_str(), nanoseconds),
+        (
+            sum,
+            "sec,frac,q,x\n1732880000,0.9999,0,1\n1732880001,0.00015,0,1\n1732880001,0.0004,0,1\n",
+        ),
+    ] {
+        let recording = read(mapping, text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        let off = [0.0, 0.000_25, 0.000_5].iter().zip(&recording.t_s).map(|(a, b)| (a - b).abs());
+        assert!(off.fold(0.0, f64::max) < 1e-18, "{mapping} {text}: {:?}", recording.t_s);
+        let says_so = recording.notes.iter().any(|note| note.contains("counts from an epoch"));
+        assert!(says_so, "{text}: {:?}", recording.notes);
+    }
+}
+
+#[test]
+fn a_stated_offset_leads_back_from_the_epoch_and_short_times_stay_as_they_are() {
+    let mapping = "[columns]\nt_s = { from = \"t\", offset = -1732880000 }\nq1_deg = { from = \"q\" }\nx_mm = { from = \"x\" }\n";
+    let text = "t,q,x\n1732880002.5000005,0,1\n1732880002.5000015,0,1\n";
+    let recording = read(mapping, text).unwrap();
+    assert!((recording.t_s[0] - 2.5).abs() < 1e-6, "{:?}", recording.t_s);
+    assert!((recording.t_s[1] - recording.t_s[0] - 1e-6).abs() < 1e-15, "{:?}", recording.t_s);
+    let short = read("", "t_s,q1_deg,x_mm\n86400.5,0,1\n86400.75,0,1\n").unwrap();
+    assert_eq!((short.t_s, short.notes), (vec![86400.5, 86400.75], Vec::<String>::new()));
+}
+
+#[test]
+fn two_recordings_by_one_clock_since_an_epoch_get_common_times() {
+    let table = |start: &str| format!("t_s,q1_deg,x_mm\n{start}.25,0,1\n{start}.5,0,1\n");
+    let first = read("", &table("1732880000")).unwrap();
+    let mut second = read("", &table("1732880002")).unwrap();
+    second.count_from(first.epoch());
+    assert_eq!((second.t_s.as_slice(), second.epoch()), ([2.0, 2.25].as_slice(), first.epoch()));
+    second.count_from(None);
+    assert_eq!((second.t_s[1], second.epoch()), (1_732_880_002.5, None));
+}
+
+#[test]
+fn rows_with_separators_at_their_ends_are_read_and_further_fields_are_refused() {
+    let ends = "t_s,q1_deg,x_mm\n0,1,2,\n1,1,3,,\n";
+    assert_eq!(rows("", ends), [(0.0, 2.0), (1.0, 3.0)]);
+    assert_refused("", "t_s,q1_deg,x_mm\n0,1,2,\n1,1,3,7\n", "this row has 4 fields");
+    let unnamed = read("", "t_s,q1_deg,x_mm,\n0,1,2,\n1,1,3,\n").unwrap();
+    assert_eq!(unnamed.notes, ["unused columns: one without a name"]);
+}
+
+#[test]
+fn a_row_with_another_separator_is_told_as_such_and_not_as_a_time() {
+    let text = "t_s,q1_deg,x_mm\n0.25;1.5;2.75\n1,1,3\n";
+    let message = message("", text);
+    assert!(message.contains("separated by `;`, those of the header by `,`"), "{message}");
+    assert!(message.contains("this row has 1 field\n"), "{message}");
+    assert!(!message.contains("time format"), "{message}");
+}
+
+#[test]
+fn an_empty_file_and_a_time_that_is_none_are_told_as_what_they_are() {
+    for text in ["", "\n\n"] {
+        let faults = read("", text).unwrap_err();
+        assert_eq!((faults.len(), faults.list()[0].message.as_str()), (1, "is empty"), "{text:?}");
+    }
+    assert_refused("", "t_s,q1_deg,x_mm\n0,1,2\nnan,1,3\n", "`t_s`: is `nan`");
+}
+
+#[test]
+fn milliseconds_since_an_epoch_are_not_taken_for_seconds() {
+    let text = "t_s,q1_deg,x_mm\n1732880000123,1,2\n1732880000127,1,3\n";
+    assert_refused("", text, "later than any time in seconds since an epoch");
+    let mapping = "[columns]\nt_s = { from = \"t\", unit = \"ms\" }\nq1_deg = { from = \"q\" }\nx_mm = { from = \"x\" }\n";
+    let named = text.replace("t_s,q1_deg,x_mm", "t,q,x");
+    assert_eq!(rows(mapping, &named), [(0.0, 2.0), (0.004, 3.0)]);
+}

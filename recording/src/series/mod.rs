@@ -9,6 +9,7 @@ mod cells;
 mod channel;
 mod check_gauges;
 mod duplicate_columns;
+mod epoch_time;
 #[cfg(test)]
 mod forms_tests;
 mod gauges;
@@ -38,6 +39,8 @@ use std::path::{Path, PathBuf};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
 pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
+pub use epoch_time::Epoch;
+pub(crate) use epoch_time::{Decimal, EPOCH_S, Times, epoch_note};
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use metadata::read_cut;
 pub use metadata::{
@@ -45,7 +48,7 @@ pub use metadata::{
 };
 pub(crate) use number::is_number;
 pub(crate) use table::{Dialect, NumericColumns, RawTable};
-pub(crate) use text::number_text;
+pub(crate) use text::{number_text, read_content};
 pub use text::{read, read_text, write};
 pub(crate) use time_format::{TimeFormat, instant_us};
 pub(crate) use units_line::is_unit;
@@ -84,6 +87,8 @@ pub struct Recording {
     pub notes: Vec<String>,
     columns: BTreeMap<Channel, Vec<f64>>,
     kinds: BTreeMap<usize, JointKind>,
+    /// What was subtracted from the times in the file.
+    epoch: Option<Epoch>,
     /// Names in the file it was read from.
     names: BTreeMap<Channel, String>,
 }
@@ -102,6 +107,7 @@ impl Recording {
             notes: Vec::new(),
             columns: BTreeMap::new(),
             kinds: BTreeMap::new(),
+            epoch: None,
             names: BTreeMap::new(),
         }
     }

@@ -9,6 +9,7 @@
 //!
 //! Apostrophes and no-break or thin spaces are never decimal marks: between groups of three digits they are thousands separators.
 
+use super::epoch_time::Decimal;
 use crate::faults::Fault;
 
 /// Decimal mark and thousands separator of a file's numbers.
@@ -99,6 +100,13 @@ impl Notation {
         self.read_marked(cell)
     }
 
+    /// The number in a cell with all its digits, if [`Notation::read`] accepts it; `None` also for an empty cell.
+    pub(super) fn decimal(self, cell: &str) -> Option<Decimal> {
+        self.read(cell).ok()?;
+        let text = Parts::of(cell, self.decimal)?.text(other_of(self.decimal), self.thousands)?;
+        Decimal::parse(&text)
+    }
+
     /// How a cell that could not be read is quoted in an error.
     pub(super) fn fault(self, unread: NumberError, cell: &str) -> Fault {
         let mark = if cell.contains('.') { '.' } else { ',' };
@@ -185,9 +193,9 @@ impl<'c> Parts<'c> {
         has_digits.then_some(Self { sign, whole, decimals, exponent })
     }
 
-    /// Its value; thousands may be grouped by `thousands`, by the `other` mark if there are
+    /// The number in Rust's notation; thousands may be grouped by `thousands`, by the `other` mark if there are
     /// decimals, or by an unambiguous separator.
-    fn value(&self, other: char, thousands: Option<char>) -> Option<f64> {
+    fn text(&self, other: char, thousands: Option<char>) -> Option<String> {
         let may_group = |c: &char| {
             (*c == other && self.decimals.is_some())
                 || Some(*c) == thousands
@@ -199,8 +207,11 @@ impl<'c> Parts<'c> {
         };
         let decimals = self.decimals.unwrap_or("");
         let is_number = whole.bytes().chain(decimals.bytes()).all(|byte| byte.is_ascii_digit());
-        let text = format!("{}{whole}.{decimals}{}", self.sign, self.exponent);
-        text.parse().ok().filter(|_| is_number)
+        is_number.then(|| format!("{}{whole}.{decimals}{}", self.sign, self.exponent))
+    }
+
+    fn value(&self, other: char, thousands: Option<char>) -> Option<f64> {
+        self.text(other, thousands)?.parse().ok()
     }
 
     /// Whether it consists of digits and one decimal mark only.

@@ -5,7 +5,6 @@
 //! panic: what the library cannot read is an error.
 
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use parquet::basic::{ConvertedType, LogicalType, Type};
@@ -23,6 +22,7 @@ use super::cells::{Cells, Texts};
 use super::table::RawTable;
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
+use crate::quiet_panic::caught;
 
 /// The table of a file.
 ///
@@ -40,11 +40,10 @@ pub(super) fn table(path: &Path) -> Result<RawTable<'static>, FileError> {
         FileError::from(faults)
     };
     // The library panics on some invalid input.
-    let read = catch_unwind(AssertUnwindSafe(|| cut(file, &name)));
-    match read {
-        Ok(Ok(read)) => Ok(read?),
-        Ok(Err(error)) => Err(damaged(error.to_string())),
-        Err(_) => Err(damaged("its data are inconsistent".to_owned())),
+    match caught(|| cut(file, &name)) {
+        Some(Ok(read)) => Ok(read?),
+        Some(Err(error)) => Err(damaged(error.to_string())),
+        None => Err(damaged("its data are inconsistent".to_owned())),
     }
 }
 
@@ -168,9 +167,15 @@ fn cells(
     Ok(match described.physical_type() {
         Type::DOUBLE => Cells::Numbers(or_nan(all::<DoubleType, _>(file, column, |v| v)?)),
         Type::FLOAT => Cells::Numbers(or_nan(all::<FloatType, _>(file, column, f64::from)?)),
-        // Numbers above 2^53 lose digits, as in other columns of floats.
         Type::INT64 if is_unsigned => {
-            Cells::Numbers(or_nan(all::<Int64Type, _>(file, column, |v| v.cast_unsigned() as f64)?))
+            let all = all::<Int64Type, _>(file, column, |v| v)?;
+            if all.iter().flatten().all(|v| *v >= 0) {
+                Cells::Whole(all)
+            } else {
+                // Numbers above 2^63 lose digits, as in other columns of floats.
+                let float = |v: i64| v.cast_unsigned() as f64;
+                Cells::Numbers(or_nan(all.into_iter().map(|v| v.map(float)).collect()))
+            }
         }
         Type::INT32 if is_unsigned => {
             Cells::Whole(all::<Int32Type, _>(file, column, |v| i64::from(v.cast_unsigned()))?)

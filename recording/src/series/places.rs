@@ -9,7 +9,7 @@ impl<'s> RawTable<'s> {
     /// A fault of a cell, with its place.
     pub(crate) fn cell_fault(&self, row: usize, column: usize, fault: Fault) -> Fault {
         if self.source.is_empty() {
-            return fault.help(format!("in row {} of the data", row + 1));
+            return fault.in_row(row + 1);
         }
         self.line_fault(self.line_of_row(row), column, fault)
     }

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use super::RequiredData;
 use super::channel::Channel;
-use crate::faults::Fault;
+use crate::faults::{Fault, Setting};
 
-const MAPPING_HELP: &str = "rename the columns, or use a mapping (--mapping FILE)";
+const MAPPING_HELP: &str = "rename the columns, or use a mapping";
 
 /// The fault of columns that lack what a reader requires.
 pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: RequiredData) -> Option<Fault> {
@@ -35,7 +35,9 @@ pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: RequiredData)
         None
     } else if !inputs && (need == RequiredData::Path || !forces) {
         let fault = Fault::new("q1_deg", "there are no joint positions");
-        Some(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP))
+        Some(
+            fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP).by(&[Setting::Mapping]),
+        )
     } else if need == RequiredData::Measurement && !measured {
         let fault = Fault::new("", "there are no measurements, only inputs");
         Some(fault.expected(

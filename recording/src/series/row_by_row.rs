@@ -12,6 +12,7 @@ use std::path::Path;
 use csv::{ReaderBuilder, StringRecord};
 
 use super::cells::{Cells, Texts};
+use super::epoch_time::EPOCH_S;
 use super::number::Notation;
 use super::separator::{guess_separator, separator_line};
 use super::table::{Dialect, RawTable, header_of};
@@ -26,10 +27,8 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// The table in a file; `None` if it must be read as a whole.
 pub(super) fn table(path: &Path, dialect: &Dialect) -> Option<RawTable<'static>> {
-    let mut file = File::open(path).ok()?;
-    if !file.metadata().ok()?.is_file() {
-        return None;
-    }
+    // A pipe can be opened and read only once, as a whole.
+    let mut file = File::open(path.is_file().then_some(path)?).ok()?;
     let mut last = [0];
     file.seek(SeekFrom::End(-1)).ok()?;
     file.read_exact(&mut last).ok()?;
@@ -131,6 +130,8 @@ fn notation(
 struct Columns {
     header: Vec<String>,
     cells: Vec<Cells>,
+    /// Whether a column has numbers only, even if they are kept as texts.
+    is_numeric: Vec<bool>,
     /// Whether a column has had content so far.
     begun: Vec<bool>,
     notation: Notation,
@@ -161,15 +162,19 @@ impl Columns {
             // A number is not a time of ISO 8601 unless it is read as text, as the digits of a date
             // are.
             let is_number = notation.read(cell).is_ok() && !TimeFormat::Iso.reads(cell);
-            match is_number && dialect.reads.has(name) {
-                true => Cells::Numbers(Vec::new()),
-                false => Cells::Texts(Texts::default()),
-            }
+            is_number && dialect.reads.has(name)
+        };
+        // A time since an epoch has more digits than a float, and is subtracted from as a decimal.
+        let is_large = |cell: &str| notation.read(cell).is_ok_and(|value| value.abs() >= EPOCH_S);
+        let cells_of = |(is_numeric, cell): (bool, &str)| match is_numeric && !is_large(cell) {
+            true => Cells::Numbers(Vec::new()),
+            false => Cells::Texts(Texts::default()),
         };
         let fields = fields().chain(std::iter::repeat(""));
-        let cells = header.iter().zip(fields).map(holds).collect();
+        let is_numeric: Vec<bool> = header.iter().zip(fields.clone()).map(holds).collect();
+        let cells = is_numeric.iter().copied().zip(fields).map(cells_of).collect();
         let (begun, more_may_follow) = (vec![false; header.len()], dialect.width.is_some());
-        Some(Self { header, cells, begun, notation, more_may_follow, is_empty: false })
+        Some(Self { header, cells, is_numeric, begun, notation, more_may_follow, is_empty: false })
     }
 
     /// Adds a row; `None` if it cannot be read here.
@@ -179,19 +184,21 @@ impl Columns {
             return None;
         }
         self.is_empty = true;
-        for ((cells, begun), field) in self.cells.iter_mut().zip(&mut self.begun).zip(row) {
+        let columns = self.cells.iter_mut().zip(&mut self.begun).zip(&self.is_numeric);
+        for (((cells, begun), is_numeric), field) in columns.zip(row) {
             let field = field.trim();
             self.is_empty &= field.is_empty();
-            match cells {
-                Cells::Numbers(all) => {
-                    let number = self.notation.read(field).ok()?;
-                    let is_date = !*begun && TimeFormat::Iso.reads(field);
-                    if number.is_infinite() || is_date {
-                        return None;
-                    }
-                    *begun |= !field.is_empty();
-                    all.push(number);
+            let mut number = f64::NAN;
+            if *is_numeric {
+                number = self.notation.read(field).ok()?;
+                let is_date = !*begun && TimeFormat::Iso.reads(field);
+                if number.is_infinite() || is_date {
+                    return None;
                 }
+                *begun |= !field.is_empty();
+            }
+            match cells {
+                Cells::Numbers(all) => all.push(number),
                 Cells::Texts(all) if !field.contains('\r') => all.push(field),
                 _ => return None,
             }
@@ -242,6 +249,8 @@ mod tests {
             ("t_s;q1_deg\n0;1,25\n1;2,5\n", None),
             ("t_s\tq1_deg\n0\t0.5\n1\t7\n", None),
             ("t_s,q1_deg\n2026-11-26T10:00:00,1\n2026-11-26T10:00:01.5,2\n", None),
+            ("t_s,q1_deg\n1732880000.123456789,1\n1732880000.123457039,-3e9\n", None),
+            ("t_s;q1_deg\n1.732.880.000,125;1\n1732880001,25;2\n", None),
             ("made by x\n\nt_s,q1_deg\n0,1\n1,2\n", Some(fixed.as_str())),
         ] {
             let mapping = mapping.map(|text| Mapping::parse("m", text).unwrap());
@@ -258,6 +267,7 @@ mod tests {
             "t_s,q1_deg\n0,1\n1,x\n",
             "t_s,q1_deg\n0,1\n1,inf\n",
             "t_s,q1_deg\n0,1\n,\n",
+            "t_s,q1_deg\n1732880000,1\nx,2\n",
             "t_s,q1_deg\ns,deg\n0,1\n",
             "t_s;q1_deg\n0;1.042\n1;2.500\n",
             "t_s;q1_deg\n0;1.25\n1;2,5\n",

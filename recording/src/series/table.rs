@@ -10,6 +10,7 @@ use csv::{ReaderBuilder, StringRecord};
 
 use super::cells::Cells;
 use super::channel::Column;
+use super::epoch_time::Decimal;
 use super::number::{Notation, NumberError, is_number};
 use super::rows::{Rows, TooLarge, too_large};
 use super::separator::{guess_separator, separator_line};
@@ -83,6 +84,10 @@ pub(super) fn header_of<'f>(
     }
     // Word processors put no-break spaces into names, which cannot be typed into a mapping.
     fields.map(|name| name.trim().replace('\u{a0}', " ")).collect()
+}
+
+fn report_fields(count: usize) -> String {
+    format!("{count} field{}", if count == 1 { "" } else { "s" })
 }
 
 /// A table as read.
@@ -240,6 +245,16 @@ impl<'s> RawTable<'s> {
         self.cell(row, column).map_or(Ok(f64::NAN), |cell| self.notation.read(&cell))
     }
 
+    /// The number in a cell with all its digits.
+    pub(super) fn decimal_in(&self, row: usize, column: usize) -> Option<Decimal> {
+        let cell = self.cell(row, column)?;
+        match self.cells.get(column).and_then(|cells| cells.number(row)) {
+            // The shortest text of a float is the decimal that it was made of.
+            Some(_) => Decimal::parse(&cell),
+            None => self.notation.decimal(&cell),
+        }
+    }
+
     /// Keeps only the rows that are `wanted`.
     pub(crate) fn keep(&mut self, mut wanted: impl FnMut(usize, &Self) -> bool) {
         let wanted: Vec<bool> = (0..self.len()).map(|row| wanted(row, self)).collect();
@@ -319,19 +334,37 @@ impl<'s> RawTable<'s> {
             let mut more = (width..self.rows.width(*row)).map(|at| cell(*row, at));
             more.all(|cell| cell.trim().is_empty() || !is_number(cell))
         };
+        let ends_empty =
+            |row: &usize| (width..self.rows.width(*row)).all(|at| cell(*row, at).trim().is_empty());
         let fits = |row: &usize| {
             let found = self.rows.width(*row);
-            found == width || (more_may_follow && found > width && is_comment(row))
+            let may_have_more = ends_empty(row) || (more_may_follow && is_comment(row));
+            found == width || (found > width && may_have_more)
         };
         for row in (0..self.rows.len()).filter(|row| !fits(row)) {
             faults.push_with(|| {
                 let line = self.line_of_row(row);
                 let text = self.line_text(line);
-                Fault::new("", format!("this row has {} fields", self.rows.width(row)))
+                let found = report_fields(self.rows.width(row));
+                Fault::new("", format!("this row has {found}"))
                     .expected(format!("{width}, like the header"))
+                    .help(self.other_separator(text))
                     .at(Location::from_line(line, text, &(0..text.len())))
             });
         }
+    }
+
+    /// What to do about a row whose fields are separated by another mark than those of the header; empty if they are not.
+    fn other_separator(&self, text: &str) -> String {
+        let others = [';', '\t', ',', '|'].into_iter().filter(|c| *c != char::from(self.separator));
+        let splits =
+            |c: &char| text.split(*c).count() == self.header.len() && self.header.len() > 1;
+        let named = |c: char| if c == '\t' { "a tabulator".to_owned() } else { format!("`{c}`") };
+        let found = others.filter(|_| !text.contains(char::from(self.separator))).find(splits);
+        found.map_or(String::new(), |found| {
+            let (found, ours) = (named(found), named(char::from(self.separator)));
+            format!("its fields are separated by {found}, those of the header by {ours}: use one mark in the whole file")
+        })
     }
 
     /// Whether a cell is empty or a number, even an ambiguous one.

@@ -14,7 +14,7 @@ use super::metadata::RecordingMetadata;
 use super::table::{Dialect, NumericColumns, RawTable};
 use super::{FileUnits, Recording, RequiredData, metadata_path};
 use crate::faults::{Fault, Faults};
-use crate::files::{FileError, read_text as read_file, write_atomic};
+use crate::files::{FileError, read_text as read_file, text_of, write_atomic};
 use crate::mapping::{Mapping, mapping_path};
 
 /// Reads a recording, with its TOML and mapping if they exist.
@@ -26,6 +26,16 @@ use crate::mapping::{Mapping, mapping_path};
 /// A file cannot be read, or every fault of the first file that has any.
 pub fn read(
     path: &Path,
+    mapping: Option<&Path>,
+    need: RequiredData,
+) -> Result<Recording, FileError> {
+    read_content(path, None, mapping, need)
+}
+
+/// The same of a file whose bytes have been read, as of a pipe; `None`: they are read here.
+pub(crate) fn read_content(
+    path: &Path,
+    bytes: Option<Vec<u8>>,
     mapping: Option<&Path>,
     need: RequiredData,
 ) -> Result<Recording, FileError> {
@@ -48,11 +58,15 @@ pub fn read(
         let faults = Faults::new(path.display().to_string());
         return Ok(of_table(table, faults, mapping.as_ref(), about, need)?);
     }
-    if let Some(recording) = row_by_row(path, mapping.as_ref(), about.as_ref(), need) {
-        return Ok(recording);
-    }
-    let source = read_file(path)?;
-    Ok(read_text(&path.display().to_string(), &source, mapping.as_ref(), about, need)?)
+    let name = path.display().to_string();
+    let source = match bytes {
+        Some(bytes) => text_of(&name, bytes)?,
+        None => match row_by_row(path, mapping.as_ref(), about.as_ref(), need) {
+            Some(recording) => return Ok(recording),
+            None => read_file(path)?,
+        },
+    };
+    Ok(read_text(&name, &source, mapping.as_ref(), about, need)?)
 }
 
 /// The recording in a file without faults in a simple format; `None` if the whole text is required.

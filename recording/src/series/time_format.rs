@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 
 use super::RawTable;
+use super::epoch_time::Times;
 use crate::faults::{Fault, Faults};
 
 /// Format of the times in a table.
@@ -108,24 +109,25 @@ impl TimeFormat {
 
 impl RawTable<'_> {
     /// Seconds since the first row's time, of one column or several (date, time of the day);
-    /// without a `clock` from a column of numbers, or of ISO 8601.
+    /// without a `clock` from a column of ISO 8601, or of numbers of `unit_s` seconds: see [`RawTable::numeric_times`].
     pub(crate) fn times(
         &self,
         columns: &[usize],
         clock: Option<&TimeFormat>,
+        unit_s: f64,
         faults: &mut Faults,
-    ) -> Vec<f64> {
-        let Some(first) = columns.first().copied() else { return Vec::new() };
+    ) -> Times {
+        let Some(first) = columns.first().copied() else { return Times::as_read(Vec::new()) };
         let cell = |row: usize| {
             let cells = columns.iter().map(|column| self.cell(row, *column).unwrap_or_default());
             cells.collect::<Vec<_>>().join(" ").trim().to_owned()
         };
         let sample = || (0..self.len()).map(cell).find(|cell| !cell.is_empty()).unwrap_or_default();
         let clock = match clock {
-            Some(TimeFormat::Days) => return since_first(self.numbers(first, faults)),
+            Some(TimeFormat::Days) => return Times::as_read(self.days_as_seconds(first, faults)),
             Some(clock) => clock,
             None if TimeFormat::Iso.read(&sample()).is_some() => &TimeFormat::Iso,
-            None => return self.numbers_or_hint(first, &sample(), faults),
+            None => return self.numbers_or_hint(first, &sample(), unit_s, faults),
         };
         let mut times = Vec::with_capacity(self.len());
         let mut start: Option<Instant> = None;
@@ -156,16 +158,23 @@ impl RawTable<'_> {
             let since = instant.zip(start).map(|(now, start)| now.nanoseconds - start.nanoseconds);
             times.push(since.map_or(f64::NAN, |ns| ns as f64 / SECOND_NS as f64));
         }
-        times
+        Times::as_read(times)
     }
 
     /// A column of numbers. If the first cell is a date or time in another form than ISO 8601, one
     /// fault says so instead of one per row.
-    fn numbers_or_hint(&self, column: usize, sample: &str, faults: &mut Faults) -> Vec<f64> {
+    fn numbers_or_hint(
+        &self,
+        column: usize,
+        sample: &str,
+        unit_s: f64,
+        faults: &mut Faults,
+    ) -> Times {
         let marks = sample.matches(['.', '/', ':', '-']).count();
         let digits = sample.bytes().filter(u8::is_ascii_digit).count();
-        if self.is_number(sample) || marks < 2 || digits < 4 {
-            return self.numbers(column, faults);
+        let is_row = sample.contains([';', '\t', '|']);
+        if self.is_number(sample) || is_row || marks < 2 || digits < 4 {
+            return self.numeric_times(&[column], unit_s, faults);
         }
         let name = self.header.get(column).cloned().unwrap_or_default();
         let fault = Fault::new(name, format!("`{sample}` has an unknown time format"))
@@ -173,13 +182,16 @@ impl RawTable<'_> {
             .help("state the format in a mapping, for example `format = \"%d.%m.%Y %H:%M:%S\"`");
         faults.push(self.cell_fault(0, column, fault));
         // Increasing times, so that this fault causes no further ones.
-        (0..self.len()).map(|row| row as f64).collect()
+        Times::as_read((0..self.len()).map(|row| row as f64).collect())
     }
-}
 
-fn since_first(days: Vec<f64>) -> Vec<f64> {
-    let first = days.iter().copied().find(|day| !day.is_nan()).unwrap_or(0.0);
-    days.into_iter().map(|day| (day - first) * DAY_S).collect()
+    /// Seconds since the first row of a column of days.
+    fn days_as_seconds(&self, column: usize, faults: &mut Faults) -> Vec<f64> {
+        let days = self.numbers(column, faults);
+        let first = days.iter().position(|day| day.is_finite()).unwrap_or(0);
+        let since = self.since_row(first, &[column], days).values;
+        since.into_iter().map(|days| days * DAY_S).collect()
+    }
 }
 
 /// Parser of a time.

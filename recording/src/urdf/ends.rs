@@ -1,4 +1,4 @@
-//! The two ends of the chain: the links named by `--base` and `--tip`, and the controller's frames next to them.
+//! The two ends of the chain: the links named as base and tip, and the controller's frames next to them.
 //!
 //! Any link can be an end. Only fixed joints are allowed between the base and the chain, so a leaf such as the frame `base` of
 //! ROS-Industrial (REP 199: the controller's base frame) can be the base as well as the root. If frames with the usual names exist
@@ -10,7 +10,7 @@ use physics::Frame;
 use super::source::{Source, name};
 use super::tree::{Motion, Tree};
 use super::{ChainEnds, rpy};
-use crate::faults::Fault;
+use crate::faults::{Fault, Setting};
 
 /// Largest number of names in one message.
 const NAMES_SHOWN: usize = 8;
@@ -20,6 +20,8 @@ const BASES: [&str; 2] = ["base", "base_link"];
 const TOOLS: [&str; 3] = ["tool0", "flange", "ee_link"];
 /// Frames that differ by less (m, and by component of the rotation) are one: rounding of a file's figures.
 const SAME: f64 = 1e-9;
+/// Both ends of a chain.
+const BOTH: [Setting; 2] = [Setting::BaseLink, Setting::TipLink];
 
 /// From a base link to a tip link.
 #[derive(Debug)]
@@ -39,8 +41,8 @@ impl Path {
         tree: &Tree<'_, '_>,
         ends: &ChainEnds<'_>,
     ) -> Option<Self> {
-        let base = ends.base.map(|link| named(source, tree, "--base", link));
-        let tip = ends.tip.map(|link| named(source, tree, "--tip", link));
+        let base = ends.base.map(|link| named(source, tree, Setting::BaseLink, link));
+        let tip = ends.tip.map(|link| named(source, tree, Setting::TipLink, link));
         if base == Some(None) || tip == Some(None) {
             return None;
         }
@@ -56,7 +58,7 @@ impl Path {
             let [base, tip] = [base, tip].map(|link| tree.link_name(link));
             let message = format!("no joint connects the links `{base}` and `{tip}`");
             let help = "choose two links of one tree, or add the missing joint";
-            source.push(Fault::new("--base, --tip", message).help(help));
+            source.push(Fault::new("", message).help(help).by(&BOTH));
             return None;
         }
         let mut up = above(tree, base);
@@ -74,8 +76,8 @@ impl Path {
                 tree.link_name(tip)
             );
             let help =
-                "check whether --base (the fixed link) and --tip (the moving link) are swapped";
-            source.push(Fault::new("--base, --tip", message).help(help));
+                "check whether the base (the fixed link) and the tip (the moving link) are swapped";
+            source.push(Fault::new("", message).help(help).by(&BOTH));
             return None;
         }
         down.reverse();
@@ -142,7 +144,7 @@ fn beside(tree: &Tree<'_, '_>, end: usize, names: &[&str], option: &str, to: &mu
         let (chosen, other) = (tree.link_name(end), tree.link_name(link));
         let places = |vector: DVec3| vector.to_array().map(|x| format!("{:.3}", x + 0.0)).join(" ");
         to.push(format!(
-            "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (select it with --{option} {other})",
+            "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (state it as {option} to select it)",
             places(frame.origin * 1e3),
             places(rpy::angles(&frame.rotation).map(f64::to_degrees))
         ));
@@ -161,11 +163,11 @@ fn is_called(link: &str, name: &str) -> bool {
 }
 
 /// The index of the link with this name; a missing one is a fault.
-fn named(source: &Source<'_>, tree: &Tree<'_, '_>, key: &str, link: &str) -> Option<usize> {
+fn named(source: &Source<'_>, tree: &Tree<'_, '_>, setting: Setting, link: &str) -> Option<usize> {
     let found = tree.places.get(link).copied();
     if found.is_none() {
-        let fault = Fault::new(key, format!("the robot has no link `{link}`"));
-        source.push(fault.help(tree.suggest_link(link)));
+        let fault = Fault::new("", format!("the robot has no link `{link}`"));
+        source.push(fault.help(tree.suggest_link(link)).by(&[setting]));
     }
     found
 }
@@ -208,12 +210,16 @@ fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Op
         return Some(tip);
     }
     let fault = if ends.is_empty() {
-        Fault::new("", "has no moving joint").help("give the URDF of an arm, or another --base")
+        Fault::new("", "has no moving joint")
+            .help("give the URDF of an arm, or another base")
+            .by(&[Setting::BaseLink])
     } else {
         let shown =
             |link: usize| format!("`{}` (moving joints: {})", tree.link_name(link), moving[link]);
         let message = format!("branches into {} ends: {}", ends.len(), listed(&ends, shown));
-        Fault::new("", message).help("choose the chain: --tip LINK (and --base LINK)")
+        Fault::new("", message)
+            .help("choose the chain by its tip, and if need be its base")
+            .by(&[Setting::TipLink, Setting::BaseLink])
     };
     source.push(fault);
     None

@@ -12,7 +12,7 @@ use super::ends::Path;
 use super::source::{EXPAND, Source, child, document, macro_of, name};
 use super::tree::{Joint, Motion, Tree};
 use super::{ChainEnds, Import, bodies, telescope};
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
 use crate::model::{BodyEntry, JointEntry, ModelFile, RobotEntry, RobotModel, ToolEntry};
 use crate::unit::Unit;
 use crate::xml;
@@ -105,7 +105,9 @@ impl<'a> Chain<'a, '_> {
                 physics::JOINTS_MAX
             );
             self.source.push(
-                Fault::new("", message).help("choose another chain: --base LINK, --tip LINK"),
+                Fault::new("", message)
+                    .help("choose another chain")
+                    .by(&[Setting::BaseLink, Setting::TipLink]),
             );
         }
     }
@@ -114,13 +116,15 @@ impl<'a> Chain<'a, '_> {
         let node = joint.node;
         if let Some(mimic) = child(node, "mimic") {
             let leader = mimic.attribute("joint").unwrap_or_default();
-            let help = "joints of a model are independent; choose a chain without it (--base, --tip), or remove its <mimic> if it has its own drive";
+            let help = "joints of a model are independent; choose a chain without it, or remove its <mimic> if it has its own drive";
             let message = format!("follows the joint `{leader}` (mimic) and is part of the chain");
             self.source.fault(node, message, help);
         }
         if joint.motion == Motion::Several {
-            let help =
-                format!("begin the chain after it: --base {}", self.tree.link_name(joint.child));
+            let help = format!(
+                "begin the chain after it, at the link `{}`",
+                self.tree.link_name(joint.child)
+            );
             let kind = node.attribute("type").unwrap_or_default();
             self.source.fault(
                 node,

@@ -86,9 +86,9 @@ fn the_controllers_base_is_a_fixed_leaf_that_can_be_named_and_its_difference_is_
         import.notes,
         [
             "the base frame is `base_link`; `base` differs: in `base_link` it is at xyz 0.000 0.000 450.000 mm, \
-             rpy 0.000 0.000 180.000 deg (select it with --base base)",
+             rpy 0.000 0.000 180.000 deg (state it as base to select it)",
             "the tip frame is `tool0`; `flange` differs: in `tool0` it is at xyz 0.000 0.000 0.000 mm, \
-             rpy 0.000 -90.000 0.000 deg (select it with --tip flange)",
+             rpy 0.000 -90.000 0.000 deg (state it as tip to select it)",
         ]
     );
     for tip in [None, Some("tool0")] {

@@ -210,7 +210,7 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         17 |   <joint name="slide" type="prismatic">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: joints of a model are independent; choose a chain without it (--base, --tip), or remove its <mimic> if it has its own drive
+           = help: joints of a model are independent; choose a chain without it, or remove its <mimic> if it has its own drive
         ---
         error: `joint slide`: is floating: it has more than one degree of freedom
           --> arm.urdf:17:3
@@ -218,7 +218,7 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         17 |   <joint name="slide" type="floating">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: begin the chain after it: --base hand
+           = help: begin the chain after it, at the link `hand`
         ---
         error: `link arm`: is part of a loop of joints
          --> arm.urdf:3:3
@@ -238,7 +238,7 @@ fn what_a_serial_arm_cannot_have_is_refused_with_the_reason() {
         ---
         error: has no moving joint
         --> arm.urdf
-         = help: give the URDF of an arm, or another --base
+         = help: give the URDF of an arm, or another base
         "#);
 }
 
@@ -255,15 +255,15 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
     insta::assert_snapshot!([all, wrong, swapped].join("\n---\n"), @r#"
         error: branches into 2 ends: `finger` (moving joints: 3), `camera` (moving joints: 2)
         --> arm.urdf
-         = help: choose the chain: --tip LINK (and --base LINK)
+         = help: choose the chain by its tip, and if need be its base
         ---
-        error: `--tip`: the robot has no link `cmaera`
+        error: the robot has no link `cmaera`
         --> arm.urdf
          = help: did you mean `camera`?
         ---
-        error: `--base, --tip`: the joint `slide` moves the base `hand` against the rest of the chain to `arm`
+        error: the joint `slide` moves the base `hand` against the rest of the chain to `arm`
         --> arm.urdf
-         = help: check whether --base (the fixed link) and --tip (the moving link) are swapped
+         = help: check whether the base (the fixed link) and the tip (the moving link) are swapped
         "#);
     let import = tip(&text, "camera").unwrap();
     assert_eq!(import.model.file.joints.len(), 2);

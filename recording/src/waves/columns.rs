@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::spacing::{Run, Spacing};
 use super::{Grid, Options, Record, Wave};
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
 use crate::series::Channel;
 
 /// If at least this share of the rows has no sample of any channel, another instrument was slower:
@@ -128,7 +128,8 @@ impl Columns {
                 faults.push(
                     Fault::new("", "no time column found")
                         .expected("a column `t_s`, `time`, `X_Value`, or a first column that increases evenly")
-                        .help("give the sampling rate (--rate HZ), or the spacing of a profile (--spacing-um)"),
+                        .help("give the sampling rate, or the spacing of a profile")
+                        .by(&[Setting::SamplingRate, Setting::Spacing]),
                 );
                 return None;
             }
@@ -147,8 +148,9 @@ impl Columns {
                 Some((grid, spacing.runs))
             }
             Err((row, fault)) => {
-                let key = self.named.clone();
-                faults.push(fault_at(row, Fault { key, ..*fault }));
+                let fault = Fault { key: self.named.clone(), ..*fault };
+                let is_length = matches!(self.stand, Positions::Length(_));
+                faults.push(fault_at(row, if is_length { of_length(fault) } else { fault }));
                 None
             }
         }
@@ -175,6 +177,16 @@ impl Columns {
     }
 }
 
+/// A fault of times as one of lengths: a spacing replaces them, not a rate.
+fn of_length(fault: Fault) -> Fault {
+    match fault.settings.contains(&Setting::SamplingRate) {
+        true => {
+            fault.help("give the spacing if the points are evenly spaced").by(&[Setting::Spacing])
+        }
+        false => fault,
+    }
+}
+
 /// The requested grid, which takes precedence over the file.
 pub(super) fn requested_grid(options: &Options) -> Option<Grid> {
     let time = options.rate_hz.map(|rate_hz| Grid::Time { start_s: 0.0, rate_hz });
@@ -183,11 +195,15 @@ pub(super) fn requested_grid(options: &Options) -> Option<Grid> {
 
 /// Checks the options before any file is read.
 pub(super) fn check(options: &Options, faults: &mut Faults) {
-    let quantities =
-        [("--rate", options.rate_hz), ("--step", options.step_mm), ("--scale", options.full_scale)];
-    for (key, value) in quantities {
+    let quantities = [
+        ("rate_hz", options.rate_hz, Setting::SamplingRate),
+        ("step_mm", options.step_mm, Setting::Spacing),
+        ("full_scale", options.full_scale, Setting::FullScale),
+    ];
+    for (key, value, setting) in quantities {
         if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
-            faults.push(Fault::new(key, format!("is {value}")).expected("a finite number above 0"));
+            let fault = Fault::new(key, format!("is {value}")).expected("a finite number above 0");
+            faults.push(fault.by(&[setting]));
         }
     }
 }

@@ -35,7 +35,7 @@ mod wav_tests;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
 use crate::files::{FileError, utf16_as_utf8};
 use crate::mapping::mapping_path;
 use crate::series::{self, Channel, RecordingMetadata, RequiredData};
@@ -188,26 +188,47 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
         faults.push(fault.expected("at most 4 GiB").help("cut it into several files"));
         return Err(faults.into());
     }
-    let mapped = is_mapped(path, options);
     let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
     let bytes = utf16_as_utf8(&bytes).map_or(bytes, String::into_bytes);
+    let mapped = is_mapped(path, &bytes, options)?;
     if options.full_scale.is_some() && (mapped || !matches!(Form::of(path, &bytes), Form::Wav)) {
         let mut faults = Faults::new(&name);
         let fault = Fault::new("", "is no WAV file, so that its values have no full scale");
-        faults.push(fault.help("leave out --scale; state a factor in a mapping (`scale`)"));
+        let help = "leave the full scale out; state a factor in a mapping (`scale`)";
+        faults.push(fault.help(help).by(&[Setting::FullScale]));
         return Err(faults.into());
     }
     if mapped || recorded::is_recording(&bytes) {
-        drop(bytes);
-        let recording = series::read(path, options.mapping.as_deref(), RequiredData::Samples)?;
+        // Rows of a file are read one by one; a pipe can be read only once.
+        let bytes = (!path.is_file()).then_some(bytes);
+        let mapping = options.mapping.as_deref();
+        let recording = series::read_content(path, bytes, mapping, RequiredData::Samples)?;
         return Ok(recorded::waves(recording, options)?);
     }
     Ok(parse(path, bytes, options)?)
 }
 
-/// Whether a mapping is given, or exists in the file's folder.
-fn is_mapped(path: &Path, options: &Options) -> bool {
-    options.mapping.is_some() || mapping_path(path).is_file()
+/// Whether the file is a table that a mapping describes: one that is given, or in the file's folder. A mapping of that name beside a file of another
+/// format belongs to another file.
+fn is_mapped(path: &Path, bytes: &[u8], options: &Options) -> Result<bool, Faults> {
+    match instrument_format(path, bytes).filter(|format| *format != LABVIEW) {
+        None => Ok(options.mapping.is_some() || mapping_path(path).is_file()),
+        Some(_) if options.mapping.is_none() => Ok(false),
+        Some(format) => Err(unmapped(path, format)),
+    }
+}
+
+/// The fault of a mapping that is given for a file of a format of its own.
+pub(crate) fn unmapped(path: &Path, format: &str) -> Faults {
+    let mut faults = Faults::new(path.display().to_string());
+    let fault = Fault::new("", format!("is {format}, which no mapping describes"));
+    faults.push(
+        fault
+            .expected("a text table or a Parquet file with a mapping")
+            .help("leave out the mapping")
+            .by(&[Setting::Mapping]),
+    );
+    faults
 }
 
 /// The name of `LabVIEW`'s text format.

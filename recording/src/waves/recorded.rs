@@ -2,7 +2,7 @@
 
 use super::columns::{self, Columns, Positions};
 use super::{Options, Wave, Waves, pick};
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
 use crate::series::{Channel, Column, Recording};
 
 /// The header is searched in this many bytes.
@@ -41,8 +41,8 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
     }
     if chosen.is_empty() && options.columns.is_empty() {
         let fault = Fault::new("", "no column contains a waveform").expected("fx_N …, ax_m_s2 …");
-        let help = format!("select a column with --column; there are {}", names.join(", "));
-        faults.push(fault.help(help));
+        let help = format!("select a column; there are {}", names.join(", "));
+        faults.push(fault.help(help).by(&[Setting::Columns]));
     }
     let mut channels = Vec::new();
     for column in chosen {
@@ -70,10 +70,8 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         channels,
         beside,
     };
-    let records = columns.records(options, &mut faults, &mut notes, |row, fault| {
-        let help = format!("in row {} of the data. {}", row + 1, fault.help);
-        fault.help(help)
-    });
+    let records =
+        columns.records(options, &mut faults, &mut notes, |row, fault| fault.in_row(row + 1));
     let waves = Waves {
         file: recording.file,
         records,

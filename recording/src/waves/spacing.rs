@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use crate::faults::Fault;
+use crate::faults::{Fault, Setting};
 
 /// A jump of more than this number of steps is a gap.
 const GAP: f64 = 1.75;
@@ -48,8 +48,15 @@ impl Spacing {
         let steps = (1..x.len()).filter(|row| !breaks(*row)).map(|row| x[row] - x[row - 1]);
         let mut forward: Vec<f64> = steps.filter(|step| *step > 0.0).collect();
         if forward.is_empty() {
-            let fault = Fault::new("", "never increases").expected("two rows or more");
-            return Err((0, Box::new(fault.help(RATE_HELP))));
+            let decreases = x.windows(2).any(|pair| pair[1] < pair[0]);
+            let fault = match x.len() {
+                0 | 1 => Fault::new("", "has a single row").expected("two rows or more"),
+                _ if decreases => {
+                    Fault::new("", "decreases in every row").expected("increasing values")
+                }
+                _ => Fault::new("", "is the same in all rows").expected("increasing values"),
+            };
+            return Err((0, Box::new(fault.help(RATE_HELP).by(&[Setting::SamplingRate]))));
         }
         let median_index = forward.len() / 2;
         let step = *forward.select_nth_unstable_by(median_index, f64::total_cmp).1;
@@ -60,7 +67,8 @@ impl Spacing {
             let jump = x.get(row).map(|x_now| x_now - x[row - 1]);
             if jump == Some(0.0) && !breaks(row) {
                 let fault = Fault::new("", format!("stays at {}", x[row]));
-                return Err((row, Box::new(fault.expected("increasing values").help(RATE_HELP))));
+                let fault = fault.expected("increasing values").help(RATE_HELP);
+                return Err((row, Box::new(fault.by(&[Setting::SamplingRate]))));
             }
             let gap = jump.is_some_and(|jump| jump > GAP * step);
             let back = jump.is_some_and(|jump| jump < 0.0);
@@ -123,7 +131,7 @@ impl Spacing {
 }
 
 const RESAMPLE_HELP: &str = "resample it to even steps first; its spectrum would be wrong";
-const RATE_HELP: &str = "give --rate HZ if the samples are evenly spaced";
+const RATE_HELP: &str = "give the sampling rate if the samples are evenly spaced";
 
 /// The nearest integer, if it is nearer than a share `within` of the value.
 pub(super) fn tidy(value: f64, within: f64) -> f64 {

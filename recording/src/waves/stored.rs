@@ -6,7 +6,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::wav::{self, Layout, Opened, WavError};
-use super::wav_chunks::Source;
 use super::{Form, Grid, Options, Wave, is_mapped};
 use crate::files::FileError;
 
@@ -33,15 +32,14 @@ impl Stored {
     /// # Errors
     /// The file cannot be read, or every fault of it.
     pub fn open(path: &Path, options: &Options) -> Result<Option<Self>, FileError> {
-        if is_mapped(path, options) {
+        // A file without random access, such as a pipe, is read as a whole: its first bytes would be gone.
+        if path.exists() && !path.is_file() {
             return Ok(None);
         }
         let file = File::open(path).map_err(FileError::io("read", path))?;
         let mut head = Vec::new();
         (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(FileError::io("read", path))?;
-        // A file without random access, such as a pipe, is read as a whole.
-        let at_any_place = file.read_at(0, &mut [0; 1]).is_ok();
-        if !(at_any_place && matches!(Form::of(path, &head), Form::Wav)) {
+        if !matches!(Form::of(path, &head), Form::Wav) || is_mapped(path, &head, options)? {
             return Ok(None);
         }
         let Opened { layout, grid, channels, notes } =

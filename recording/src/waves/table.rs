@@ -8,7 +8,8 @@ use super::names::{self, ColumnRole};
 use super::preamble::{self, Shape};
 use super::spacing::Spacing;
 use super::{Options, Record, Wave, Waves, pick};
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
+use crate::files::binary_fault;
 use crate::series::{self, Channel, Dialect, RawTable};
 
 /// Information on a table from the header of its file.
@@ -22,8 +23,12 @@ pub(super) struct HeaderInfo {
 
 pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
     let mut notes = Vec::new();
-    let source = super::text(bytes, &mut notes);
     let mut faults = Faults::new(name);
+    if let Some(fault) = binary_fault(&bytes) {
+        faults.push(fault);
+        return Err(faults);
+    }
+    let source = super::text(bytes, &mut notes);
     columns::check(options, &mut faults);
     let shape = preamble::find(&source, 0).unwrap_or_else(|| {
         let dialect = Dialect { units_row: Some(false), ..Dialect::default() };
@@ -120,7 +125,7 @@ impl TableReader<'_, '_> {
         let named = counter.as_ref().and_then(|(column, _)| heads.get(*column)).cloned();
         let positions = counter.as_ref().map_or_else(
             || self.header_info.rate_hz.map_or(Positions::Unknown, Positions::Rate),
-            |(column, counts)| self.positions(*column, *counts, faults),
+            |(column, counts)| self.positions(*column, *counts, faults, notes),
         );
         let columns = Columns {
             stand: positions,
@@ -159,7 +164,8 @@ impl TableReader<'_, '_> {
             return None;
         }
         let spacing =
-            Spacing::of(&self.table.numbers(first, &mut Faults::new("")), |_| false).ok()?;
+            Spacing::of(&self.times(first, 1.0, &mut Faults::new(""), &mut Vec::new()), |_| false)
+                .ok()?;
         let even = spacing.notes.is_empty() && spacing.runs.len() == 1;
         if !even || (spacing.step - 1.0).abs() < 1e-9 || self.table.len() < 3 {
             return None;
@@ -169,31 +175,56 @@ impl TableReader<'_, '_> {
         Some((first, ColumnRole::Time(1.0)))
     }
 
-    fn positions(&self, column: usize, counts: ColumnRole, faults: &mut Faults) -> Positions {
-        let times = |factor: f64, faults: &mut Faults| {
-            self.table.numbers(column, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
-        };
+    /// A numeric column of `unit_s` seconds as times, s.
+    fn times(
+        &self,
+        column: usize,
+        unit_s: f64,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+    ) -> Vec<f64> {
+        let times = self.table.numeric_times(&[column], unit_s, faults);
+        if let Some(origin) = times.origin {
+            let origin_s = origin.to_f64() * unit_s;
+            if let Some(fault) = self.table.fault_of_epoch(column, origin_s) {
+                faults.push(fault);
+            }
+            notes.push(series::epoch_note(&self.table.header[column], origin, ""));
+        }
+        times.values.into_iter().map(|time| time * unit_s).collect()
+    }
+
+    fn positions(
+        &self,
+        column: usize,
+        counts: ColumnRole,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+    ) -> Positions {
         match counts {
             ColumnRole::Time(_) if !self.is_numeric(column) => {
-                Positions::Time(self.table.times(&[column], None, faults))
+                Positions::Time(self.table.times(&[column], None, 1.0, faults).values)
             }
             ColumnRole::TimeInUnknownUnit => {
                 let head = &self.table.header[column];
                 let fault = Fault::new(head, "is a time in an unknown unit");
                 faults.push(fault.expected("s, ms, us, ns, min or h, as in `time (ms)`").help(
-                    "give the sampling rate (--rate HZ), or name the unit in a mapping (`t_s = { from = …, scale = … }`)",
-                ));
-                Positions::Time(times(1.0, faults))
+                    "give the sampling rate, or name the unit in a mapping (`t_s = { from = …, scale = … }`)",
+                ).by(&[Setting::SamplingRate]));
+                Positions::Time(self.times(column, 1.0, faults, notes))
             }
             ColumnRole::Time(si) => {
-                let x = times(si, faults);
+                let x = self.times(column, si, faults, notes);
                 // LabVIEW leaves the column empty and states the step.
                 match self.header_info.rate_hz {
                     Some(rate_hz) if x.iter().all(|x| x.is_nan()) => Positions::Rate(rate_hz),
                     _ => Positions::Time(x),
                 }
             }
-            ColumnRole::Length(si) => Positions::Length(times(1e3 * si, faults)),
+            ColumnRole::Length(si) => {
+                let lengths = self.table.numbers(column, faults).into_iter();
+                Positions::Length(lengths.map(|length| length * (1e3 * si)).collect())
+            }
             ColumnRole::Samples | ColumnRole::Else => Positions::Unknown,
         }
     }

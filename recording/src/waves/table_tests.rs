@@ -91,3 +91,63 @@ fn cells_that_have_no_name_are_refused_unless_they_are_a_comment() {
     let comment = read(&format!("t_s,a\n{rows}6,7,door open\n")).unwrap();
     assert_eq!(comment.records[0].channels[0].values.len(), 7);
 }
+
+#[test]
+fn a_time_since_an_epoch_gives_the_rate_without_jitter() {
+    let rows = |cell: fn(u64) -> String| (0..50).map(cell).collect::<String>();
+    let nanoseconds = rows(|k| format!("{},{k}\n", 1_732_880_000_123_456_789 + 500 * k));
+    let seconds = rows(|k| format!("1732880000.{:07},{k}\n", 5 * k));
+    for text in [
+        format!("t_ns,acceleration\n{nanoseconds}"),
+        format!("t_s,acceleration\n{seconds}"),
+        format!("when,acceleration\n{seconds}"),
+    ] {
+        let waves = super::parse(
+            std::path::Path::new("a.csv"),
+            text.clone().into_bytes(),
+            &super::Options::default(),
+        );
+        let waves = waves.unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        let super::Grid::Time { rate_hz, .. } = waves.records[0].grid else { panic!("{waves:?}") };
+        assert!((rate_hz - 2e6).abs() < 1e-3, "{rate_hz}");
+        assert!(!waves.notes.iter().any(|note| note.contains("deviate")), "{:?}", waves.notes);
+    }
+}
+
+#[test]
+fn positions_that_do_not_increase_are_told_by_what_they_do_and_a_length_asks_for_no_rate() {
+    use crate::faults::Setting;
+    let table = |head: &str, x: fn(i32) -> i32| {
+        let rows: String = (0..9).map(|k| format!("{},{k}\n", x(k))).collect();
+        parsed(&format!("{head},z_um\n{rows}"), &Options::default()).unwrap_err().list()[0].clone()
+    };
+    let lengths = table("x_um", |k| -k);
+    assert_eq!(lengths.message, "decreases in every row");
+    assert_eq!(lengths.settings, [Setting::Spacing]);
+    assert!(!lengths.help.contains("rate"), "{lengths:?}");
+    assert_eq!(table("x_um", |_| 3).message, "is the same in all rows");
+    assert_eq!(table("t_s", |k| -k).settings, [Setting::SamplingRate]);
+    let single = parsed("t_s,a_V\n0,1\n", &Options::default()).unwrap_err();
+    assert_eq!(single.list()[0].message, "has a single row");
+}
+
+#[test]
+fn a_mapping_belongs_to_tables_and_not_to_a_wav_file_of_the_same_name() {
+    let folder = std::env::temp_dir().join(format!("trued-beside-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("hit.wav");
+    let head = b"RIFF\x34\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x40\x1f\0\0\x80\x3e\0\0\x02\0\x10\0data\x10\0\0\0";
+    let samples: Vec<u8> = (0..8_i16).flat_map(i16::to_le_bytes).collect();
+    std::fs::write(&path, [&head[..], &samples].concat()).unwrap();
+    let mapping = folder.join("hit.mapping.toml");
+    std::fs::write(&mapping, "schema = \"trued.mapping/1\"\n").unwrap();
+    let beside = read(&path, &Options::default()).map(|waves| waves.records[0].len());
+    let stored = Stored::open(&path, &Options::default()).map(|stored| stored.map(|s| s.len()));
+    let given = Options { mapping: Some(mapping), ..Options::default() };
+    let refused = read(&path, &given).unwrap_err().to_string();
+    let checked = crate::check::validate_file(&path, None, None).unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert_eq!((beside.unwrap(), stored.unwrap()), (8, Some(8)));
+    assert_eq!((checked.kind, checked.faults.len()), ("WAV", 0));
+    assert!(refused.contains("is WAV, which no mapping describes"), "{refused}");
+}

@@ -51,7 +51,7 @@ fn a_table_without_names_counts_time_in_its_first_column_and_is_asked_by_number(
 fn a_rate_is_needed_where_no_column_tells_time() {
     let text = "n,F\n1,5\n2,6\n3,7\n4,8\n";
     let fault = parsed(text, &Options::default()).unwrap_err();
-    assert!(fault.to_string().contains("--rate HZ"), "{fault}");
+    assert!(fault.list()[0].settings.contains(&Setting::SamplingRate), "{fault}");
     let waves = parsed(text, &at_rate(500.0)).unwrap();
     assert_eq!(waves.records[0].grid, Grid::Time { start_s: 0.0, rate_hz: 500.0 });
     assert_eq!(names(&waves.records[0]), ["F"]);
@@ -148,7 +148,7 @@ fn every_fault_of_a_table_is_reported_with_its_place() {
         4 | 0.1,3,inf
           | ^^^ expected increasing values
           |
-          = help: give --rate HZ if the samples are evenly spaced
+          = help: give the sampling rate if the samples are evenly spaced
 
         error: `b`: is infinite
          --> a.csv:4:7

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use super::uff_head::{ChannelProperties, PlaceKey};
 use super::uff_names::{self, NamingData};
 use super::{Grid, Record, Wave};
-use crate::faults::{Fault, Faults};
+use crate::faults::{Fault, Faults, Setting};
 
 /// Header numbers have six digits: a start or an end may be off by this share.
 const SIX_DIGITS: f64 = 1e-5;
@@ -227,7 +227,8 @@ fn turns(group: &[Channel]) -> Result<Vec<RecordParts>, Box<Fault>> {
         );
         let fault = Fault::new("", message)
             .expected("the same number of functions of each channel")
-            .help("select one channel (--column), or export each measurement to a separate file");
+            .help("select one channel, or export each measurement to a separate file")
+            .by(&[Setting::Columns]);
         return Err(Box::new(fault));
     }
     Ok(turns_by_start(group))

@@ -245,7 +245,10 @@ fn an_exponent_of_three_digits_needs_no_letter() {
 fn measurements_that_cannot_be_paired_are_refused_with_the_way_out() {
     let three = [Made::at(1, 1, 1.0), Made::at(2, 1, 2.0), Made::at(1, 1, 3.0)];
     let fault = read(&three).unwrap_err();
-    assert!(fault.contains("2 of `1+x` and 1 of `2+x`") && fault.contains("--column"), "{fault}");
+    assert!(
+        fault.contains("2 of `1+x` and 1 of `2+x`") && fault.contains("select one channel"),
+        "{fault}"
+    );
     let one = Options { columns: vec!["1+x".to_owned()], ..Options::default() };
     assert_eq!(read_text(&text(&three), &one).unwrap().records.len(), 2);
 }

@@ -54,7 +54,8 @@ pub fn read(path: impl AsRef<Path>, format: &Format) -> Result<Profile, Error> {
         columns: format.column.iter().cloned().collect(),
         ..Options::default()
     };
-    if format.spacing_um.is_some() {
+    // A pipe can be read only once.
+    if format.spacing_um.is_some() && path.is_file() {
         refuse_second_spacing(path, &options)?;
     }
     let waves = waves::read(path, &options)?;

@@ -39,15 +39,22 @@ pub struct ClassifiedLine {
     pub is_tracked: bool,
 }
 
+/// Least number of samples of a window.
+const SAMPLES_LEAST: usize = 16;
+
 /// Length of the segments that are averaged, s: an eighth of the recording, within a quarter and two seconds.
 pub(super) fn window_s(given_s: Option<f64>, source: &Source) -> Result<f64, Error> {
     let longest_s = source.pieces.iter().map(Piece::len).max().unwrap_or(0) as f64 / source.rate_hz;
     let window_s = given_s.unwrap_or_else(|| (0.125 * source.seconds()).clamp(0.25, 2.0));
-    if !(window_s.is_finite() && window_s * source.rate_hz >= 16.0) {
+    if !(window_s.is_finite() && window_s * source.rate_hz >= SAMPLES_LEAST as f64) {
+        let window = match given_s {
+            Some(_) => "--window is",
+            None => "without --window, the window is",
+        };
         return Err(Error::input(format!(
-            "--window is {window_s} s, expected 16 samples or more; at {} Hz that is {:.3} s",
+            "{window} {window_s} s, expected {SAMPLES_LEAST} samples or more; at {} Hz that is {:.3} s, of a recording of {longest_s:.3} s",
             source.rate_hz,
-            16.0 / source.rate_hz
+            SAMPLES_LEAST as f64 / source.rate_hz
         )));
     }
     if let Some(given_s) = given_s.filter(|given_s| *given_s > longest_s) {

@@ -15,7 +15,7 @@ use tracing::warn;
 
 use crate::exit::{Answer, Outcome};
 use crate::input::Reading;
-use crate::options::{Seed, tolerance_mm};
+use crate::options::{Seed, in_unit, tolerance_mm};
 use crate::output::{Console, Emphasis};
 use crate::{progress, wrap};
 
@@ -38,10 +38,10 @@ pub(crate) struct Calibrate {
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
     /// Percentage of the poses held out at random to compare the models, 5 to 80; not used if a recording marks held-out poses itself (`heldout`)
-    #[arg(long, value_name = "PERCENT", default_value_t = 30, value_parser = clap::value_parser!(u8).range(5..=80))]
+    #[arg(long, value_name = "PERCENT", default_value_t = in_unit(Settings::default().heldout_share, PERCENT) as u8, value_parser = clap::value_parser!(u8).range(5..=80))]
     heldout: u8,
     /// Where one joint moves alone, subtract the gravity deflection of the other joints before its axis is determined
-    #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::On)]
+    #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::of(Settings::default().sag))]
     sag: Sag,
     /// Write the model and exit 0 even if the validation on held-out poses fails (see above)
     #[arg(long)]
@@ -56,11 +56,25 @@ pub(crate) struct Calibrate {
     recordings: Vec<PathBuf>,
 }
 
+/// One percent.
+const PERCENT: f64 = 0.01;
+
 /// Whether the sag of the stationary joints is removed from a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Sag {
     On,
     Off,
+}
+
+impl Sag {
+    fn of(sag: calibration::SagCorrection) -> Self {
+        match sag {
+            calibration::SagCorrection::AsMeasured => Self::Off,
+            calibration::SagCorrection::AllOthers | calibration::SagCorrection::Carriers => {
+                Self::On
+            }
+        }
+    }
 }
 
 impl Calibrate {
@@ -102,7 +116,7 @@ impl Calibrate {
     fn settings(&self) -> Settings {
         Settings {
             seed: self.seed.resolve(),
-            heldout_share: 0.01 * f64::from(self.heldout),
+            heldout_share: PERCENT * f64::from(self.heldout),
             sag: match self.sag {
                 Sag::On => calibration::SagCorrection::AllOthers,
                 Sag::Off => calibration::SagCorrection::AsMeasured,

@@ -13,7 +13,7 @@ use recording::model::RobotModel;
 use report::{TextTable, pluralise};
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Reading, model};
+use crate::input::{Reading, model, option};
 use crate::output::{Console, Emphasis};
 use crate::table::on_stdout;
 
@@ -37,7 +37,9 @@ impl Check {
         let mut unread = None;
         for path in &self.files {
             match self.check(path, known.as_ref()) {
-                Ok(findings) => {
+                Ok(mut findings) => {
+                    let faults = findings.faults.drain(..);
+                    findings.faults = faults.map(|faults| faults.name_settings(option)).collect();
                     print_findings(console, path, &findings)?;
                     files.push(FileReport::of(path, findings));
                 }

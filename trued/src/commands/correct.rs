@@ -57,13 +57,15 @@ impl Correct {
         let out = self.out.clone().unwrap_or_else(|| default_output(&self.path));
         let mut outputs = console.outputs().file(&out);
         outputs.check([&self.path].into_iter().chain(self.reading.files()).chain(&self.config))?;
-        let spinner = progress::stages(console, "correcting the path");
+        let spinner = progress::stages(console, "reading the path");
         let cell = self.config.as_deref().map(cell).transpose()?;
         let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let Input { model, recording, .. } = self.reading.read(&self.path, fallback)?;
         let dynamic = self.dynamic.then(|| self.in_time.settings()).transpose()?;
-        let corrected =
-            CorrectedPath::compute(&model, recording, CorrectionRequest { cell, dynamic })?;
+        let request = CorrectionRequest { cell, dynamic };
+        let corrected = CorrectedPath::compute(&model, recording, request, &|done| {
+            progress::show_rows(&spinner, done);
+        })?;
         let tolerance =
             self.tolerance_mm.map(|allowed_mm| corrected.compare_with_tolerance(allowed_mm));
         spinner.finish_and_clear();

@@ -7,6 +7,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use demo_report::{DIAGNOSIS, Error, Event, FILES, PAGE, Programs, Scene, run_cell};
@@ -81,16 +82,21 @@ impl Demo {
         };
         let (quick, seed) = (self.quick, scene.seed());
         let programs = ThisProgram { quick, seed, is_quiet: console.common().verbose == 0 };
-        let mut bar = ProgressBar::hidden();
-        let report = demo.run(&programs, &stop, &mut |event| {
+        // The diagnosis reports on its own threads.
+        let bar = Mutex::new(ProgressBar::hidden());
+        let present = || bar.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut show = |event| {
             match event {
                 Event::Text(lines) => console.say_lines(&lines).map_err(Error::system)?,
-                Event::Begins { what, steps } => bar = progress::bar(console, steps, what),
-                Event::Done(steps) => bar.set_position(steps),
-                Event::Ended => bar.finish_and_clear(),
+                Event::Stage(what) => *present() = progress::stages(console, what),
+                Event::Begins { what, steps } => *present() = progress::bar(console, steps, what),
+                Event::Done(steps) => present().set_position(steps),
+                Event::Ended => present().finish_and_clear(),
             }
             Ok(())
-        })?;
+        };
+        let listener = |stage, done| progress::show(&present(), stage, done);
+        let report = demo.run(&programs, &stop, &mut show, &listener)?;
         console.json("trued.demo/1", &report)?;
         Ok(Answer::Done)
     }

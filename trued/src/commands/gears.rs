@@ -61,7 +61,7 @@ pub(crate) struct Gears {
     #[arg(long, value_name = "L,…", value_delimiter = ',')]
     lines: Vec<f64>,
     /// Tolerance of a match, percent of the line, in addition to the uncertainty of the line itself
-    #[arg(long, value_name = "PERCENT", default_value_t = 2.0, requires = "measured")]
+    #[arg(long, value_name = "PERCENT", default_value_t = Settings::default().tolerance_percent, requires = "measured")]
     tolerance: f64,
     /// Write an HTML page with tables and a plot
     #[arg(long, value_name = "FILE.html")]

@@ -11,7 +11,7 @@ use correction_report::dynamic::{joint_plants, static_commands};
 use correction_report::path::static_corrections;
 use feedforward::learning::{CommandedPath, Commands, Learning};
 use feedforward::measured::Clock;
-use recording::series::{self, RequiredData};
+use recording::series::{self, Epoch, RequiredData};
 use tracing::warn;
 
 use super::correct::cell;
@@ -57,23 +57,28 @@ impl Learn {
         outputs.check(inputs.chain(self.reading.files()).chain(&self.config))?;
         self.check_distinct()?;
         let settings = self.in_time.settings()?;
-        let spinner = progress::stages(console, "learning from the measured runs");
+        let spinner = progress::stages(console, "reading the path");
         // The path is trued's own table; the mapping belongs to the measurements.
         let ours = Reading { mapping: None, ..self.reading.clone() };
         let cell = self.config.as_deref().map(cell).transpose()?;
         let fallback = cell.as_ref().map(|(_, cell)| cell.model.as_path());
         let mut input = ours.read(&self.path, fallback)?;
+        let epoch = input.recording.epoch();
         let plants = joint_plants(&input.model, &settings)?;
         let path = CommandedPath::of(&input.recording, &input.joint_kinds, &plants, &settings);
         let CommandedPath { recording, commanded, source } = path.map_err(in_file(&self.path))?;
         input.recording = recording;
-        let (mut corrections, _) = static_corrections(&input.model, &input.recording, cell)?;
+        let (mut corrections, _) =
+            static_corrections(&input.model, &input.recording, cell, &|done| {
+                progress::show_rows(&spinner, done);
+            })?;
         let wanted = static_commands(&corrections, &input.recording, &source)?;
         let commands = Commands { commanded: commanded.unwrap_or_else(|| wanted.clone()), wanted };
         let learning = Learning::of(&input.model, &plants, &input.recording, commands, &settings);
         let mut learning = learning.map_err(Failure::input)?;
+        spinner.set_message("learning from the measured runs");
         for path in &self.measured {
-            self.add(&mut learning, path)?;
+            self.add(&mut learning, path, epoch)?;
         }
         let learned = learning.next(out.display().to_string(), &source);
         let (next, report) = learned.map_err(in_file(&self.path))?;
@@ -110,10 +115,17 @@ impl Learn {
     }
 
     /// Adds a measured run.
-    fn add(&self, learning: &mut Learning<'_>, path: &Path) -> Result<(), Failure> {
+    fn add(
+        &self,
+        learning: &mut Learning<'_>,
+        path: &Path,
+        epoch: Option<Epoch>,
+    ) -> Result<(), Failure> {
         let mapping = self.reading.mapping.as_deref();
-        let recording = series::read(path, mapping, RequiredData::Samples).map_err(unusable)?;
+        let mut recording = series::read(path, mapping, RequiredData::Samples).map_err(unusable)?;
         recording.notes.iter().for_each(|note| warn!("{}: {note}", path.display()));
+        // The clocks of path and measurement are compared.
+        recording.count_from(epoch);
         let added = learning.add(&recording, self.clock_offset_ms);
         added.map_err(in_file(path))
     }

@@ -74,8 +74,8 @@ pub(crate) struct Plan {
     /// the files are written there, or to `--out`
     #[arg(long = "for", value_name = "DIR")]
     asked_by: Option<PathBuf>,
-    /// Number of poses, by default 30, for a check 10; with `--iso9283` the number of cycles, by default 30
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
+    #[arg(long, value_name = "N", help = format!("Number of poses, by default {CALIBRATION_POSES}, for a check {CHECK_POSES}; with `--iso9283` the number of cycles, by default {VISITS_REQUIRED}"))]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..=500))]
     count: Option<u16>,
     /// Optimality criterion: d: all parameters together; o1: information per reading; zone: the tool's error in `--zone` (by default in the workspace); random: random poses, for validation
     #[arg(long, value_name = "d|o1|zone|random", value_enum, conflicts_with = "iso9283")]
@@ -104,7 +104,7 @@ pub(crate) struct Plan {
     #[arg(long, value_name = "RECORDING", conflicts_with = "iso9283")]
     among: Option<PathBuf>,
     /// Number of random candidate poses
-    #[arg(long, value_name = "N", default_value_t = 600, conflicts_with_all = ["among", "iso9283"], value_parser = clap::value_parser!(u16).range(20..=5000))]
+    #[arg(long, value_name = "N", default_value_t = Settings::default().candidates as u16, conflicts_with_all = ["among", "iso9283"], value_parser = clap::value_parser!(u16).range(20..=5000))]
     candidates: u16,
     #[command(flatten)]
     setup: Setup,
@@ -134,10 +134,10 @@ struct Files {
     )]
     approach: ApproachDirections,
     /// Distance at which a joint begins its approach, degrees (mm for a linear joint)
-    #[arg(long, value_name = "DEG", default_value_t = 3.0, requires = "out")]
+    #[arg(long, value_name = "DEG", default_value_t = Programs::default().approach_deg, requires = "out")]
     approach_deg: f64,
     /// Pause at each pose, s
-    #[arg(long, value_name = "S", default_value_t = 3.0, requires = "out")]
+    #[arg(long, value_name = "S", default_value_t = Programs::default().pause_s, requires = "out")]
     pause_s: f64,
     /// Controller axis of each joint, if the order differs: E1,A1,A2,A3,A4,A5,A6
     #[arg(long, value_name = "A,…", value_delimiter = ',', requires = "out")]

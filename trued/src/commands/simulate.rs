@@ -11,6 +11,7 @@ use clap::Args;
 use diagnosis_report::simulation::{Settings, simulate};
 use recording::model::presets;
 use recording::series::{self, Recording};
+use report::pluralise;
 use tracing::warn;
 
 use crate::exit::{Answer, Outcome};
@@ -35,13 +36,13 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "NAME")]
     out: PathBuf,
     /// Standard deviation of the normal noise of each measured value, mm (mrad for angles)
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "SIGMA", default_value_t = Settings::default().noise_mm, value_parser = not_negative)]
     noise: f64,
     /// Standard deviation of the normal noise of each torque, Nm (N for a linear joint)
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "SIGMA", default_value_t = Settings::default().torque_noise_nm, value_parser = not_negative)]
     torque_noise: f64,
     /// Standard deviation of the normal noise of each cutting force, N
-    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
+    #[arg(long, value_name = "SIGMA", default_value_t = Settings::default().force_noise_n, value_parser = not_negative)]
     force_noise: f64,
     #[command(flatten)]
     seed: Seed,
@@ -61,17 +62,20 @@ impl Simulate {
             force_noise_n: self.force_noise,
             seed: self.seed.resolve(),
         };
-        let spinner = progress::stages(console, "simulating the recording");
+        let spinner = progress::stages(console, "reading the recording");
         let (model, mut recording) = match self.reading.inspect(&self.input)? {
             InspectedRecording::WithoutArm(alone) => *alone,
-            InspectedRecording::OfArm(_) => {
-                let Input { model, recording, .. } = self.reading.read(&self.input, None)?;
+            InspectedRecording::OfArm(read) => {
+                let read = read.map(|read| *read);
+                let Input { model, recording, .. } = self.reading.path_after(read, &self.input)?;
                 (model, recording)
             }
         };
         recording.metadata.model = self.model_name(&recording, &toml);
+        spinner.set_message(format!("simulating {}", pluralise(recording.len(), "row")));
         let simulation = simulate(&model, recording, &settings)?;
         simulation.warnings().iter().for_each(|warning| warn!("{warning}"));
+        spinner.set_message("table");
         outputs.put(&toml, simulation.about_toml());
         outputs.put(&csv, simulation.readings.recording.to_csv());
         spinner.finish_and_clear();

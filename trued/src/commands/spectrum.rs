@@ -6,12 +6,16 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use spectrum::{ConfigError, MonitorConfig};
 use spectrum_report::vibration::{Inputs, Settings, analyse, read};
 
 use crate::exit::{Answer, Failure, Outcome};
+use crate::options::in_unit;
 use crate::output::{Console, Emphasis};
 use crate::{progress, wrap};
 
+/// One percent.
+const PERCENT: f64 = 0.01;
 /// Largest spindle speed, rev/min; as in the file of a cut.
 const RPM_MAX: f64 = 1e6;
 
@@ -28,8 +32,7 @@ pub(crate) struct Spectrum {
     /// Sampling rate, Hz; overrides that of the file
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Spindle speed, rev/min, at most 1000000; by default from the columns `spindle_rpm` or `tacho`
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", help = format!("Spindle speed, rev/min, at most {RPM_MAX}; by default from the columns `spindle_rpm` or `tacho`"))]
     spindle_rpm: Option<f64>,
     /// Number of teeth of the cutter, with a spindle speed; by default from `[cut]` in the accompanying TOML
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -43,18 +46,16 @@ pub(crate) struct Spectrum {
     /// Cut in the format of `trued stability`; if it chatters, the nearest stable cuts are computed
     #[arg(long, value_name = "CUT.toml")]
     cut: Option<PathBuf>,
-    /// Frequency range in which lines are reported, Hz, up to half the sampling rate [default: 10 1000]
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
+    #[arg(help = format!("Frequency range in which lines are reported, Hz, up to half the sampling rate [default: {} {}]", Settings::default().band_hz[0], Settings::default().band_hz[1]))]
     band: Vec<f64>,
     /// Window length of the averaged spectrum, s, at most the recording; by default chosen by the length of the recording
     #[arg(long, value_name = "S")]
     window: Option<f64>,
-    /// Smallest amplitude that the monitor reports, in the channels' unit; by default 0.1 N and 0.01 Nm, as in the
-    /// daemon, for other units 2 % of the RMS of the signal
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", help = least_help())]
     least: Option<f64>,
     /// Factor on the detection thresholds, 0.25 to 10: above 1 only stronger lines are reported, below 1 weaker ones too
-    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    #[arg(long, value_name = "N", default_value_t = Settings::default().threshold)]
     threshold: f64,
     /// Mains frequency, Hz; by default both 50 and 60 are considered
     #[arg(long, value_name = "HZ")]
@@ -73,6 +74,33 @@ pub(crate) struct Spectrum {
     file: PathBuf,
 }
 
+/// A setting of the monitor under the name of its option.
+fn by_option(error: spectrum_report::Error) -> Failure {
+    let spectrum_report::Error::Input(error) = error else { return error.into() };
+    match error.downcast_ref() {
+        Some(ConfigError::OutOfRange { key: "threshold", value, expected }) => {
+            Failure::input(format!("--threshold is {value}, expected {expected}"))
+        }
+        Some(ConfigError::OutOfRange { key: "mains_hz", value, expected }) => {
+            Failure::input(format!("--mains is {value}, expected {expected}"))
+        }
+        Some(ConfigError::Band { low_hz, high_hz, rate_hz }) => Failure::input(format!(
+            "--band is {low_hz} {high_hz}, expected the lower frequency first, from 5 Hz to below 0.45 of the rate, {rate_hz} Hz"
+        )),
+        _ => Failure::Input(error),
+    }
+}
+
+fn least_help() -> String {
+    let monitor = MonitorConfig::default();
+    format!(
+        "Smallest amplitude that the monitor reports, in the channels' unit; by default {} N and {} Nm, as in the daemon, for other units {} % of the RMS of the signal",
+        monitor.least_amplitude_n,
+        monitor.least_amplitude_nm,
+        in_unit(Settings::default().amplitude_least_part, PERCENT)
+    )
+}
+
 impl Spectrum {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
@@ -82,7 +110,7 @@ impl Spectrum {
         let spinner = progress::stages(console, "spectra, vibration events");
         let source = read(&self.file, &self.inputs())?;
         self.check_band(source.rate_hz)?;
-        let mut analysis = analyse(source, &self.settings())?;
+        let mut analysis = analyse(source, &self.settings()).map_err(by_option)?;
         if let Some(cut) = &self.cut {
             analysis.add_nearest_stable(cut)?;
         }

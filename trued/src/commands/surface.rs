@@ -29,16 +29,16 @@ pub(crate) struct Surface {
     #[command(flatten)]
     heights: Heights,
     /// Cut-off wavelength between roughness and waviness, mm
-    #[arg(long, value_name = "MM", default_value_t = 0.8)]
+    #[arg(long, value_name = "MM", default_value_t = Settings::default().cut_off_mm)]
     cut_off_mm: f64,
     /// Cut-off wavelength below which the profile is treated as noise of the instrument, µm
     #[arg(long, value_name = "UM")]
     short_cut_off_um: Option<f64>,
     /// Degree of the polynomial that is removed as form: 0 the mean, 1 a line, 2 a parabola, …
-    #[arg(long, value_name = "DEGREE", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=FORM_MAX as i64))]
+    #[arg(long, value_name = "DEGREE", default_value_t = Settings::default().form_degree, value_parser = clap::value_parser!(u8).range(0..=FORM_MAX as i64))]
     form: u8,
     /// Length of the segments for which parameters are also computed, mm
-    #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = [2.5, 0.25])]
+    #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = Settings::default().segments_mm)]
     segment_mm: Vec<f64>,
     /// Speed of the tool along the profile, mm/s: gives each line its frequency in time
     #[arg(long, value_name = "MM_S")]

@@ -7,12 +7,15 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
+use recording::faults::Setting;
+use recording::files::FileError;
 use spectrum::frf::{Estimator, Response};
-use spectrum::modal::COHERENCE_MIN;
 use spectrum_report::tap::{self, Channels, Settings, analyse};
 use tracing::warn;
 
 use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{FaultyFile, option};
+use crate::options::value_name;
 use crate::output::Console;
 use crate::wrap;
 
@@ -45,11 +48,11 @@ pub(crate) struct Tap {
     /// Files are tables of a frequency response function: frequency in Hz, real part, imaginary part
     #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "response", "rate", "block_s", "windows", "estimator", "coherence_least"])]
     frf: bool,
-    /// Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: h1]
     #[arg(long, value_name = "h1|h2", value_enum, hide_possible_values = true)]
+    #[arg(help = format!("Estimator of the response function. h1: unbiased by noise of the response; h2: by noise of the force [default: {}]", value_name(&Estimate::of(Settings::default().estimator))))]
     estimator: Option<Estimate>,
-    /// Minimum coherence at a mode, 0 to 1 [default: 0.75]
     #[arg(long, value_name = "0..1")]
+    #[arg(help = format!("Minimum coherence at a mode, 0 to 1 [default: {}]", Settings::default().coherence_least))]
     coherence_least: Option<f64>,
     /// Frequency range of the modes, Hz; if not given, the range that the hammer excites
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
@@ -57,8 +60,8 @@ pub(crate) struct Tap {
     /// Length of the block for each hit, s; if not given, the longest that the hits allow
     #[arg(long, value_name = "S")]
     block_s: Option<f64>,
-    /// auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: auto]
     #[arg(long, value_name = "auto|none", value_enum, hide_possible_values = true)]
+    #[arg(help = format!("auto: set the force to zero outside the contact, and apply an exponential window if the response has not decayed; none: no windows [default: {}]", value_name(&Windowing::of(Settings::default().windows))))]
     windows: Option<Windowing>,
     /// Direction of hit and response in the base frame, for the modes of the model
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
@@ -99,14 +102,20 @@ impl Kind {
 }
 
 /// How the response function is estimated.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Estimate {
-    #[default]
     H1,
     H2,
 }
 
 impl Estimate {
+    fn of(estimator: Estimator) -> Self {
+        match estimator {
+            Estimator::H1 => Self::H1,
+            Estimator::H2 => Self::H2,
+        }
+    }
+
     fn estimator(self) -> Estimator {
         match self {
             Self::H1 => Estimator::H1,
@@ -116,11 +125,16 @@ impl Estimate {
 }
 
 /// Whether windows are laid over the hits.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Windowing {
-    #[default]
     Auto,
     None,
+}
+
+impl Windowing {
+    fn of(windows: bool) -> Self {
+        if windows { Self::Auto } else { Self::None }
+    }
 }
 
 /// A direction of unit length.
@@ -151,6 +165,17 @@ struct Unusable {
     expected: &'static str,
 }
 
+/// Faults of a file with the options of this command: its columns are force and response.
+fn by_option(error: spectrum_report::Error) -> Failure {
+    let spectrum_report::Error::File(FileError::Content(faults)) = error else {
+        return error.into();
+    };
+    Failure::input(FaultyFile::with(faults, |setting| match setting {
+        Setting::Columns => "--force C, --response C",
+        setting => option(setting),
+    }))
+}
+
 impl Tap {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
@@ -160,7 +185,7 @@ impl Tap {
         }
         outputs.check(self.model.iter().chain(&self.files))?;
         let base = self.model.as_deref().map(crate::input::model).transpose()?;
-        let source = tap::read(&self.files, &self.channels())?;
+        let source = tap::read(&self.files, &self.channels()).map_err(by_option)?;
         if source.has_functions() {
             self.check_used_by_functions()?;
         }
@@ -245,14 +270,15 @@ impl Tap {
     }
 
     fn settings(&self) -> Settings {
+        let usual = Settings::default();
         Settings {
-            estimator: self.estimator.unwrap_or_default().estimator(),
-            coherence_least: self.coherence_least.unwrap_or(COHERENCE_MIN),
+            estimator: self.estimator.map_or(usual.estimator, Estimate::estimator),
+            coherence_least: self.coherence_least.unwrap_or(usual.coherence_least),
             band_hz: self.band_hz(),
             block_s: self.block_s,
-            windows: self.windows.unwrap_or_default() == Windowing::Auto,
+            windows: self.windows.map_or(usual.windows, |windows| windows == Windowing::Auto),
             direction: self.direction.map(|direction| direction.0),
-            ..Settings::default()
+            ..usual
         }
     }
 

@@ -194,3 +194,30 @@ proptest! {
         let _ = taken("bytes", &bytes);
     }
 }
+
+#[test]
+fn integers_of_nanoseconds_since_1970_keep_every_digit() {
+    for kind in ["int64 t_ns", "int64 t_ns (INTEGER(64,false))"] {
+        let schema = format!("message m {{ required {kind}; required int64 q; }}");
+        let schema = Arc::new(parse_message_type(&schema).expect("a schema"));
+        let how = Arc::new(WriterProperties::builder().build());
+        let mut writer = SerializedFileWriter::new(Vec::new(), schema, how).unwrap();
+        let mut rows = writer.next_row_group().unwrap();
+        for values in [[1_732_880_000_123_456_789, 1_732_880_000_123_706_789], [1, 2]] {
+            let mut column = rows.next_column().unwrap().expect("a column");
+            column.typed::<Int64Type>().write_batch(&values, None, None).unwrap();
+            column.close().unwrap();
+        }
+        rows.close().unwrap();
+        let path = std::env::temp_dir().join(format!("trued-epoch-{}.parquet", std::process::id()));
+        let mapping = path.with_extension("mapping.toml");
+        fs::write(&path, writer.into_inner().unwrap()).unwrap();
+        let columns = "t_s = { from = \"t_ns\", unit = \"ns\" }\nq1_deg = { from = \"q\" }\n";
+        let text = format!("schema = \"trued.mapping/1\"\n[columns]\n{columns}");
+        fs::write(&mapping, text).unwrap();
+        let recording = read(&path, None, RequiredData::Path);
+        fs::remove_file(&path).unwrap();
+        fs::remove_file(&mapping).unwrap();
+        assert_eq!(recording.unwrap().t_s, [0.0, 250e-6], "{kind}");
+    }
+}

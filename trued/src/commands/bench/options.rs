@@ -22,6 +22,10 @@ const USUAL_SECONDS: f64 = 5.0;
 const USUAL_RATES_HZ: [u32; 3] = [1000, 4000, 10_000];
 /// Starts of a daemon where no number is given.
 const USUAL_STARTS: u32 = 20;
+/// Loads where none is given.
+const USUAL_LOADS: [&str; 2] = ["idle", "all"];
+/// Ways of waiting where none is given.
+const USUAL_WAITS: [Wait; 2] = [Wait::Sleep, Wait::Spin];
 /// Priority under `SCHED_FIFO` where none is given.
 const USUAL_PRIORITY: u8 = 80;
 /// A quick bench: parts so short that all of it takes less than 30 s.
@@ -70,29 +74,29 @@ pub(super) struct BenchOptions {
     /// Scheduling of the measuring threads and of the daemon's cycle: auto (fifo if permitted), fifo, other, both (one after the other)
     #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
     policy: Policies,
-    /// Priority under `SCHED_FIFO`, 2 to 98 [default: 80]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=98))]
+    #[arg(long, value_name = "N", help = format!("Priority under `SCHED_FIFO`, 2 to 98 [default: {USUAL_PRIORITY}]"))]
+    #[arg(value_parser = clap::value_parser!(u8).range(2..=98))]
     priority: Option<u8>,
     /// Core of the client and core of the daemon; if not given, the last isolated cores
     #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
     cores: Vec<usize>,
-    /// Command rates to measure in the part paced, Hz [default: 1000,4000,10000]
+    #[arg(help = format!("Command rates to measure in the part paced, Hz [default: {}]", USUAL_RATES_HZ.map(|hz| hz.to_string()).join(",")))]
     #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',',
           value_parser = clap::value_parser!(u32).range(10..=10_000))]
     rates: Vec<u32>,
-    /// Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network). Parts start, swap and cost are measured without load [default: idle,all]
+    #[arg(help = format!("Loads to measure: idle, all, or kinds joined by + (memory, cache, disk, network). Parts start, swap and cost are measured without load [default: {}]", USUAL_LOADS.join(",")))]
     #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',')]
     loads: Vec<String>,
-    /// How the daemon waits for commands in the part paced: sleep, spin. Not for a running cell, which waits as configured [default: sleep,spin]
+    #[arg(help = format!("How the daemon waits for commands in the part paced: sleep, spin. Not for a running cell, which waits as configured [default: {}]", USUAL_WAITS.map(Wait::name).join(",")))]
     #[arg(long = "wait", conflicts_with = "cell", value_name = "WAIT,…", value_delimiter = ',')]
     waits: Vec<String>,
     /// Parts to run: flat, woken, paced, force, start, swap, cost
     #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
     stages: Vec<String>,
-    /// Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h [default: 5]
+    #[arg(help = format!("Duration of each part, for each combination of policy, load, rate and wait: 10 (seconds), 90s, 10m, 2h [default: {USUAL_SECONDS}]"))]
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     seconds: Option<f64>,
-    /// Number of daemon starts to measure in the part start, 1 to 10000 [default: 20]
+    #[arg(help = format!("Number of daemon starts to measure in the part start, 1 to 10000 [default: {USUAL_STARTS}]"))]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     starts: Option<u32>,
 }
@@ -178,10 +182,8 @@ impl BenchOptions {
     }
 
     fn loads(&self) -> Result<Vec<Vec<Load>>, Failure> {
-        if self.loads.is_empty() {
-            return Ok(vec![vec![], Load::ALL.to_vec()]);
-        }
-        parse_all(&self.loads, "--load", load)
+        let usual = USUAL_LOADS.map(str::to_owned);
+        parse_all(&given_or(&self.loads, &usual), "--load", load)
     }
 
     fn waits(&self) -> Result<Vec<Wait>, Failure> {
@@ -189,7 +191,7 @@ impl BenchOptions {
             return Ok(vec![Wait::Own]);
         }
         if self.waits.is_empty() {
-            return Ok(vec![Wait::Sleep, Wait::Spin]);
+            return Ok(USUAL_WAITS.to_vec());
         }
         parse_all(&self.waits, "--wait", wait)
     }

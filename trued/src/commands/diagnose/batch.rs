@@ -84,7 +84,7 @@ impl Batch {
         let base = base.parent().unwrap_or(Path::new("/"));
         let faults = unusable_robots(&manifest, base, &file.display().to_string());
         if !faults.is_empty() {
-            let texts = faults.into_iter().map(|faults| FaultyFile(faults).to_string());
+            let texts = faults.into_iter().map(|faults| FaultyFile::of(faults).to_string());
             return Err(Failure::input(texts.collect::<Vec<_>>().join("\n")));
         }
         let mut outputs = console.outputs();
@@ -111,7 +111,9 @@ impl Batch {
         );
         bar.finish_and_clear();
         let summary = summary.map_err(|error| match &error {
-            batch::RunError::Exists { .. } => Failure::input(error),
+            batch::RunError::Exists { .. } => {
+                Failure::input(format!("{error} (--resume, --overwrite, --out)"))
+            }
             _ => Failure::system(error),
         })?;
         print_summary(&summary, out, outputs, console)

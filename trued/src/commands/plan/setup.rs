@@ -1,15 +1,22 @@
 //! Options for instruments, their positions, and constraints on poses: mm and degrees here, SI in [`MeasuringSetup`].
 
+use std::fmt;
 use std::num::NonZeroUsize;
 use std::str::FromStr;
 
 use clap::Args;
 use diagnosis::plan::setup::{
-    Ballbar, Floor, MeasuringSetup, ToolTarget, TouchedPatch, TouchedSphere,
+    Ballbar, Floor, LENGTH_SIGMA_M, MeasuringSetup, ToolTarget, TouchedPatch, TouchedSphere,
 };
 use glam::DVec3;
 
 use crate::exit::Failure;
+use crate::options::in_unit;
+
+/// A millimetre, m.
+const MM: f64 = 1e-3;
+/// A degree, rad.
+const DEG: f64 = std::f64::consts::PI / 180.0;
 
 /// Numbers separated by commas.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +40,16 @@ impl<const N: usize> FromStr for CommaTuple<N> {
         }
         Ok(Self(numbers))
     }
+}
+
+impl<const N: usize> fmt::Display for CommaTuple<N> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.map(|number| number.to_string()).join(","))
+    }
+}
+
+fn targets_seen_least() -> NonZeroUsize {
+    NonZeroUsize::new(MeasuringSetup::default().targets_seen_least).unwrap_or(NonZeroUsize::MIN)
 }
 
 /// A target: its position on the tool, and the direction that it faces if stated.
@@ -67,7 +84,7 @@ pub(super) struct Setup {
     #[arg(long, value_name = "X,Y,Z[,A,B,C]", allow_hyphen_values = true)]
     target: Vec<Target>,
     /// Minimum number of targets visible at a pose
-    #[arg(long, value_name = "N", default_value = "1", requires = "target")]
+    #[arg(long, value_name = "N", default_value_t = targets_seen_least(), requires = "target")]
     least_targets: NonZeroUsize,
     /// The positions of the targets are known; by default they are estimated along
     #[arg(long, requires = "target")]
@@ -76,13 +93,12 @@ pub(super) struct Setup {
     #[arg(long)]
     frame_known: bool,
     /// Largest angle between a reflector's direction and the beam, degrees
-    #[arg(long, value_name = "DEG", default_value_t = 25.0, requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
+    #[arg(long, value_name = "DEG", default_value_t = in_unit(MeasuringSetup::default().acceptance_rad, DEG), requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
     accept_deg: f64,
     /// Smallest and largest distance that the instrument can measure, mm
-    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000", requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
+    #[arg(long, value_name = "MIN,MAX", default_value_t = CommaTuple(MeasuringSetup::default().range_m.map(|m| in_unit(m, MM))), requires = "instrument", conflicts_with_all = ["anchor", "plane", "sphere"])]
     range_mm: CommaTuple<2>,
-    /// Standard uncertainty of a measured length, mm; by default that of the recordings, else 0.05
-    #[arg(long, value_name = "MM")]
+    #[arg(long, value_name = "MM", help = format!("Standard uncertainty of a measured length, mm; by default that of the recordings, else {}", in_unit(LENGTH_SIGMA_M, MM)))]
     sigma_mm: Option<f64>,
     /// Standard uncertainty of the measured tool orientation, mrad; by default the orientation is not measured
     #[arg(long, value_name = "MRAD", conflicts_with_all = ["anchor", "plane", "sphere"])]
@@ -105,7 +121,7 @@ pub(super) struct Setup {
     #[arg(long, value_name = "X,Y,Z,R", allow_hyphen_values = true, conflicts_with = "anchor")]
     sphere: Vec<CommaTuple<4>>,
     /// Margin to the joint limits, degrees
-    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
+    #[arg(long, value_name = "DEG", default_value_t = in_unit(MeasuringSetup::default().margin_rad, DEG))]
     margin_deg: f64,
     /// Radius around each link, mm; by default 8 % of the arm's length
     #[arg(long, value_name = "MM")]
@@ -220,5 +236,34 @@ impl Setup {
             keep_out: self.keep_out.iter().map(corners_m).collect(),
             both_ways,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+    use diagnosis::plan::arm_constraints::ArmConstraints;
+    use recording::model::RobotModel;
+
+    use crate::cli::Cli;
+
+    #[test]
+    fn the_radii_that_the_help_states_are_those_of_the_constraints() {
+        let model = RobotModel::read("irb120".as_ref()).expect("a preset");
+        let arm = &model.physics.arm;
+        let link = |i: usize| arm.joints()[i].point.distance(arm.next_point(i));
+        let length_m: f64 = (0..arm.count()).map(link).sum();
+        let usual = ArmConstraints::of(arm);
+        let command = Cli::command();
+        let plan = command.find_subcommand("plan").expect("the command");
+        for (name, radius_m) in
+            [("link_radius_mm", usual.link_radius_m), ("base_radius_mm", usual.base_radius_m)]
+        {
+            let option = plan.get_arguments().find(|option| option.get_id() == name);
+            let help = option.and_then(clap::Arg::get_help).expect(name).to_string();
+            let stated =
+                format!("by default {:.0} % of the arm's length", 100.0 * radius_m / length_m);
+            assert!(help.ends_with(&stated), "{help}: {stated}");
+        }
     }
 }
