@@ -1,8 +1,11 @@
-//! Diagnoses of few poses, whose rows are too few for a validation set; and what is said where the test set does not confirm the result.
+//! Diagnoses of few poses, whose rows are too few for a validation set; what is said where the test set does not confirm the result, or where the instrument
+//! or the target moves.
 
+use glam::DVec3;
 use physics::{AnyEffect, Model, ParameterValues};
 
-use super::{Diagnosis, Verdict, diagnose};
+use super::{Diagnosis, StructureLocation, Verdict, diagnose};
+use crate::campaign::Reading;
 use crate::campaign_simulation::simulate_readings;
 use crate::progress::ignore;
 use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
@@ -112,4 +115,43 @@ fn structure_of_the_fitted_poses_that_those_held_out_do_not_have_is_not_claimed(
     let found = diagnose(campaign, &nominal_robot(), &[], Some(held_out), 7, &ignore);
     let reason = found.reason_not_to_claim().unwrap_or_default();
     assert!(reason.contains("held out"), "{:?} {:?}: {reason}", found.verdict, found.test_errors);
+}
+
+/// The verdict for 150 poses of the nominal robot, a quarter of an hour, whose measured points move by `moved_m` of the share of the time that has passed
+/// and of the pose.
+fn verdict_if_points_move(
+    moved_m: impl Fn(f64, &physics::Frame) -> DVec3,
+) -> (Verdict, Option<StructureLocation>) {
+    let mut bare = unmeasured_campaign(1, 150);
+    bare.poses.iter_mut().enumerate().for_each(|(k, pose)| pose.inputs.time_s = 6.0 * k as f64);
+    let robot = nominal_robot();
+    let mut campaign = simulate_readings(&bare, &robot, &bare.surroundings, 0.6, 7);
+    let frame = bare.surroundings.frames[0].value.measuring_from_base;
+    for (k, pose) in campaign.poses.iter_mut().enumerate() {
+        let tool = physics::Chain::nominal(&robot.arm, &pose.inputs.q).base_from_tool;
+        let moved_m = frame.rotation * moved_m(k as f64 / 149.0, &tool);
+        for observation in &mut pose.seen {
+            if let Reading::Point { at, .. } = &mut observation.reading {
+                *at += moved_m;
+            }
+        }
+    }
+    let found = diagnose(campaign, &robot, &[], None, 7, &ignore);
+    assert_eq!(found.findings.len(), 0);
+    (found.verdict, found.unexplained.map(|structure| structure.location))
+}
+
+#[test]
+fn a_motion_of_the_instrument_or_of_the_target_is_reported_and_is_no_error_of_the_robot() {
+    let drift_m = DVec3::new(3e-4, -2e-4, 1e-4);
+    let steady = verdict_if_points_move(|share, _| drift_m * share);
+    assert_eq!(steady, (Verdict::UnknownStructure, Some(StructureLocation::MeasuringFrame)));
+    let there_and_back = verdict_if_points_move(|share, _| drift_m * (3.0 * share).sin());
+    assert_eq!(
+        there_and_back,
+        (Verdict::UnknownStructure, Some(StructureLocation::MeasuringFrame))
+    );
+    let slips = verdict_if_points_move(|share, tool| tool.rotation * drift_m * share.round());
+    assert_eq!(slips, (Verdict::UnknownStructure, Some(StructureLocation::MeasuredPoint)));
+    assert_eq!(verdict_if_points_move(|_, _| DVec3::ZERO), (Verdict::Consistent, None));
 }
