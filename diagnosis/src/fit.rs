@@ -31,7 +31,7 @@ const STEPS: usize = 12;
 const SKETCH: usize = 3;
 /// Intermediate minimisations end when a full step would reduce the sum of squares by less than this, in units of the noise variance; the last one
 /// converges fully. Decisions between two fits are based on differences of fifty times this or more.
-const GAIN_LEAST: f64 = 0.01;
+pub(crate) const GAIN_LEAST: f64 = 0.01;
 /// Weights have converged when none changes by more than this.
 const WEIGHT_CHANGE_MAX: f64 = 1e-3;
 
@@ -70,18 +70,15 @@ pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &FitSettings<
         initial_extrinsics::estimate_extrinsics(campaign, &hypothesis.model, settings.used)
     });
     let state = FitState { surroundings, hypothesis: hypothesis.clone() };
-    let mut fitting = Fitter::new(campaign, state, settings.used);
-    match settings.effort {
-        FitEffort::Full => {
-            fitting.iterate_to_convergence(settings.from.is_none(), settings.influence);
-            if settings.influence == Influence::Redescending {
-                fitting.iterate_weights(Influence::Redescending);
-            }
-            fitting.finish();
-        }
-        FitEffort::Sketch => fitting.sketch(settings.influence),
-    }
-    fitting.into_fit()
+    let linearisation = Arc::new(Linearisation::of(campaign, state, settings.used));
+    Fitter::new(campaign, linearisation, settings.used).fitted(settings)
+}
+
+/// Fits further from the result `before`, as [`fit`] of its hypothesis from its extrinsic parameters.
+pub(crate) fn fit_further(campaign: &Campaign, before: &Fit, settings: &FitSettings<'_>) -> Fit {
+    let settings = FitSettings { from: Some(&before.surroundings), ..*settings };
+    let linearisation = before.rows_at(campaign, before.state(), settings.used);
+    Fitter::new(campaign, linearisation, settings.used).fitted(&settings)
 }
 
 /// Refits from the result `before`, with its weights and noise factors fixed, so that the sums of squares of two such fits are comparable.
@@ -92,18 +89,14 @@ pub fn refit_with_fixed_weights(
     before: &Fit,
     used: &[bool],
 ) -> Fit {
-    let surroundings = before.surroundings.clone();
-    let state = FitState { surroundings, hypothesis: hypothesis.clone() };
-    let mut fitting = Fitter::new(campaign, state, used);
-    fitting.weighing.weights.clone_from(&before.weights);
-    fitting.weighing.noise_factors.clone_from(&before.factors);
-    fitting.choose_columns();
-    fitting.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
-    fitting.fix_at_bounds();
-    let has_converged = fitting.minimum.as_ref().is_some_and(|minimum| minimum.converged);
-    if !(has_converged && fitting.bounded.is_empty()) {
-        fitting.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
-    }
+    let state = FitState { hypothesis: hypothesis.clone(), ..before.state() };
+    refit_from(campaign, state, before, used)
+}
+
+/// [`refit_with_fixed_weights`] from another state.
+pub(crate) fn refit_from(campaign: &Campaign, state: FitState, before: &Fit, used: &[bool]) -> Fit {
+    let mut fitting = Fitter::with_weights_of(campaign, state, before, used);
+    fitting.settle();
     fitting.into_fit()
 }
 
@@ -127,11 +120,11 @@ struct Fitter<'a> {
 }
 
 impl<'a> Fitter<'a> {
-    fn new(campaign: &'a Campaign, state: FitState, used: &[bool]) -> Self {
+    fn new(campaign: &'a Campaign, linearisation: Arc<Linearisation>, used: &[bool]) -> Self {
         let weighing = ReadingWeights::equal(campaign, used);
         Self {
             campaign,
-            linearisation: Arc::new(Linearisation::of(campaign, state, used)),
+            linearisation,
             weighing,
             active: Vec::new(),
             dependent: Vec::new(),
@@ -140,6 +133,43 @@ impl<'a> Fitter<'a> {
             reduced: None,
             steps: 0,
         }
+    }
+
+    /// A fit from `state` with weights and noise factors of the result `before`, and with its columns chosen.
+    fn with_weights_of(
+        campaign: &'a Campaign,
+        state: FitState,
+        before: &Fit,
+        used: &[bool],
+    ) -> Self {
+        let mut fitting = Self::new(campaign, before.rows_at(campaign, state, used), used);
+        fitting.weighing = ReadingWeights::of_fit(before, used);
+        fitting.choose_columns();
+        fitting
+    }
+
+    /// A few steps with fixed weights.
+    fn settle(&mut self) {
+        self.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
+        self.fix_at_bounds();
+        let has_converged = self.minimum.as_ref().is_some_and(|minimum| minimum.converged);
+        if !(has_converged && self.bounded.is_empty()) {
+            self.run(Termination { steps_max: SKETCH, gain_least: GAIN_LEAST });
+        }
+    }
+
+    fn fitted(mut self, settings: &FitSettings<'_>) -> Fit {
+        match settings.effort {
+            FitEffort::Full => {
+                self.iterate_to_convergence(settings.from.is_none(), settings.influence);
+                if settings.influence == Influence::Redescending {
+                    self.iterate_weights(Influence::Redescending);
+                }
+                self.finish();
+            }
+            FitEffort::Sketch => self.sketch(settings.influence),
+        }
+        self.into_fit()
     }
 
     /// Iterates noise scale, weights and the set of determined parameters until they converge.
@@ -228,20 +258,14 @@ impl<'a> Fitter<'a> {
 
     /// Selects the columns that the data or a stated prior determine; the others return to their prior mean.
     fn choose_columns(&mut self) {
-        let state = &self.linearisation.state;
+        let state = self.linearisation.state.clone();
         let all: Vec<usize> = (0..state.width()).collect();
         let data = self.linearisation.triangle(self.campaign, &self.weighing, &all);
-        let (kept, dependent) = state.split_columns(&data);
+        let (state, kept, held) = state.with_undetermined_at_priors(&data);
         self.reduced = Some((all, data));
-        let first = state.surroundings.parameters().len();
-        let free = &state.hypothesis.free;
-        let held = dependent.iter().filter(|d| kept.binary_search(&d.column).is_err());
-        let places = held.clone().filter_map(|d| d.column.checked_sub(first));
-        let believed: Vec<(usize, f64)> = places.map(|k| (k, free[k].mean)).collect();
-        let held = held.cloned().collect();
         self.active = kept;
         self.dependent = held;
-        self.set_parameters(&believed);
+        self.move_to(state);
     }
 
     /// Parameters that ended on their lower bound zero are fixed there; below zero they would compensate for other parameters.
@@ -252,14 +276,8 @@ impl<'a> Fitter<'a> {
         self.active.retain(|column| !self.bounded.contains(column));
     }
 
-    /// Sets free parameters, given as index and value.
-    fn set_parameters(&mut self, values: &[(usize, f64)]) {
-        let mut state = self.linearisation.state.clone();
-        let FitState { hypothesis, .. } = &mut state;
-        for (k, value) in values {
-            let free = hypothesis.free[*k];
-            hypothesis.model.change(free.effect, |effect| effect.values_mut()[free.value] = *value);
-        }
+    /// Evaluates the rows at another state.
+    fn move_to(&mut self, state: FitState) {
         if state != self.linearisation.state {
             self.reduced = None;
             self.linearisation =

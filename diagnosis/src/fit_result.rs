@@ -169,6 +169,25 @@ impl Fit {
         }
     }
 
+    /// The fitted state.
+    pub(crate) fn state(&self) -> FitState {
+        FitState { surroundings: self.surroundings.clone(), hypothesis: self.hypothesis.clone() }
+    }
+
+    /// The rows of the poses `used` at `state`: those of this fit if they are the same.
+    pub(crate) fn rows_at(
+        &self,
+        campaign: &Campaign,
+        state: FitState,
+        used: &[bool],
+    ) -> Arc<Linearisation> {
+        if self.linearisation.matches_state(&state, used) {
+            Arc::clone(&self.linearisation)
+        } else {
+            Arc::new(Linearisation::of(campaign, state, used))
+        }
+    }
+
     /// The fitted columns in order: extrinsic parameters first, then free parameters.
     #[must_use]
     pub fn columns(&self) -> &[usize] {
@@ -253,32 +272,30 @@ impl Fit {
     /// Residuals of all measurements, including those of poses that took no part.
     #[must_use]
     pub fn residuals(&self, campaign: &Campaign) -> Vec<Residual> {
-        let state = FitState {
-            surroundings: self.surroundings.clone(),
-            hypothesis: self.hypothesis.clone(),
-        };
+        self.state().residuals(campaign)
+    }
+}
+
+impl FitState {
+    /// Residuals of all measurements at this state, including those of poses that took no part in a fit.
+    pub(crate) fn residuals(&self, campaign: &Campaign) -> Vec<Residual> {
         let readings: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
         let mut residuals = Vec::with_capacity(readings.len());
-        visit_readings(
-            campaign,
-            &state,
-            VisitScope { used: None, derivatives: false },
-            |visited| {
-                let observation = readings[visited.reading];
-                let residual = visited.rows.residual;
-                let back = match visited.rows.count {
-                    1 => DVec3::X * (residual.x / observation.whitening.x_axis.x),
-                    _ => observation.whitening.inverse() * residual,
-                };
-                let is_length = observation.reading.is_length();
-                residuals.push(Residual {
-                    pose: visited.pose,
-                    reading: visited.reading,
-                    residual: back,
-                    is_length,
-                });
-            },
-        );
+        visit_readings(campaign, self, VisitScope { used: None, derivatives: false }, |visited| {
+            let observation = readings[visited.reading];
+            let residual = visited.rows.residual;
+            let back = match visited.rows.count {
+                1 => DVec3::X * (residual.x / observation.whitening.x_axis.x),
+                _ => observation.whitening.inverse() * residual,
+            };
+            let is_length = observation.reading.is_length();
+            residuals.push(Residual {
+                pose: visited.pose,
+                reading: visited.reading,
+                residual: back,
+                is_length,
+            });
+        });
         residuals
     }
 }

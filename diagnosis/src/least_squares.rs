@@ -8,6 +8,7 @@
 use crate::autocorrelation::{WhiteningFilter, series_index};
 use crate::campaign::{Arrival, Campaign, Pose};
 use crate::extrinsics::{ExtrinsicParameter, Extrinsics};
+use crate::fit_result::Fit;
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
 use crate::identifiability::{ConfoundedColumn, split_identifiable, split_identifiable_keeping};
 use crate::linearisation::Linearisation;
@@ -96,6 +97,22 @@ impl FitState {
         others.retain(|other| !is_stated(other));
         (fitted, others)
     }
+
+    /// The state with parameters that the data do not determine at their prior mean, the columns that are fitted, and the others.
+    pub(crate) fn with_undetermined_at_priors(
+        mut self,
+        data: &QrFactor,
+    ) -> (Self, Vec<usize>, Vec<ConfoundedColumn>) {
+        let (kept, mut others) = self.split_columns(data);
+        others.retain(|other| kept.binary_search(&other.column).is_err());
+        let first = self.surroundings.parameters().len();
+        let Hypothesis { model, free } = &mut self.hypothesis;
+        for k in others.iter().filter_map(|other| other.column.checked_sub(first)) {
+            let FreeParameter { effect, value, mean, .. } = free[k];
+            model.change(effect, |effect| effect.values_mut()[value] = mean);
+        }
+        (self, kept, others)
+    }
 }
 
 /// Factor on the width of nonlinear parameters: they are fitted on weaker evidence, because a fixed one would not contribute to the uncertainty of
@@ -133,6 +150,15 @@ impl ReadingWeights {
             used: used.to_vec(),
             weights: vec![1.0; campaign.readings()],
             noise_factors: vec![1.0; campaign.instruments.len()],
+        }
+    }
+
+    /// Weights and noise factors of a fit, for the poses `used`.
+    pub(crate) fn of_fit(fit: &Fit, used: &[bool]) -> Self {
+        Self {
+            used: used.to_vec(),
+            weights: fit.weights.clone(),
+            noise_factors: fit.factors.clone(),
         }
     }
 
@@ -280,6 +306,17 @@ fn neighbouring_inputs<'a>(
 /// Weighted sum of squares of data and priors.
 pub(crate) fn cost(campaign: &Campaign, state: &FitState, weighing: &ReadingWeights) -> f64 {
     let mut sum = 0.0;
+    for_each_residual(campaign, state, weighing, |residual| sum += residual * residual);
+    sum + prior_cost(&state.hypothesis)
+}
+
+/// Passes the weighted and whitened residuals, in the order of [`Linearisation::rows`].
+pub(crate) fn for_each_residual(
+    campaign: &Campaign,
+    state: &FitState,
+    weighing: &ReadingWeights,
+    mut take: impl FnMut(f64),
+) {
     let scope = VisitScope { used: Some(&weighing.used), derivatives: false };
     let mut filter = WhiteningFilter::new(campaign);
     visit_readings(campaign, state, scope, |reading| {
@@ -290,15 +327,26 @@ pub(crate) fn cost(campaign: &Campaign, state: &FitState, weighing: &ReadingWeig
         for part in 0..reading.rows.count {
             let mut left = [scale * reading.rows.residual[part]];
             filter.pass(reading.pose, reading.instrument, reading.stream, part, &mut left);
-            sum += left[0] * left[0];
+            take(left[0]);
         }
     });
-    sum + prior_cost(&state.hypothesis)
 }
 
 /// Sum of squares of the priors.
 pub(crate) fn prior_cost(hypothesis: &Hypothesis) -> f64 {
     prior_rows(hypothesis).map(|(_, right)| right * right).sum()
+}
+
+/// Sum of squares of the priors, and the gradient of theirs by the columns `active`: `Jᵀr` of their rows.
+pub(crate) fn prior_sum_and_gradient(state: &FitState, active: &[usize]) -> (f64, Vec<f64>) {
+    let first = state.surroundings.parameters().len();
+    let priors: Vec<(f64, f64)> = prior_rows(&state.hypothesis).collect();
+    let sum = priors.iter().map(|(_, right)| right * right).sum();
+    let of_column = |column: &usize| {
+        let prior = column.checked_sub(first).and_then(|k| priors.get(k));
+        prior.map_or(0.0, |(weight, right)| weight * right)
+    };
+    (sum, active.iter().map(of_column).collect())
 }
 
 /// Weight and right-hand side of the prior of each free parameter.

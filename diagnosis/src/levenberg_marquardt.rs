@@ -107,7 +107,7 @@ fn predicted_full_reduction(triangle: &QrFactor, lowest: &[f64]) -> f64 {
 }
 
 /// Reduction of the linearised sum of squares by this step.
-fn predicted_reduction(triangle: &QrFactor, step: &[f64]) -> f64 {
+pub(crate) fn predicted_reduction(triangle: &QrFactor, step: &[f64]) -> f64 {
     let mut left: f64 = triangle.rest();
     for i in 0..step.len() {
         let moved: f64 = (i..step.len()).map(|j| triangle.at(i, j) * step[j]).sum();

@@ -11,6 +11,7 @@ pub mod campaign;
 pub mod campaign_import;
 pub mod campaign_simulation;
 mod candidates;
+mod chord;
 pub mod circle_point;
 mod cluster_robust;
 pub mod diagnose;

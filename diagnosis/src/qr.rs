@@ -239,6 +239,17 @@ impl QrFactor {
         rows
     }
 
+    /// The system of the same columns with another right-hand side, given by its gradient `Jᵀr`, without what no column reaches.
+    #[must_use]
+    pub(crate) fn with_gradient(&self, gradient: Vec<f64>) -> Self {
+        let mut system = self.clone();
+        let right = self.forward(gradient);
+        let from = self.width * (self.width + 1);
+        system.entries[from..from + self.width].copy_from_slice(&right);
+        system.entries[from + self.width] = 0.0;
+        system
+    }
+
     /// The triangle of a subset of the columns, in the given order.
     #[must_use]
     pub fn of_columns(&self, columns: &[usize]) -> Self {

@@ -54,8 +54,21 @@ pub(crate) struct ReadingResidual {
     /// The joint whose position is predicted.
     by_joint: Option<usize>,
     whitening: DMat3,
-    /// Columns of extrinsic parameters in blocks: first column, and derivative by each.
-    local: Vec<(usize, Vec<DVec3>)>,
+    /// Derivatives by extrinsic parameters.
+    extrinsic: [Option<ExtrinsicBlock>; EXTRINSIC_BLOCKS_MAX],
+}
+
+/// Largest number of extrinsic objects that a measurement depends on: a target, and place and size of what is measured from.
+const EXTRINSIC_BLOCKS_MAX: usize = 3;
+/// Largest number of parameters of an extrinsic object: those of a frame.
+const OBJECT_PARAMETERS_MAX: usize = 6;
+
+/// Derivatives by the parameters of an extrinsic object, which are consecutive columns.
+#[derive(Clone, Copy, Debug)]
+struct ExtrinsicBlock {
+    first: usize,
+    count: usize,
+    by: [DVec3; OBJECT_PARAMETERS_MAX],
 }
 
 impl ReadingResidual {
@@ -105,8 +118,8 @@ impl ReadingResidual {
                 row[column] = value[k];
             }
         };
-        for (first, block) in &self.local {
-            block.iter().enumerate().for_each(|(k, value)| put(first + k, *value));
+        for ExtrinsicBlock { first, count, by } in self.extrinsic.iter().flatten() {
+            by[..*count].iter().enumerate().for_each(|(k, value)| put(first + k, *value));
         }
         for (k, motion) in motions.iter().enumerate() {
             put(effects_from + k, self.derivative_along(motion));
@@ -138,7 +151,7 @@ impl ReadingResidual {
             by_shift: DMat3::ZERO,
             by_joint: None,
             whitening: DMat3::IDENTITY,
-            local: Vec::new(),
+            extrinsic: [None; EXTRINSIC_BLOCKS_MAX],
         }
     }
 
@@ -151,8 +164,18 @@ impl ReadingResidual {
         self.residual = self.whitening * self.residual;
         self.by_turn = self.whitening * self.by_turn;
         self.by_shift = self.whitening * self.by_shift;
-        for value in self.local.iter_mut().flat_map(|(_, block)| block) {
-            *value = self.whitening * *value;
+        for ExtrinsicBlock { count, by, .. } in self.extrinsic.iter_mut().flatten() {
+            by[..*count].iter_mut().for_each(|value| *value = self.whitening * *value);
+        }
+    }
+
+    /// Adds the derivatives by the parameters of an extrinsic object, whose first column is `first` if it is fitted.
+    fn add_extrinsic<const COUNT: usize>(&mut self, first: Option<usize>, by: [DVec3; COUNT]) {
+        let slot = self.extrinsic.iter_mut().find(|slot| slot.is_none());
+        if let (Some(first), Some(slot)) = (first, slot) {
+            let mut all = [DVec3::ZERO; OBJECT_PARAMETERS_MAX];
+            all[..COUNT].copy_from_slice(&by);
+            *slot = Some(ExtrinsicBlock { first, count: COUNT, by: all });
         }
     }
 }
@@ -187,12 +210,10 @@ impl ReadingPrediction<'_> {
         rows.by_shift = slope;
         // turn × lever = −lever × turn
         rows.by_turn = slope * -cross_matrix(lever);
-        if let ToolPoint::Target(i) = place
-            && let Some(first) = self.columns.first(1, i)
-        {
+        if let ToolPoint::Target(i) = place {
             let tool = self.evaluation.real.base_from_tool.rotation;
             let block = DVec3::AXES.map(|axis| slope * (tool * axis));
-            rows.local.push((first, block.to_vec()));
+            rows.add_extrinsic(self.columns.first(1, i), block);
         }
         rows
     }
@@ -202,10 +223,9 @@ impl ReadingPrediction<'_> {
         let predicted = station.measuring_from_base.point(self.place(place).0);
         let slope = station.measuring_from_base.rotation;
         let mut rows = self.of_point(3, measured - predicted, slope, place);
-        if let Some(first) = self.columns.first(0, frame) {
-            let turned = DVec3::AXES.map(|axis| axis.cross(predicted - station.pivot));
-            rows.local.push((first, turned.into_iter().chain(DVec3::AXES).collect()));
-        }
+        let [x, y, z] = DVec3::AXES.map(|axis| axis.cross(predicted - station.pivot));
+        let block = [x, y, z, DVec3::X, DVec3::Y, DVec3::Z];
+        rows.add_extrinsic(self.columns.first(0, frame), block);
         rows
     }
 
@@ -217,9 +237,7 @@ impl ReadingPrediction<'_> {
             by_turn: turned,
             ..ReadingResidual::without_derivatives(3, residual)
         };
-        if let Some(first) = self.columns.first(0, frame) {
-            rows.local.push((first, DVec3::AXES.to_vec()));
-        }
+        rows.add_extrinsic(self.columns.first(0, frame), DVec3::AXES);
         rows
     }
 
@@ -239,13 +257,9 @@ impl ReadingPrediction<'_> {
         let direction = away.normalize_or_zero();
         let predicted_m = away.length() + fixed.offset_m.value;
         let mut rows = self.along(length_m - predicted_m, direction, place);
-        if let Some(first) = self.columns.first(2, anchor) {
-            let block = direction.to_array().map(|d| DVec3::X * -d);
-            rows.local.push((first, block.to_vec()));
-        }
-        if let Some(first) = self.columns.first(6, anchor) {
-            rows.local.push((first, vec![DVec3::X]));
-        }
+        let block = direction.to_array().map(|d| DVec3::X * -d);
+        rows.add_extrinsic(self.columns.first(2, anchor), block);
+        rows.add_extrinsic(self.columns.first(6, anchor), [DVec3::X]);
         rows
     }
 
@@ -254,11 +268,9 @@ impl ReadingPrediction<'_> {
         let point = self.place(place).0;
         let height = wall.normal.dot(point) - wall.offset_m;
         let mut rows = self.along(radius_m - height, wall.normal, place);
-        if let Some(first) = self.columns.first(3, plane) {
-            let (n1, n2) = normals(wall.normal);
-            let block = [n1.dot(point), n2.dot(point), -1.0].map(|d| DVec3::X * d);
-            rows.local.push((first, block.to_vec()));
-        }
+        let (n1, n2) = normals(wall.normal);
+        let block = [n1.dot(point), n2.dot(point), -1.0].map(|d| DVec3::X * d);
+        rows.add_extrinsic(self.columns.first(3, plane), block);
         rows
     }
 
@@ -268,13 +280,9 @@ impl ReadingPrediction<'_> {
         let direction = away.normalize_or_zero();
         let gap = away.length() - ball.radius_m.value;
         let mut rows = self.along(radius_m - gap, direction, place);
-        if let Some(first) = self.columns.first(4, sphere) {
-            let block = direction.to_array().map(|d| DVec3::X * -d);
-            rows.local.push((first, block.to_vec()));
-        }
-        if let Some(first) = self.columns.first(5, sphere) {
-            rows.local.push((first, vec![-DVec3::X]));
-        }
+        let block = direction.to_array().map(|d| DVec3::X * -d);
+        rows.add_extrinsic(self.columns.first(4, sphere), block);
+        rows.add_extrinsic(self.columns.first(5, sphere), [-DVec3::X]);
         rows
     }
 }

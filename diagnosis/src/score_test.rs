@@ -63,18 +63,9 @@ pub(crate) struct ScoreTest<'a> {
 
 impl<'a> ScoreTest<'a> {
     pub(crate) fn new(campaign: &'a Campaign, fit: &'a Fit, settings: &FitSettings<'_>) -> Self {
-        let state =
-            FitState { surroundings: fit.surroundings.clone(), hypothesis: fit.hypothesis.clone() };
-        let weighing = ReadingWeights {
-            used: settings.used.to_vec(),
-            weights: fit.weights.clone(),
-            noise_factors: fit.factors.clone(),
-        };
-        let linearisation = if fit.linearisation.matches_state(&state, settings.used) {
-            Arc::clone(&fit.linearisation)
-        } else {
-            Arc::new(Linearisation::of(campaign, state.clone(), settings.used))
-        };
+        let state = fit.state();
+        let weighing = ReadingWeights::of_fit(fit, settings.used);
+        let linearisation = fit.rows_at(campaign, state.clone(), settings.used);
         Self { campaign, fit, state, weighing, linearisation }
     }
 

@@ -6,7 +6,7 @@
 //! [`crate::path_dynamics`].
 
 use crate::hypothesis::{Hypothesis, parameter_key, plausible_size};
-use crate::tool_motion::ToolMotion;
+use crate::tool_motion::{DeviatedArm, ToolMotion};
 use physics::spec::{ActsOn, Need, Role, Spec};
 use physics::{AnyEffect, Contribution, Evaluation, Inputs, JOINTS_MAX, Memories, Model};
 
@@ -56,12 +56,13 @@ impl<'a> ToolJacobian<'a> {
     ) -> Vec<ToolMotion> {
         let mut motions = vec![ToolMotion::default(); self.wanted.len()];
         let mut on_loads = Vec::new();
+        let deviated = DeviatedArm::of(&self.model.arm, evaluation);
         self.model.derivatives_under(
             inputs,
             memories,
             evaluation,
             &self.wanted,
-            |place, change| match ToolMotion::of(&self.model.arm, evaluation, change) {
+            |place, change| match deviated.motion(change) {
                 Some(motion) => motions[place] = motion,
                 None => on_loads.push((place, *change)),
             },
@@ -77,7 +78,8 @@ impl<'a> ToolJacobian<'a> {
             });
             yielding.set_pose(memories, evaluation);
             let bent = self.are_candidates.then(|| yielding.deflected(inputs));
-            let evaluation = bent.as_ref().unwrap_or(evaluation);
+            let bent = bent.as_ref().map(|bent| DeviatedArm::of(&self.model.arm, bent));
+            let deviated = bent.as_ref().unwrap_or(&deviated);
             // The response to a unit load is computed with the step of the largest change: others may be nearly zero here, as at the dead point of a
             // spring.
             let mut most = [0.0_f64; JOINTS_MAX];
@@ -87,7 +89,7 @@ impl<'a> ToolJacobian<'a> {
                 }
             }
             for (joint, size) in most.iter().enumerate().filter(|(_, size)| **size > 0.0) {
-                yielding.compute_joint_response(joint, STEP * size, inputs, evaluation);
+                yielding.compute_joint_response(joint, STEP * size, inputs, deviated);
             }
             for (place, change) in &on_loads {
                 motions[*place] = match *change {
@@ -95,9 +97,7 @@ impl<'a> ToolJacobian<'a> {
                     Contribution::JointLoad { joint, load } => {
                         yielding.responses[joint].unwrap_or_default().scaled(load)
                     }
-                    _ => {
-                        yielding.response_to(change, STEP * self.sizes[*place], inputs, evaluation)
-                    }
+                    _ => yielding.response_to(change, STEP * self.sizes[*place], inputs, deviated),
                 };
             }
         }
@@ -162,10 +162,10 @@ impl LoadResponse {
         joint: usize,
         step: f64,
         inputs: &Inputs,
-        evaluation: &Evaluation,
+        deviated: &DeviatedArm<'_>,
     ) {
-        let loaded_torque = evaluation.loads.gravity_torque[joint];
-        let response = self.response(inputs, evaluation, step, |yielding, by| {
+        let loaded_torque = deviated.evaluation.loads.gravity_torque[joint];
+        let response = self.response(inputs, deviated, step, |yielding, by| {
             yielding.loaded.loads.gravity_torque[joint] = loaded_torque + by;
         });
         self.loaded.loads.gravity_torque[joint] = loaded_torque;
@@ -178,20 +178,20 @@ impl LoadResponse {
         change: &Contribution,
         step: f64,
         inputs: &Inputs,
-        evaluation: &Evaluation,
+        deviated: &DeviatedArm<'_>,
     ) -> ToolMotion {
-        self.response(inputs, evaluation, step, |yielding, by| {
+        self.response(inputs, deviated, step, |yielding, by| {
             let Self { model, memories, loaded, .. } = yielding;
             model.load_beside(inputs, memories, &change.times(by), loaded);
         })
     }
 
     /// Motion of the tool per unit of a change of the loads, which `load` applies by a given amount: difference of the contributions of all effects
-    /// under slightly smaller and larger loads, on the arm as evaluated in `evaluation`.
+    /// under slightly smaller and larger loads, on the arm `deviated`.
     fn response(
         &mut self,
         inputs: &Inputs,
-        evaluation: &Evaluation,
+        deviated: &DeviatedArm<'_>,
         step: f64,
         load: impl Fn(&mut Self, f64),
     ) -> ToolMotion {
@@ -204,9 +204,12 @@ impl LoadResponse {
         let Self { model, memories, loaded, .. } = &*self;
         let mut moved = ToolMotion::default();
         model.contributions_under(inputs, memories, loaded, |place, above| {
+            // Most effects depend on the load of one joint only.
+            if *above == below[place] {
+                return;
+            }
             let change = above.minus(&below[place]).times(0.5 / step);
-            let of_one = ToolMotion::of(&model.arm, evaluation, &change);
-            moved = moved.plus(&of_one.unwrap_or_default());
+            moved = moved.plus(&deviated.motion(&change).unwrap_or_default());
         });
         self.below = below;
         moved

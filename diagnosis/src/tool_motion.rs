@@ -7,9 +7,10 @@
 //! `J = Σ ad_ξᵏ/(k+1)!` (Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, appendix A). Deviations are
 //! small: six terms are exact to rounding.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use physics::frame::Twist;
-use physics::{Arm, Chain, Contribution, Evaluation, Frame, Joints};
+use physics::{Arm, Chain, Contribution, Evaluation, Frame, JOINTS_MAX, Joints};
+use std::cell::OnceCell;
 
 /// A small motion of the tool, base axes, per unit of the parameter that causes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -32,55 +33,7 @@ impl ToolMotion {
     /// The motion for the derivative of a contribution, on the arm of `evaluation`; `None` for contributions to loads, torques or forces.
     #[must_use]
     pub fn of(arm: &Arm, evaluation: &Evaluation, change: &Contribution) -> Option<Self> {
-        let tcp = evaluation.real.base_from_tool.origin;
-        match *change {
-            Contribution::None => Some(Self::default()),
-            Contribution::Joint { joint, delta } => {
-                Some(Self::of_joint(arm, &evaluation.real, joint).scaled(delta))
-            }
-            Contribution::Axis { joint, turn, pivot } => {
-                let bent = evaluation.deviation.axis(joint).copied().unwrap_or_default();
-                Some(axis_displacement(
-                    evaluation,
-                    joint,
-                    &apply_left_jacobian(&bent, &rotation_about(turn, pivot)),
-                ))
-            }
-            Contribution::LinkTurn { link, turn, pivot } => {
-                let bent =
-                    evaluation.deviation.link(link).map_or(Twist::default(), |link| link.twist);
-                let moved = apply_left_jacobian(&bent, &rotation_about(turn, pivot));
-                Some(twist_as_tool_motion(&before_link(evaluation, link), tcp, &moved))
-            }
-            Contribution::LinkShift { link, shift } => {
-                let carrier = before_link(evaluation, link).rotation;
-                let turned =
-                    evaluation.deviation.link(link).map(|link| link.twist.frame().rotation);
-                let turned = turned.map_or(shift, |turned| turned * shift);
-                Some(Self { shift: carrier * turned, ..Self::default() })
-            }
-            Contribution::BaseTurn { turn } => {
-                let bent = rotation_about(evaluation.deviation.base_turn, DVec3::ZERO);
-                Some(twist_as_tool_motion(
-                    &Frame::IDENTITY,
-                    tcp,
-                    &apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)),
-                ))
-            }
-            Contribution::Tool { shift, turn } => {
-                let last = arm.count();
-                let carrier = after_link(evaluation, last).rotation * arm.tool.base_from_tool;
-                let bent = rotation_about(evaluation.deviation.tool_turn, DVec3::ZERO);
-                let turned = apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)).turn;
-                Some(Self { turn: carrier * turned, shift: carrier * shift, ..Self::default() })
-            }
-            Contribution::JointLoad { .. }
-            | Contribution::GravityTurn { .. }
-            | Contribution::Mass { .. }
-            | Contribution::Sensor { .. }
-            | Contribution::DriveTorque { .. }
-            | Contribution::ToolForce(_) => None,
-        }
+        DeviatedArm::of(arm, evaluation).motion(change)
     }
 
     /// The motion when `joint` of the nominal arm at the configuration `chain` moves by one rad or m.
@@ -120,6 +73,121 @@ impl ToolMotion {
             shift: (b.origin - a.origin) / step,
             joints: std::array::from_fn(|i| (b_joints[i] - a_joints[i]) / step),
         }
+    }
+}
+
+/// The arm at one evaluation, with the frames at which contributions act; each is computed once.
+pub(crate) struct DeviatedArm<'a> {
+    arm: &'a Arm,
+    pub(crate) evaluation: &'a Evaluation,
+    axes: [OnceCell<AxisCarrier>; JOINTS_MAX],
+    links: [OnceCell<LinkCarrier>; JOINTS_MAX + 1],
+}
+
+/// What carries the axis of a joint, and what the joint carries.
+struct AxisCarrier {
+    frame: Frame,
+    /// Rotation by the joint, in the axes of the carrier.
+    turned: DMat3,
+    /// The TCP in the axes of the carrier, m, as it is and with the joint's motion undone.
+    tcp: [DVec3; 2],
+}
+
+/// What carries a link.
+struct LinkCarrier {
+    frame: Frame,
+    /// The TCP in the axes of the carrier, m.
+    tcp: DVec3,
+    /// Rotation by the link's own deviation; `None` without one.
+    bend: Option<DMat3>,
+}
+
+impl<'a> DeviatedArm<'a> {
+    pub(crate) fn of(arm: &'a Arm, evaluation: &'a Evaluation) -> Self {
+        let axes = [const { OnceCell::new() }; JOINTS_MAX];
+        let links = [const { OnceCell::new() }; JOINTS_MAX + 1];
+        Self { arm, evaluation, axes, links }
+    }
+
+    /// [`ToolMotion::of`] this arm.
+    pub(crate) fn motion(&self, change: &Contribution) -> Option<ToolMotion> {
+        let Self { arm, evaluation, .. } = self;
+        let tcp = evaluation.real.base_from_tool.origin;
+        match *change {
+            Contribution::None => Some(ToolMotion::default()),
+            Contribution::Joint { joint, delta } => {
+                Some(ToolMotion::of_joint(arm, &evaluation.real, joint).scaled(delta))
+            }
+            Contribution::Axis { joint, turn, pivot } => {
+                let bent = evaluation.deviation.axis(joint).copied().unwrap_or_default();
+                let moved = apply_left_jacobian(&bent, &rotation_about(turn, pivot));
+                Some(self.axis(joint).displaced(&moved))
+            }
+            Contribution::LinkTurn { link, turn, pivot } => {
+                let bent =
+                    evaluation.deviation.link(link).map_or(Twist::default(), |link| link.twist);
+                let moved = apply_left_jacobian(&bent, &rotation_about(turn, pivot));
+                let LinkCarrier { frame, tcp, .. } = self.link(link);
+                Some(twist_as_tool_motion(frame, *tcp, &moved))
+            }
+            Contribution::LinkShift { link, shift } => {
+                let LinkCarrier { frame, bend, .. } = self.link(link);
+                let turned = bend.map_or(shift, |bend| bend * shift);
+                Some(ToolMotion { shift: frame.rotation * turned, ..ToolMotion::default() })
+            }
+            Contribution::BaseTurn { turn } => {
+                let bent = rotation_about(evaluation.deviation.base_turn, DVec3::ZERO);
+                let moved = apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO));
+                Some(twist_as_tool_motion(&Frame::IDENTITY, tcp, &moved))
+            }
+            Contribution::Tool { shift, turn } => {
+                let last = arm.count();
+                let carrier = after_link(evaluation, last).rotation * arm.tool.base_from_tool;
+                let bent = rotation_about(evaluation.deviation.tool_turn, DVec3::ZERO);
+                let turned = apply_left_jacobian(&bent, &rotation_about(turn, DVec3::ZERO)).turn;
+                let (turn, shift) = (carrier * turned, carrier * shift);
+                Some(ToolMotion { turn, shift, ..ToolMotion::default() })
+            }
+            Contribution::JointLoad { .. }
+            | Contribution::GravityTurn { .. }
+            | Contribution::Mass { .. }
+            | Contribution::Sensor { .. }
+            | Contribution::DriveTorque { .. }
+            | Contribution::ToolForce(_) => None,
+        }
+    }
+
+    fn axis(&self, joint: usize) -> &AxisCarrier {
+        self.axes[joint].get_or_init(|| {
+            let frame = after_link(self.evaluation, joint);
+            let inverse = frame.inverse();
+            let motion = inverse.after(&self.evaluation.real.body(joint));
+            let tcp = inverse.point(self.evaluation.real.base_from_tool.origin);
+            let back = motion.inverse().point(tcp);
+            AxisCarrier { frame, turned: motion.rotation, tcp: [tcp, back] }
+        })
+    }
+
+    fn link(&self, link: usize) -> &LinkCarrier {
+        self.links[link].get_or_init(|| {
+            let frame = before_link(self.evaluation, link);
+            let tcp = frame.inverse().point(self.evaluation.real.base_from_tool.origin);
+            let bend = self.evaluation.deviation.link(link).map(|link| link.twist.frame().rotation);
+            LinkCarrier { frame, tcp, bend }
+        })
+    }
+}
+
+impl AxisCarrier {
+    /// Displacement of the joint's axis at constant joint position: the joint's motion `M` becomes `X M X⁻¹`, so what it carries moves by the
+    /// difference of `moved` before and after it.
+    fn displaced(&self, moved: &Twist) -> ToolMotion {
+        let Self { frame, turned, tcp: [tcp, back] } = self;
+        let first = moved.turn.cross(*tcp) + moved.velocity;
+        let second = turned * (moved.turn.cross(*back) + moved.velocity);
+        let turn = moved.turn - turned * moved.turn;
+        let shift = frame.rotation * (first - second);
+        ToolMotion { turn: frame.rotation * turn, shift, ..ToolMotion::default() }
     }
 }
 
@@ -170,24 +238,9 @@ fn after_link(evaluation: &Evaluation, link: usize) -> Frame {
     evaluation.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
 }
 
-/// A twist in the axes of `carrier` as a motion of the tool.
+/// A twist in the axes of `carrier` as a motion of the tool, whose TCP is at `tcp` in these axes.
 fn twist_as_tool_motion(carrier: &Frame, tcp: DVec3, twist: &Twist) -> ToolMotion {
-    let tcp_in_carrier = carrier.inverse().point(tcp);
-    let shift = twist.turn.cross(tcp_in_carrier) + twist.velocity;
+    let shift = twist.turn.cross(tcp) + twist.velocity;
     let turn = carrier.rotation * twist.turn;
     ToolMotion { turn, shift: carrier.rotation * shift, ..ToolMotion::default() }
-}
-
-/// Displacement of a joint axis at constant joint position: the joint's motion `M` becomes `X M X⁻¹`, so what it carries moves by the difference of
-/// `moved` before and after it.
-fn axis_displacement(evaluation: &Evaluation, joint: usize, moved: &Twist) -> ToolMotion {
-    let carrier = after_link(evaluation, joint);
-    let motion = carrier.inverse().after(&evaluation.real.body(joint));
-    let tcp_in_carrier = carrier.inverse().point(evaluation.real.base_from_tool.origin);
-    let back = motion.inverse().point(tcp_in_carrier);
-    let first = moved.turn.cross(tcp_in_carrier) + moved.velocity;
-    let second = motion.rotation * (moved.turn.cross(back) + moved.velocity);
-    let turn = moved.turn - motion.rotation * moved.turn;
-    let shift = carrier.rotation * (first - second);
-    ToolMotion { turn: carrier.rotation * turn, shift, ..ToolMotion::default() }
 }

@@ -8,9 +8,11 @@ use super::selection::{SelectedEffect, hypothesis_without};
 use super::validation::FitEvaluator;
 use super::verdict;
 use super::{Finding, NORMAL_QUANTILE_95, RELATIVE_SIGMA_FLOOR};
+use crate::chord::RefitsWithout;
 use crate::engine::attribution::ErrorEnergies;
 use crate::fit_result::Fit;
 use crate::hypothesis::{Hypothesis, parameter_key};
+use crate::least_squares::FitState;
 use crate::progress::StageProgress;
 use physics::spec::Unit;
 use physics::{AnyEffect, Model};
@@ -29,11 +31,12 @@ pub(super) fn findings(
 ) -> Vec<Finding> {
     // Each effect removed, alone, with those before it, and as a finding; none of them and all of them.
     let steps = progress.steps(4 * all.len() + 2);
+    let refits = RefitsWithout::of(held.campaign, last, &held.split.training);
     let left = |removed: &[&SelectedEffect]| {
-        let fit = held.compared(&hypothesis_without(last, model, removed), last);
-        let error = RemainingError { energy: held.energy(&fit), rms: held.rms(&fit) };
+        let places: Vec<usize> = removed.iter().map(|one| one.effect).collect();
+        let state = refits.state_without(&hypothesis_without(last, model, removed), &places);
         steps.step();
-        error
+        RemainingError::of(held, &state)
     };
     let alone_left_out: Vec<RemainingError> = all.par_iter().map(|one| left(&[one])).collect();
     let by_itself = (0..all.len()).into_par_iter().map(|k| {
@@ -102,6 +105,13 @@ struct RemainingError {
     energy: f64,
     /// By [`FitEvaluator::rms`], m or rad.
     rms: f64,
+}
+
+impl RemainingError {
+    fn of(held: &FitEvaluator<'_>, state: &FitState) -> Self {
+        let residuals = state.residuals(held.campaign);
+        Self { energy: held.energy(&residuals), rms: held.rms_of(&residuals) }
+    }
 }
 
 /// Correlation from which two parameters are determined only together; no unit, 0 to 1. Default 0.95: the standard uncertainty of each is then

@@ -8,7 +8,7 @@
 use super::gram_matrix::LinearisedCandidate;
 use super::selection::{EffectSelection, Search, SelectedEffect, keys};
 use super::stepwise::StepwiseSelection;
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitEffort, fit_further};
 use crate::fit_result::Fit;
 
 /// Largest number of rounds of selection and fit.
@@ -47,9 +47,7 @@ impl Search<'_> {
                 break;
             }
         }
-        let around = best.fit.surroundings.clone();
-        let settings = FitSettings { from: Some(&around), ..self.settings };
-        best.fit = fit(self.campaign, &best.fit.hypothesis, &settings);
+        best.fit = fit_further(self.campaign, &best.fit, &self.settings);
         best
     }
 

@@ -14,7 +14,7 @@ use super::substitution::SUBSTITUTION_ROUNDS;
 use super::verdict::form_penalty;
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, insert};
-use crate::fit::{FitEffort, FitSettings, fit, refit_with_fixed_weights};
+use crate::fit::{FitEffort, FitSettings, fit_further, refit_with_fixed_weights};
 use crate::fit_result::Fit;
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
 use crate::progress::StageProgress;
@@ -163,9 +163,7 @@ pub(super) fn restart(
     if keys(&fresh.selected) == keys(&first.selected) {
         return fresh;
     }
-    let around = first.fit.surroundings.clone();
-    let settings = FitSettings { from: Some(&around), ..search.settings };
-    let under = fit(search.campaign, &first.fit.hypothesis, &settings);
+    let under = fit_further(search.campaign, &first.fit, &search.settings);
     let kept = select(search, EffectSelection { fit: under, ..first });
     if search.is_better(&kept, &fresh) { kept } else { fresh }
 }
@@ -301,10 +299,9 @@ impl Search<'_> {
         // before.
         let approximate =
             refit_with_fixed_weights(self.campaign, &hypothesis, before, self.settings.used);
-        let settings =
-            FitSettings { from: Some(&approximate.surroundings), effort, ..self.settings };
+        let settings = FitSettings { effort, ..self.settings };
         EffectSelection {
-            fit: fit(self.campaign, &approximate.hypothesis, &settings),
+            fit: fit_further(self.campaign, &approximate, &settings),
             selected: chosen,
         }
     }

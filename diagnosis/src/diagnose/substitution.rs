@@ -5,7 +5,7 @@ use super::selection::{
     AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect, hardens,
     hypothesis_without, is_needed, shift_indices_after,
 };
-use crate::fit::{fit, refit_with_fixed_weights};
+use crate::fit::{fit_further, refit_with_fixed_weights};
 use crate::hypothesis::Hypothesis;
 
 /// Largest number of rounds in which alternatives may replace selected effects.
@@ -29,7 +29,7 @@ pub(super) fn with_alternatives(
             search.refit_alternatives(&mut selection, penalty);
             break;
         }
-        selection.fit = fit(search.campaign, &selection.fit.hypothesis, &search.settings);
+        selection.fit = fit_further(search.campaign, &selection.fit, &search.settings);
     }
     selection
 }
@@ -158,7 +158,7 @@ mod tests {
     use crate::diagnose::jacobian_cache::JacobianCache;
     use crate::diagnose::selection::{key, preselect};
     use crate::diagnose::verdict::confidence;
-    use crate::fit::{FitEffort, FitSettings};
+    use crate::fit::{FitEffort, FitSettings, fit};
     use crate::progress::{Stage, StageProgress, ignore};
     use crate::robust_weights::Influence;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};

@@ -7,10 +7,11 @@ use super::selection::{
 };
 use crate::autocorrelation::{WhiteningFilter, series_index};
 use crate::campaign::Campaign;
+use crate::chord::RefitsWithout;
 use crate::effect_size::EffectSize;
 use crate::engine::statistics::median;
 use crate::fit::refit_with_fixed_weights;
-use crate::fit_result::Fit;
+use crate::fit_result::{Fit, Residual};
 use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
 use crate::least_squares::{FitState, VisitScope, visit_readings};
@@ -131,12 +132,14 @@ pub(super) fn drop_unsupported(
     let mut margins = vec![f64::NEG_INFINITY; selection.selected.len()];
     while !selection.selected.is_empty() && kept.contains(&true) {
         let held = FitEvaluator::new(campaign, (split, kept), &selection.fit);
-        let left = held.whitened_sum(&selection.fit);
+        let (last, factors) = (&selection.fit, selection.fit.factors.as_slice());
+        let left = held.whitened_sum(&last.state(), factors);
+        let refits = RefitsWithout::of(campaign, last, &split.training);
         let supported_margin = |one: &SelectedEffect| {
-            if is_needed(one, &selection.fit) {
+            if is_needed(one, last) {
                 return f64::INFINITY;
             }
-            let mut without = hypothesis_without(&selection.fit, model, &[one]);
+            let mut without = hypothesis_without(last, model, &[one]);
             if one.previous_priors.is_some() {
                 // If the parameters stayed free within their stated uncertainty, they would be fitted to the corrected values and the gain would
                 // vanish.
@@ -147,8 +150,9 @@ pub(super) fn drop_unsupported(
                 };
                 without.fix_at_stated_means(same);
             }
-            let without = held.compared(&without, &selection.fit);
-            validation_margin(one.margin, 0.5 * (held.whitened_sum(&without) - left) / together)
+            let without = refits.state_without(&without, &[one.effect]);
+            let gain = 0.5 * (held.whitened_sum(&without, factors) - left) / together;
+            validation_margin(one.margin, gain)
         };
         // Effects with large margins are supported whatever was removed; only the weakest are validated again.
         let mut order: Vec<usize> = (0..margins.len()).collect();
@@ -211,7 +215,12 @@ impl<'a> FitEvaluator<'a> {
 
     /// RMS error of scalar values, m or rad.
     pub(super) fn rms(&self, fit: &Fit) -> f64 {
-        let (sum, count) = self.sum(fit);
+        self.rms_of(&fit.residuals(self.campaign))
+    }
+
+    /// The same of residuals of all measurements.
+    pub(super) fn rms_of(&self, residuals: &[Residual]) -> f64 {
+        let (sum, count) = self.sum(residuals);
         (sum / count.max(1) as f64).sqrt()
     }
 
@@ -228,30 +237,26 @@ impl<'a> FitEvaluator<'a> {
     }
 
     /// Sum of squared errors of scalar values, m² or rad², and their number.
-    fn sum(&self, fit: &Fit) -> (f64, usize) {
+    fn sum(&self, residuals: &[Residual]) -> (f64, usize) {
         let (mut sum, mut count) = (0.0, 0_usize);
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let numbers: Vec<usize> = numbers.map(|observation| observation.reading.count()).collect();
-        for residual in
-            fit.residuals(self.campaign).iter().filter(|residual| self.is_counted[residual.reading])
-        {
+        for residual in residuals.iter().filter(|residual| self.is_counted[residual.reading]) {
             sum += residual.residual.length_squared();
             count += numbers[residual.reading];
         }
         (sum, count)
     }
 
-    /// Mean squared error of scalar values, m² or rad². For measured joint positions the mean of each encoder is subtracted first, since the zero of
-    /// an encoder is arbitrary.
-    pub(super) fn energy(&self, fit: &Fit) -> f64 {
+    /// Mean squared error of scalar values, m² or rad², from residuals of all measurements. For measured joint positions the mean of each encoder is
+    /// subtracted first, since the zero of an encoder is arbitrary.
+    pub(super) fn energy(&self, residuals: &[Residual]) -> f64 {
         if self.is_length {
-            return self.rms(fit).powi(2);
+            return self.rms_of(residuals).powi(2);
         }
         let readings: Vec<_> = self.campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
         let mut encoders: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
-        for residual in
-            fit.residuals(self.campaign).iter().filter(|residual| self.is_counted[residual.reading])
-        {
+        for residual in residuals.iter().filter(|residual| self.is_counted[residual.reading]) {
             let moments =
                 encoders.entry(series_index(&readings[residual.reading].reading)).or_default();
             let more = [1.0, residual.residual.x, residual.residual.x * residual.residual.x];
@@ -263,21 +268,19 @@ impl<'a> FitEvaluator<'a> {
     }
 
     /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed.
-    fn whitened_sum(&self, fit: &Fit) -> f64 {
-        self.whitened_sum_and_count(fit).0
+    fn whitened_sum(&self, state: &FitState, noise_factors: &[f64]) -> f64 {
+        self.whitened_sum_and_count(state, noise_factors).0
     }
 
     /// The same with the number of values.
-    fn whitened_sum_and_count(&self, fit: &Fit) -> (f64, f64) {
+    fn whitened_sum_and_count(&self, state: &FitState, noise_factors: &[f64]) -> (f64, f64) {
         let (mut sum, mut count) = (0.0, 0.0);
-        let surroundings = fit.surroundings.clone();
-        let state = FitState { surroundings, hypothesis: fit.hypothesis.clone() };
         let mut filter = WhiteningFilter::new(self.campaign);
         let scope = VisitScope { used: Some(&self.is_evaluated), derivatives: false };
-        visit_readings(self.campaign, &state, scope, |reading| {
+        visit_readings(self.campaign, state, scope, |reading| {
             let weight = if self.is_counted[reading.reading] { 1.0 } else { 0.0 };
             for part in 0..reading.rows.count {
-                let scale = weight / fit.factors[reading.instrument];
+                let scale = weight / noise_factors[reading.instrument];
                 let mut left = [scale * reading.rows.residual[part]];
                 filter.pass(reading.pose, reading.instrument, reading.stream, part, &mut left);
                 sum += weight * left[0] * left[0];
@@ -293,8 +296,9 @@ impl<'a> FitEvaluator<'a> {
     /// The design effect of the fit divides the degrees of freedom, since the values of a pose may be correlated.
     fn excess(&self, last: &Fit, settings: &ExcessSettings) -> Option<TestExcess> {
         let training = FitEvaluator::new(self.campaign, (self.split, &self.split.training), last);
-        let (of_test, tested) = self.whitened_sum_and_count(last);
-        let (of_training, trained) = training.whitened_sum_and_count(last);
+        let state = last.state();
+        let (of_test, tested) = self.whitened_sum_and_count(&state, &last.factors);
+        let (of_training, trained) = training.whitened_sum_and_count(&state, &last.factors);
         let parameters = last.columns().len() as f64;
         let freedom = trained - parameters;
         if tested < 1.0 || freedom < 1.0 {
@@ -369,7 +373,7 @@ mod tests {
         let found = fit(&campaign, &Hypothesis::fixed(nominal_robot()), &settings);
         let split = HoldOutSplit { description: String::new(), training: used.clone() };
         let held = FitEvaluator::new(&campaign, (&split, &used), &found);
-        let energy = held.energy(&found);
+        let energy = held.energy(&found.residuals(&campaign));
         assert!((energy - 0.5 * swing * swing).abs() < 1e-12, "{energy}");
         assert!(held.rms(&found) > 0.7 * zero, "the error as it is has it");
     }
