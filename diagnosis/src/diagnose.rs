@@ -266,7 +266,7 @@ fn diagnose_selected_rows(
                     Some(refitted) => selection::restart(&search, &refitted, first),
                 };
                 let splits = (&selection_split, validation.as_slice());
-                supported_effects(search, splits, selection, &covariates, listener)
+                supported_effects(&search, splits, selection, &covariates, listener)
             }
         };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
@@ -286,14 +286,14 @@ fn diagnose_selected_rows(
 /// The effects that the validation set and the scatter of blocks support, and the structure that they leave. `splits`: the split of the selection, and
 /// the validation set.
 fn supported_effects(
-    search: Search<'_>,
+    search: &Search<'_>,
     splits: (&HoldOutSplit, &[bool]),
     selection: EffectSelection,
     covariates: &[Covariate],
     listener: Listener<'_>,
 ) -> (EffectSelection, Option<SmoothFunction>) {
     let progress = StageProgress::begin(listener, Stage::Validation);
-    let search = Search { progress, ..search };
+    let search = Search { progress, ..*search };
     let model = &search.known.model;
     let selection =
         validation::drop_unsupported(search.campaign, model, splits, selection, progress);

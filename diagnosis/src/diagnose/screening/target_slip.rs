@@ -282,10 +282,10 @@ mod tests {
                 glam::DQuat::from_xyzw(x, y, z, w).normalize()
             })
             .collect();
-        for target in 0..count {
+        for (target, point_m) in POINTS_M.iter().enumerate().take(count) {
             let mut columns = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
             for (row, pose) in poses.iter().enumerate() {
-                let point = *pose * (DVec3::from(POINTS_M[target]) + moved(target, row));
+                let point = *pose * (DVec3::from(*point_m) + moved(target, row));
                 for (axis, column) in columns.iter_mut().enumerate() {
                     column[row] = point[axis] + NOISE_M * random.sample::<f64, _>(StandardNormal);
                 }
