@@ -302,9 +302,12 @@ fn supported_effects(
     let structure =
         |selection| unexplained::with_structure(&search, selection, covariates, splits.1);
     match reduced.map(structure) {
-        // Effects without which structure remains describe more than noise.
-        None | Some((_, Some(_))) => structure(selection),
-        Some(reduced) => reduced,
+        // Slow noise leaves structure, too, but not far above it.
+        Some((few, law)) if !law.as_ref().is_some_and(SmoothFunction::is_far_above_noise) => {
+            (few, None)
+        }
+        // Effects without which much structure remains describe more than noise.
+        _ => structure(selection),
     }
 }
 

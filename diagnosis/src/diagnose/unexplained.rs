@@ -42,9 +42,9 @@ const EARLY_REPLACEMENT_MARGIN: f64 = 0.1;
 pub(super) const IMITATING_EFFECTS_MIN: usize = 4;
 /// Share of the total gain below which a selected effect is a minor one.
 const MAJOR_GAIN_SHARE: f64 = 0.1;
-/// Improvement of a smooth function, in the sum of squares, from which it is far above the noise: needed before the selection is complete, since the
-/// AR noise model is still uncertain then.
-const EARLY_IMPROVEMENT_MIN: f64 = 200.0;
+/// Improvement of a smooth function, in the sum of squares, from which it is far above the noise: needed where the AR noise model is uncertain, before the
+/// selection is complete and with noise as slow as the motion.
+const CERTAIN_IMPROVEMENT_MIN: f64 = 200.0;
 /// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
 const COEFFICIENT_SIGMA: f64 = 5e-3;
 
@@ -468,9 +468,14 @@ impl SmoothFunction {
         validation_margin(0.5 * self.improvement, gain) > 0.0
     }
 
-    /// Whether effects far above the noise were removed in favour of it ([`EARLY_IMPROVEMENT_MIN`]).
+    /// Whether it is far above the noise, also of an uncertain noise model ([`CERTAIN_IMPROVEMENT_MIN`]).
+    pub(super) fn is_far_above_noise(&self) -> bool {
+        self.improvement > CERTAIN_IMPROVEMENT_MIN
+    }
+
+    /// Whether effects far above the noise were removed in favour of it.
     pub(super) fn replaces_certain_effects(&self) -> bool {
-        self.replaces_effects && self.improvement > EARLY_IMPROVEMENT_MIN
+        self.replaces_effects && self.is_far_above_noise()
     }
 
     /// The function as structure that the test set `held_out` confirms: it must reduce the error there, by as much as is required of the validation set.

@@ -196,12 +196,12 @@ fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_not
     let signed = scene.write("good.toml", &text, &owner.sign(&text, 7, in_a_day_unix_ms()));
     assert_eq!(scene.offer(&signed, &["--within-s", "1"]).0, 3, "nobody answers");
     let bridge = scene.bridge(false);
-    let (code, text) = scene.offer(&signed, &[]);
-    assert!(code == 1 && text.contains("without `--models`"), "{text}");
+    let (code, output) = scene.offer(&signed, &[]);
+    assert!(code == 1 && output.contains("without `--models`"), "{output}");
     drop(bridge);
     let bridge = scene.bridge(true);
-    let (code, text) = scene.offer(&signed, &[]);
-    assert!(code == 0 && text.contains("not loaded into the daemon"), "{text}");
+    let (code, output) = scene.offer(&signed, &[]);
+    assert!(code == 0 && output.contains("not loaded into the daemon"), "{output}");
     assert_eq!(scene.last_event()["event"], "model_staged");
     let kept = owner.kept();
     assert_eq!(kept.len(), 3, "{:?}", kept.keys());
@@ -210,7 +210,7 @@ fn a_staged_model_waits_for_the_owner_and_without_an_owners_file_or_a_daemon_not
     std::fs::write(owner.file(), file.replace("\"stage\"", "\"load\"")).unwrap();
     let _bridge = scene.bridge(true);
     let signed = scene.write("good.toml", &text, &owner.sign(&text, 8, in_a_day_unix_ms()));
-    let (code, text) = scene.offer(&signed, &["--json"]);
-    assert!(code == 1 && text.contains("\"daemon_away\""), "{text}");
+    let (code, output) = scene.offer(&signed, &["--json"]);
+    assert!(code == 1 && output.contains("\"daemon_away\""), "{output}");
     assert_eq!(owner.kept(), kept);
 }
