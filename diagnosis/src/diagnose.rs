@@ -96,6 +96,9 @@ const STATED_NOISE_RATIO: f64 = 1.5;
 /// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.
 const NOT_CONFIRMED: &str = "there are errors above the noise, but the poses that were held out do not confirm what explains the fitted ones; measure more poses, spread over the workspace";
 
+/// Why nothing is claimed if slow noise explains the errors as well as the effects do.
+const SLOW_NOISE: &str = "there are errors above the noise, but they vary as slowly as the noise of the instrument, and whether they are the robot's cannot be determined; measure more, with the same positions at different times";
+
 /// Why nothing is claimed if the findings do not reduce the error on the test set.
 const NOT_PREDICTED: &str = "there are errors above the noise, but the effects that explain the fitted poses do not reduce the error on those that were held out: slowly varying noise, such as a drift of the instrument or air turbulence, looks like this; measure the same poses again in another order";
 
@@ -249,9 +252,11 @@ fn diagnose_selected_rows(
     let validation = validation.collect::<Vec<bool>>();
     let (preselected, also) =
         selection::preselect(&search, &base, unexplained::IMITATING_EFFECTS_MIN);
-    let (selection, law) =
+    let SupportedEffects { selection, law, is_slow_noise } =
         match unexplained::early_replacement(&search, &preselected, &covariates, &validation) {
-            Some((few, law)) => (few, Some(law)),
+            Some((selection, law)) => {
+                SupportedEffects { selection, law: Some(law), is_slow_noise: false }
+            }
             None => {
                 // The alternatives of each effect are not needed yet: this selection only serves to separate effects from noise.
                 let first = search.iterate_until_stable(preselected, &also);
@@ -280,7 +285,17 @@ fn diagnose_selected_rows(
     let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
     let found = finish(campaign, model, selection, law, split, &covariates, listener);
     notes.extend(found.notes);
-    Diagnosis { not_tested, notes, has_validation_set: validation.contains(&true), ..found }
+    let objection = found.objection.or_else(|| is_slow_noise.then(|| SLOW_NOISE.to_owned()));
+    let has_validation_set = validation.contains(&true);
+    Diagnosis { not_tested, notes, has_validation_set, objection, ..found }
+}
+
+/// The selected effects after validation, with the structure that they leave.
+struct SupportedEffects {
+    selection: EffectSelection,
+    law: Option<SmoothFunction>,
+    /// Whether noise as slow as the motion may be what they describe.
+    is_slow_noise: bool,
 }
 
 /// The effects that the validation set and the scatter of blocks support, and the structure that they leave. `splits`: the split of the selection, and
@@ -291,7 +306,7 @@ fn supported_effects(
     selection: EffectSelection,
     covariates: &[Covariate],
     listener: Listener<'_>,
-) -> (EffectSelection, Option<SmoothFunction>) {
+) -> SupportedEffects {
     let progress = StageProgress::begin(listener, Stage::Validation);
     let search = Search { progress, ..*search };
     let model = &search.known.model;
@@ -301,14 +316,13 @@ fn supported_effects(
     StageProgress::begin(listener, Stage::Structure);
     let structure =
         |selection| unexplained::with_structure(&search, selection, covariates, splits.1);
-    match reduced.map(structure) {
-        // Slow noise leaves structure, too, but not far above it.
-        Some((few, law)) if !law.as_ref().is_some_and(SmoothFunction::is_far_above_noise) => {
-            (few, None)
-        }
-        // Effects without which much structure remains describe more than noise.
-        _ => structure(selection),
-    }
+    let (is_slow_noise, (selection, law)) = match reduced.map(structure) {
+        None => (false, structure(selection)),
+        Some((few, None)) => (false, (few, None)),
+        // Effects without which much structure remains describe more than noise; slow noise leaves structure, too, but not far above it.
+        Some((_, Some(left))) => (!left.is_far_above_noise(), structure(selection)),
+    };
+    SupportedEffects { selection, law, is_slow_noise }
 }
 
 /// Sets the campaign's AR noise models to those of the residual of `current` and refits the known model with them; `None` if the noise models are
