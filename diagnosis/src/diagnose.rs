@@ -319,8 +319,10 @@ fn supported_effects(
     let (is_slow_noise, (selection, law)) = match reduced.map(structure) {
         None => (false, structure(selection)),
         Some((few, None)) => (false, (few, None)),
-        // Effects without which much structure remains describe more than noise; slow noise leaves structure, too, but not far above it.
-        Some((_, Some(left))) => (!left.is_far_above_noise(), structure(selection)),
+        // Effects without which structure remains describe more than noise, unless no effect is certain and the structure is not far above slow noise.
+        Some((few, Some(left))) => {
+            (few.selected.is_empty() && !left.is_far_above_noise(), structure(selection))
+        }
     };
     SupportedEffects { selection, law, is_slow_noise }
 }
