@@ -96,6 +96,10 @@ const STATED_NOISE_RATIO: f64 = 1.5;
 /// Why nothing is claimed if a smooth function was preferred to effects and the test set does not confirm it.
 const NOT_CONFIRMED: &str = "there are errors above the noise, but the poses that were held out do not confirm what explains the fitted ones; measure more poses, spread over the workspace";
 
+/// Least share of the selected effects that pass the test by blocks, if structure near the noise remains without the others; 0 to 1. Default 0.5, chosen:
+/// where most effects may be noise, the others are not trusted either.
+const CERTAIN_SHARE_MIN: f64 = 0.5;
+
 /// Why nothing is claimed if slow noise explains the errors as well as the effects do.
 const SLOW_NOISE: &str = "there are errors above the noise, but they vary as slowly as the noise of the instrument, and whether they are the robot's cannot be determined; measure more, with the same positions at different times";
 
@@ -319,9 +323,11 @@ fn supported_effects(
     let (is_slow_noise, (selection, law)) = match reduced.map(structure) {
         None => (false, structure(selection)),
         Some((few, None)) => (false, (few, None)),
-        // Effects without which structure remains describe more than noise, unless no effect is certain and the structure is not far above slow noise.
+        // Effects without which structure remains describe more than noise, unless most are not certain and the structure is not far above slow noise.
         Some((few, Some(left))) => {
-            (few.selected.is_empty() && !left.is_far_above_noise(), structure(selection))
+            let certain = few.selected.len() as f64 / selection.selected.len() as f64;
+            let is_slow_noise = certain < CERTAIN_SHARE_MIN && !left.is_far_above_noise();
+            (is_slow_noise, structure(selection))
         }
     };
     SupportedEffects { selection, law, is_slow_noise }
