@@ -11,9 +11,7 @@ mod lines;
 use std::collections::BTreeMap;
 
 use diagnosis::diagnose::experiment::ProposedExperiment;
-use diagnosis::diagnose::{
-    Finding, MapCell, StructureLocation, Unexplained as Structure, Verdict, sentences,
-};
+use diagnosis::diagnose::{Finding, MapCell, Verdict, sentences};
 use diagnosis::hypothesis::parameter_key;
 use diagnosis::torque::JointValidation;
 use physics::spec::{Count, Range};
@@ -318,7 +316,7 @@ impl Report {
                 rms: MILLI * one.heldout[0],
                 depends_on: one.depends_on.clone(),
                 heldout_rms_after: MILLI * one.heldout[1],
-                says: structure_sentence(one),
+                says: sentences::structure(one.location, &one.depends_on),
             }),
             map: diagnosis.map.iter().map(MapCellReport::of).collect(),
             joints: Vec::new(),
@@ -376,23 +374,6 @@ impl Report {
             says: sentence,
         };
         Self { unexplained: Some(why), ..self }
-    }
-}
-
-/// What an unexplained structure is, for users.
-fn structure_sentence(structure: &Structure) -> String {
-    match structure.location {
-        StructureLocation::Joint(joint) => format!(
-            "An unmodelled error of joint {}, depending on {}, remains.",
-            joint + 1,
-            structure.depends_on.join(" and ")
-        ),
-        StructureLocation::MeasuringFrame => "The measuring frame moves against the robot's base during the recording: the instrument, its stand or the base is not \
-             steady, or the arm grows with heat. Measure again with three reference targets on the base (`target#_on_link = 0`), which tell these apart."
-            .to_owned(),
-        StructureLocation::MeasuredPoint => "The measured point moves on the tool during the recording: a target or the tool slipped, or the tool grows with heat. \
-             Fasten it and measure again, with three targets on the tool."
-            .to_owned(),
     }
 }
 

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 const ORDER_MAX: usize = 8;
 /// A model whose coefficients sum to no more than this is rejected.
 const SWINGS: f64 = 0.05;
-/// Number of lags, in rows, over which rows are correlated; a power of two, above [`ORDER_MAX`]. Default 512: with the largest reflection coefficient the
+/// Number of lags, in rows, over which rows are correlated; above [`ORDER_MAX`]. Default 512: with the largest reflection coefficient the
 /// correlation is then below 1e-4.
 const LAGS: usize = 512;
 /// Bound on the reflection coefficients: it keeps the poles inside the unit circle, so that a drift is not taken for noise.

@@ -2,8 +2,8 @@
 //!
 //! Steps and modules, in the order in which to read them: `screening` (of recordings), `preparation` (rows to use), `dictionary` (candidate effects),
 //! `noise_models` (AR noise models), `selection` with `stepwise`, `multistart` and `outer_iteration` (which effects, and their alternatives),
-//! `validation` (validation and test), `unexplained` (structure that no effect explains), `verdict` (verdict, posterior probabilities), `findings` (the
-//! result). The method with its mathematics: `docs/diagnosis.md`.
+//! `validation` (validation and test), `robust_selection` (effects that slow noise may explain), `unexplained` (structure that no effect explains),
+//! `verdict` (verdict, posterior probabilities), `findings` (the result). The method with its mathematics: `docs/diagnosis.md`.
 //!
 //! Input: a campaign (poses with measurements, SI units) and a model. Output: a [`Diagnosis`]. The module opens no file.
 //!
@@ -73,6 +73,7 @@ pub use residual_map::{MapCell, Visibility};
 pub use screening::{ScreeningReport, screen_recordings};
 pub use selection::AlternativeEffect;
 pub use thinned_recordings::ThinnedRecordings;
+pub use unexplained::motion_over_time;
 pub use untested::UntestedEffect;
 pub use validation::{TestErrors, TestExcess};
 

@@ -328,6 +328,26 @@ effects! {
     }
 }
 
+/// Linear compliances of a joint, one of which `stiffness_hardening` needs.
+pub const LINEAR_COMPLIANCES: [&str; 3] =
+    ["joint_compliance", "gravity_compliance", "load_compliance"];
+
+impl AnyEffect {
+    /// Whether it is the hardening of a linear compliance.
+    #[must_use]
+    pub fn is_hardening(&self) -> bool {
+        matches!(self, Self::StiffnessHardening(_))
+    }
+
+    /// Whether it is the hardening of this linear compliance: of the same joint.
+    #[must_use]
+    pub fn hardens(&self, compliance: &Self) -> bool {
+        self.is_hardening()
+            && self.joint() == compliance.joint()
+            && LINEAR_COMPLIANCES.contains(&compliance.spec().kind)
+    }
+}
+
 /// All specs of that name. Only `hysteresis` has two: of a position and of a torque.
 pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
     let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING);

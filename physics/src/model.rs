@@ -117,10 +117,6 @@ fn acts_on_loads(effect: &AnyEffect) -> bool {
     effect.spec().acts_on == ActsOn::Loads
 }
 
-fn is_hardening(effect: &AnyEffect) -> bool {
-    matches!(effect, AnyEffect::StiffnessHardening(_))
-}
-
 impl Model {
     /// An arm without any effect.
     pub const fn nominal(arm: Arm) -> Self {
@@ -161,7 +157,9 @@ impl Model {
             if has("joint_compliance") && halves {
                 return Err(ModelError::CompliantTwice { joint });
             }
-            if has("stiffness_hardening") && !has("joint_compliance") && !halves {
+            let mut hardenings =
+                self.effects().filter(|e| e.is_hardening() && e.joint() == Some(i));
+            if hardenings.any(|hardening| !self.effects().any(|e| hardening.hardens(e))) {
                 return Err(ModelError::HardensNothing { joint });
             }
         }
@@ -175,7 +173,7 @@ impl Model {
     pub fn push(&mut self, effect: AnyEffect) -> Result<(), ModelError> {
         let slot = self.effects.get_mut(self.count).ok_or(ModelError::TooManyEffects)?;
         self.changes_loads |= acts_on_loads(&effect);
-        self.hardens |= is_hardening(&effect);
+        self.hardens |= effect.is_hardening();
         *slot = Some(effect);
         self.count += 1;
         self.assign_to_laws(self.count - 1);
@@ -208,7 +206,7 @@ impl Model {
         }
         if !same_kind {
             let any = |is: fn(&AnyEffect) -> bool| self.effects().any(is);
-            (self.changes_loads, self.hardens) = (any(acts_on_loads), any(is_hardening));
+            (self.changes_loads, self.hardens) = (any(acts_on_loads), any(AnyEffect::is_hardening));
         }
         Some(answer)
     }

@@ -318,6 +318,42 @@ fn residuals_beyond_the_stated_noise_are_reported_with_their_factor() {
     assert!(warnings.contains("times as large as the stated noise"), "{warnings}");
 }
 
+/// Warnings and mean held-out error, mm, of a calibration by the measured rows with their points displaced by `moved_mm` of row, target and rotation of the tool
+/// in the measuring frame.
+fn calibrated_if_moved(moved_mm: impl Fn(usize, usize, DMat3) -> DVec3) -> (String, f64) {
+    let arm = preset(BASE).expect("preset").model().expect("sound").physics.arm;
+    let station = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
+    let mut rows = measured().to_vec();
+    for (row, (q_deg, _, points)) in rows.iter_mut().enumerate() {
+        let mut q = physics::Joints::default();
+        q.iter_mut().zip(q_deg.iter()).for_each(|(q, deg)| *q = deg.to_radians());
+        let tool = station * physics::Chain::nominal(&arm, &q).base_from_tool.rotation;
+        for (target, point) in points.iter_mut().enumerate() {
+            *point += moved_mm(row, target, tool);
+        }
+    }
+    let found = calibrate(&place_with(&rows), &[]);
+    (found["warnings"].to_string(), number(&found, &["heldout", "advanced", "mean"]))
+}
+
+#[test]
+fn a_target_that_slipped_and_an_instrument_that_drifts_are_named() {
+    let (slipped, drifts) = ("moved on the tool between 29", "measuring frame moves");
+    let (warnings, sound_mm) = calibrated_if_moved(|_, _, _| DVec3::ZERO);
+    assert!(!warnings.contains("moved on the tool") && !warnings.contains(drifts), "{warnings}");
+    let slip_mm = DVec3::new(0.4, -0.3, 0.2);
+    let (warnings, error_mm) = calibrated_if_moved(|row, target, tool| match (row, target) {
+        (30.., 1) => tool * slip_mm,
+        _ => DVec3::ZERO,
+    });
+    assert!(warnings.contains(slipped) && !warnings.contains(drifts), "{warnings}");
+    // The model is as good as without the slip.
+    assert!(error_mm < 1.3 * sound_mm, "{error_mm} instead of {sound_mm}");
+    let drift_mm = DVec3::new(0.3, -0.2, 0.1);
+    let (warnings, _) = calibrated_if_moved(|row, _, _| drift_mm * (row as f64 / POSES as f64));
+    assert!(warnings.contains(drifts) && !warnings.contains("moved on the tool"), "{warnings}");
+}
+
 #[test]
 fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
     let place = place_with(measured());

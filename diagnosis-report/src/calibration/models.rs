@@ -3,6 +3,7 @@
 //! Held-out poses that recordings reserve for validation are not used in the resulting model; those drawn at random are used after their errors have
 //! been evaluated.
 
+use diagnosis::diagnose::{ScreeningReport, motion_over_time, screen_recordings, sentences};
 use diagnosis::hold_out::{self, Calibration, HoldOutSplit, PositionErrors};
 use diagnosis::progress::{Listener, Progress, Stage, ignore};
 use diagnosis::tool_displacement::tool_displacements;
@@ -109,17 +110,24 @@ pub fn calibrate(
     settings: &Settings,
     listener: Listener<'_>,
 ) -> Result<CalibrationResult, Error> {
-    let campaign =
-        campaign_import::campaign(&base.physics.arm, recordings).map_err(Error::input)?;
-    let parts = PoseSplit::of(&campaign, recordings, settings)?;
     listener(Stage::CalibrationScreening, Progress::Begun);
+    let mut recordings = recordings.to_vec();
+    let ScreeningReport { notes, doubts } = screen_recordings(&base.physics.arm, &mut recordings);
+    if !doubts.is_empty() {
+        return Err(Error::input(doubts.join("; ")));
+    }
+    let campaign =
+        campaign_import::campaign(&base.physics.arm, &recordings).map_err(Error::input)?;
+    let parts = PoseSplit::of(&campaign, &recordings, settings)?;
     let faults = gross_errors::detect_global_errors(&campaign, &base.physics);
     if !faults.is_empty() {
         return Err(Error::GrossFaults(faults));
     }
     let fitted = FittedModels::of(&base, &campaign, &parts, listener);
     listener(Stage::CalibrationChecks, Progress::Begun);
-    CalibrationResult::of(base, recordings, campaign, parts, fitted, settings)
+    let mut result = CalibrationResult::of(base, &recordings, campaign, parts, fitted, settings)?;
+    result.warnings.splice(..0, notes);
+    Ok(result)
 }
 
 /// The three models of the training poses, and the resulting one.
@@ -178,6 +186,8 @@ impl CalibrationResult {
         let entries = fitted_effects(&base, &fit, &chosen, &shares_m)?;
         warnings.extend(data_warnings(recordings, &errors, &fit));
         warnings.extend(fit_warnings(&campaign, &fit, settings));
+        let moved = motion_over_time(&campaign, &fit, &used);
+        warnings.extend(moved.map(|part| sentences::structure(part, &["t_s".to_owned()])));
         let [nominal, _, advanced] = fits(&calibration);
         let is_held = |pose: usize| held.get(pose).copied().unwrap_or(false);
         let arm = &base.physics.arm;

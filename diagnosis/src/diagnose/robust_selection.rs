@@ -20,7 +20,7 @@ use nalgebra::{DMatrix, DVector};
 use physics::spec::Role;
 
 /// Least share of the Wald statistic that the correction for the number of blocks leaves; no unit, 0 to 1. Default 0.05: with as many parameters as
-/// blocks the statistic says nothing.
+/// blocks the statistic is no evidence.
 const CORRECTION_MIN: f64 = 0.05;
 
 /// The selection without the effects, the least supported removed first, whose gain does not exceed their penalty under the cluster-robust covariance
@@ -49,7 +49,7 @@ pub(super) fn without_inflated(
                 return f64::INFINITY;
             }
             let penalty = one.gain - one.margin;
-            one.gain / design_effect(one, &selection.fit, (&robust, &blocks), search) - penalty
+            one.gain / design_effect(one, &selection.fit, &robust, &blocks, search) - penalty
         });
         let worst = margins.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
@@ -72,7 +72,8 @@ pub(super) fn without_inflated(
 fn design_effect(
     one: &SelectedEffect,
     fit: &Fit,
-    (robust, blocks): (&DMatrix<f64>, &[BlockSums]),
+    robust: &DMatrix<f64>,
+    blocks: &[BlockSums],
     search: &Search<'_>,
 ) -> f64 {
     let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { return 1.0 };
@@ -97,11 +98,13 @@ fn design_effect(
         return 1.0;
     }
     let changes = DVector::from_vec(changes);
-    let information = blocks.iter().map(|BlockSums { gram, .. }| {
+    let information = |BlockSums { gram, .. }: &BlockSums| {
         let own = gram.select_rows(&places).select_columns(&places);
         changes.dot(&(own * &changes))
-    });
-    if effective_number(information) < BlockSettings::POSITION.blocks_least as f64 {
+    };
+    if effective_number(blocks.iter().map(information))
+        < BlockSettings::POSITION.blocks_least as f64
+    {
         return 1.0;
     }
     let columns: Vec<usize> = places.iter().map(|place| fit.columns()[*place]).collect();
@@ -112,10 +115,10 @@ fn design_effect(
     let wald = |covariance: DMatrix<f64>| {
         covariance.cholesky().map(|factor| changes.dot(&factor.solve(&changes)))
     };
-    let (Some(model), Some(blocks)) = (wald(of_model), wald(of_blocks)) else { return 1.0 };
-    let free = BlockSettings::POSITION.blocks as f64 - 1.0;
+    let (Some(by_model), Some(by_blocks)) = (wald(of_model), wald(of_blocks)) else { return 1.0 };
+    let free = blocks.iter().filter(|block| block.has_rows()).count() as f64 - 1.0;
     let correction = ((free - 1.0 - columns.len() as f64) / free).max(CORRECTION_MIN);
-    (model / (correction * blocks).max(f64::MIN_POSITIVE)).max(1.0)
+    (by_model / (correction * by_blocks).max(f64::MIN_POSITIVE)).max(1.0)
 }
 
 /// Number of equal shares with the same concentration as these (Kish 1965); 0 if there are none.

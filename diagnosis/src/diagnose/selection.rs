@@ -27,9 +27,6 @@ const PRESELECTION_ROUNDS: usize = 3;
 /// An alternative within this difference in log-likelihood is indistinguishable (docs/diagnosis.md).
 pub(super) const INDISTINGUISHABLE_LOSS: f64 = 5.0;
 
-/// Compliances of a joint that its `stiffness_hardening` adds to.
-const LINEAR_COMPLIANCES: [&str; 3] = ["joint_compliance", "gravity_compliance", "load_compliance"];
-
 /// An alternative to a selected effect: another effect that explains the same error.
 #[derive(Clone, Debug)]
 pub struct AlternativeEffect {
@@ -346,20 +343,13 @@ pub(super) fn nuisance_columns(
     (places, stated)
 }
 
-/// Whether `effect` is the hardening of a compliance: the linear compliance of the same joint, without which it has no effect.
-pub(super) fn hardens(effect: &AnyEffect, compliance: &AnyEffect) -> bool {
-    matches!(effect, AnyEffect::StiffnessHardening(_))
-        && effect.joint() == compliance.joint()
-        && LINEAR_COMPLIANCES.contains(&compliance.spec().kind)
-}
-
 /// Whether an effect of the fit needs this one: a hardening its only linear compliance.
 pub(super) fn is_needed(one: &SelectedEffect, fit: &Fit) -> bool {
     let model = &fit.hypothesis.model;
     let Some(compliance) = model.effects().nth(one.effect) else { return false };
     model.effects().any(|effect| {
-        hardens(effect, compliance)
-            && model.effects().filter(|other| hardens(effect, other)).count() == 1
+        effect.hardens(compliance)
+            && model.effects().filter(|other| effect.hardens(other)).count() == 1
     })
 }
 
@@ -368,8 +358,7 @@ pub(super) fn lacks_its_base(one: &SelectedEffect, fit: &Fit) -> bool {
     let model = &fit.hypothesis.model;
     let effect = model.effects().nth(one.effect);
     effect.is_some_and(|effect| {
-        matches!(effect, AnyEffect::StiffnessHardening(_))
-            && !model.effects().any(|other| hardens(effect, other))
+        effect.is_hardening() && !model.effects().any(|other| effect.hardens(other))
     })
 }
 

@@ -1,5 +1,6 @@
 //! Findings as English sentences for technicians, with values and units.
 
+use super::StructureLocation;
 use crate::hypothesis::parameter_key;
 use physics::{AnyEffect, JointKind};
 
@@ -38,6 +39,24 @@ impl EffectFormatter<'_> {
 fn three_digits(value: f64) -> String {
     let places = if value == 0.0 { 0.0 } else { 2.0 - value.abs().log10().floor() };
     format!("{value:.*}", places.clamp(0.0, 9.0) as usize)
+}
+
+/// What an unexplained structure is, and what to do about it; `depends_on`: names of its covariates.
+#[must_use]
+pub fn structure(location: StructureLocation, depends_on: &[String]) -> String {
+    match location {
+        StructureLocation::Joint(joint) => format!(
+            "An unmodelled error of joint {}, depending on {}, remains.",
+            joint + 1,
+            depends_on.join(" and ")
+        ),
+        StructureLocation::MeasuringFrame => "The measuring frame moves against the robot's base during the recording: the instrument, its stand or the base is not \
+             steady, or the arm grows with heat. Measure again with three reference targets on the base (`target#_on_link = 0`): they show which."
+            .to_owned(),
+        StructureLocation::MeasuredPoint => "The measured point moves on the tool during the recording: a target or the tool slipped, or the tool grows with heat. \
+             Fasten it and measure again, with three targets on the tool."
+            .to_owned(),
+    }
 }
 
 /// A finding as one sentence. `stated`: the parameters that the model states, if they are corrected; `is_prismatic`: whether the joint is prismatic.

@@ -6,7 +6,7 @@
 
 use super::gram_matrix::{CandidateEstimate, GramMatrix, LinearisedCandidate};
 use super::selection::{
-    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect, hardens,
+    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect,
     hypothesis_without, key, nuisance_columns,
 };
 use super::verdict::are_forms_of_one_law;
@@ -179,8 +179,8 @@ impl<'a> StepwiseSelection<'a> {
     fn has_its_base(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
         let first = |one: &Candidate| one.probes.first().map(|probe| probe.effect);
         let Some(effect) = first(candidate) else { return true };
-        let is_base = |other: &AnyEffect| hardens(&effect, other);
-        !matches!(effect, AnyEffect::StiffnessHardening(_))
+        let is_base = |other: &AnyEffect| effect.hardens(other);
+        !effect.is_hardening()
             || beside.iter().filter_map(|other| first(other)).any(|other| is_base(&other))
             || self.given.effects().any(is_base)
     }

@@ -2,7 +2,7 @@
 
 use super::gram_matrix::LinearisedCandidate;
 use super::selection::{
-    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect, hardens,
+    AlternativeEffect, EffectSelection, INDISTINGUISHABLE_LOSS, Search, SelectedEffect,
     hypothesis_without, is_needed, shift_indices_after,
 };
 use crate::fit::{fit_further, refit_with_fixed_weights};
@@ -60,7 +60,7 @@ fn is_compatible(selection: &EffectSelection, k: usize, rival: &AlternativeEffec
         .filter(|(index, one)| *index != k && one.previous_priors.is_none());
     let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
     let keeps_base = !is_needed(&selection.selected[k], &selection.fit)
-        || effects.effects().any(|effect| hardens(effect, &rival.effect));
+        || effects.effects().any(|effect| effect.hardens(&rival.effect));
     keeps_base && !others.any(|effect| rival.candidate.excludes_effect(effect))
 }
 

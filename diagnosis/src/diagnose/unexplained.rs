@@ -10,13 +10,16 @@
 //!
 //! The criterion includes penalties for the coefficients and for the number of functions tried.
 
-use super::covariates::Covariate;
+use super::covariates::{Covariate, all_covariates};
 use super::residual_map::displacements;
 use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
 use super::terms::{count, pairs, singles, terms};
 use super::validation::validation_margin;
 use super::{StructureLocation, Unexplained};
-use crate::fit::refit_with_fixed_weights;
+use crate::campaign::Campaign;
+use crate::fit::{FitEffort, FitSettings, refit_with_fixed_weights};
+use crate::fit_result::Fit;
+use crate::robust_weights::Influence;
 use crate::score_test::{ColumnGroups, ScoreTest};
 use crate::simd::dot;
 use crate::tool_motion::ToolMotion;
@@ -69,7 +72,8 @@ impl ModulatedMotion {
         &self,
         arm: &Arm,
         location: StructureLocation,
-        (inputs, pose): (&Inputs, usize),
+        inputs: &Inputs,
+        pose: usize,
         mut take: impl FnMut(ToolMotion),
     ) {
         let chain = || Chain::nominal(arm, &inputs.q);
@@ -311,6 +315,22 @@ pub(super) fn best_function(
     best.filter(|law| law.improvement > 0.0)
 }
 
+/// Whether the measuring frame or the measured point moves during the recordings, by the residuals of a fit to the poses `used`; `None` also where a joint's
+/// error over time describes them as well.
+#[must_use]
+pub fn motion_over_time(
+    campaign: &Campaign,
+    fit: &Fit,
+    used: &[bool],
+) -> Option<StructureLocation> {
+    let (influence, effort) = (Influence::Redescending, FitEffort::Full);
+    let settings = FitSettings { used, influence, from: None, effort };
+    let covariates = all_covariates(campaign, &fit.hypothesis.model);
+    let fitted = ScoreTest::new(campaign, fit, &settings);
+    let law = best_function(&fitted, &covariates)?;
+    Some(law.location).filter(|location| !matches!(location, StructureLocation::Joint(_)))
+}
+
 /// The best motion over time of the measuring frame or of the measured points on the tool, or `before` if that is better.
 fn best_motion_over_time(
     fitted: &ScoreTest<'_>,
@@ -399,7 +419,7 @@ fn best_in_groups(
     };
     let units = |pose: usize, into: &mut Vec<ToolMotion>| {
         let inputs = &fitted.campaign.poses[pose].inputs;
-        carrier.units(arm, location, (inputs, pose), |unit| into.push(unit));
+        carrier.units(arm, location, inputs, pose, |unit| into.push(unit));
     };
     let scores = fitted.scores_of_multiples(&column_groups, units, |pose, into| {
         groups.iter().for_each(|group| {
@@ -507,7 +527,7 @@ impl SmoothFunction {
         let mut motion = ToolMotion::default();
         let mut found = self.coefficients.iter();
         let degree = self.carrier.degree();
-        self.carrier.units(arm, self.location, (inputs, pose), |unit| {
+        self.carrier.units(arm, self.location, inputs, pose, |unit| {
             let mut sum = 0.0;
             terms(covariates, &self.covariates, (pose, degree), |term| {
                 sum += term * found.next().unwrap_or(&0.0);

@@ -43,6 +43,11 @@ impl BlockSums {
     pub(crate) fn new(count: usize) -> Self {
         Self { score: DVector::zeros(count), gram: DMatrix::zeros(count, count) }
     }
+
+    /// Whether it has rows that depend on a parameter.
+    pub(crate) fn has_rows(&self) -> bool {
+        self.score.iter().any(|x| *x != 0.0)
+    }
 }
 
 /// Covariance of parameters whose inverse normal matrix is `inverse`; with too few non-empty blocks, that of the noise model.
@@ -52,7 +57,7 @@ pub(crate) fn covariance(
     settings: &BlockSettings,
 ) -> DMatrix<f64> {
     let count = inverse.nrows();
-    let filled = blocks.iter().filter(|block| block.score.iter().any(|x| *x != 0.0)).count();
+    let filled = blocks.iter().filter(|block| block.has_rows()).count();
     if count == 0 || filled < settings.blocks_least {
         return inverse.clone();
     }

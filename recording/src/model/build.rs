@@ -102,9 +102,8 @@ fn check_beside(file: &ModelFile, index: usize) -> Result<(), Box<Fault>> {
 
 /// The hardening `C τ − D τ³` needs the linear compliance C of its joint.
 fn check_hardens(file: &ModelFile, index: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
-    let linear = ["joint_compliance", "gravity_compliance", "load_compliance"];
-    let hardened =
-        |other: &EffectEntry| other.joint == entry.joint && linear.contains(&other.kind.as_str());
+    let is_linear = |kind: &str| physics::effects::LINEAR_COMPLIANCES.contains(&kind);
+    let hardened = |other: &EffectEntry| other.joint == entry.joint && is_linear(&other.kind);
     if file.effects.iter().any(hardened) {
         return Ok(());
     }

@@ -1,5 +1,5 @@
-//! Targets that slipped on the tool: the distance between two targets on the tool does not depend on the arm, so a step of it over time shows that one
-//! of them moved.
+//! Targets that slipped on the tool. The distance between two targets on the tool does not depend on the arm, so a step of it over time shows that one of
+//! them moved.
 //!
 //! Per pair of targets, the step of the mean distance at a row is compared with the noise, which is estimated from successive differences and therefore
 //! not affected by a single step. The row and the target with the largest sum of squared normal deviates over its pairs are the most likely slip (a
@@ -26,6 +26,8 @@ struct SlipSettings {
     others_deviate_max: f64,
     /// Least number of rows on either side; 2 or more. Default 8, as for runs of a constant value.
     rows_min: usize,
+    /// Smallest noise of a distance, m; above 0. Default 1e-6: the resolution of instruments.
+    resolution_m: f64,
     /// A distance that deviates from the median of the nearest five by more than this is a gross error and not used, in standard deviations; above 0.
     /// Default 6.
     gross_sigmas: f64,
@@ -38,6 +40,7 @@ impl Default for SlipSettings {
             deviate_min: 8.0,
             others_deviate_max: 5.0,
             rows_min: 8,
+            resolution_m: 1e-6,
             gross_sigmas: 6.0,
         }
     }
@@ -47,8 +50,6 @@ impl Default for SlipSettings {
 const NORMAL_DIFFERENCE: f64 = 1.4826 / std::f64::consts::SQRT_2;
 /// Number of successive distances whose median shows a gross error: robust to two of them.
 const NEIGHBOURS: usize = 5;
-/// Smallest noise of a distance: the resolution of instruments, m.
-const RESOLUTION_M: f64 = 1e-6;
 
 /// Distances of two targets over the rows in which both were measured.
 struct PairDistances {
@@ -128,7 +129,7 @@ impl PairDistances {
         };
         let all: Vec<(usize, f64)> = (0..recording.len()).filter_map(distance).collect();
         let differences = all.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs());
-        let sigma_m = (NORMAL_DIFFERENCE * median(differences)).max(RESOLUTION_M);
+        let sigma_m = (NORMAL_DIFFERENCE * median(differences)).max(settings.resolution_m);
         let is_sound = |k: &usize| {
             let first = k.saturating_sub(NEIGHBOURS / 2).min(all.len().saturating_sub(NEIGHBOURS));
             let near = all[first..].iter().take(NEIGHBOURS).map(|(_, distance)| *distance);
@@ -245,13 +246,14 @@ fn separate(recording: &mut Recording, (from, to): (usize, usize), first_row_aft
 
 fn message(recording: &Recording, slip: &Slip) -> String {
     let names: Vec<String> = slip.targets.iter().map(|t| (t + 1).to_string()).collect();
-    let (noun, moved) = match names.len() {
-        1 => ("target", "its"),
-        _ => ("one or more of targets", "their"),
+    let (subject, positions) = match names.len() {
+        1 => ("target", "its position"),
+        _ => ("at least one of targets", "their positions"),
     };
     format!(
-        "{noun} {} moved on the tool before {:.3} s: distances between targets change by {:.3} mm; {moved} positions on the tool are estimated separately before and after",
+        "{subject} {} moved on the tool between {:.3} s and {:.3} s: distances between targets change by {:.3} mm; {positions} on the tool before and after are estimated separately",
         names.join(", "),
+        recording.t_s[slip.first_row_after - 1],
         recording.t_s[slip.first_row_after],
         slip.size_m * 1e3
     )
@@ -312,7 +314,7 @@ mod tests {
             let before = found.clone();
             let (notes, targets) = separated(&mut found);
             assert_eq!((notes.len(), targets), (1, 4), "{notes:?}");
-            assert!(notes[0].starts_with("target 2 moved on the tool before 1"), "{notes:?}");
+            assert!(notes[0].starts_with("target 2 moved on the tool between 1"), "{notes:?}");
             let first = found.column(Channel::Target(1, 0)).expect("kept").to_vec();
             let second = found.column(Channel::Target(3, 0)).expect("new").to_vec();
             let all = before.column(Channel::Target(1, 0)).expect("there");
@@ -332,7 +334,7 @@ mod tests {
         let mut pair = recording(2, 100, slip(0, 30, DVec3::X * 3e-4), 1);
         let (notes, targets) = separated(&mut pair);
         assert_eq!(targets, 4);
-        assert!(notes[0].starts_with("one or more of targets 1, 2 moved"), "{notes:?}");
+        assert!(notes[0].starts_with("at least one of targets 1, 2 moved"), "{notes:?}");
     }
 
     #[test]
