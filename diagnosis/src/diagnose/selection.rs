@@ -343,14 +343,14 @@ pub(super) fn nuisance_columns(
     (places, stated)
 }
 
-/// Whether an effect of the fit needs this one: a hardening its only linear compliance.
+/// Whether another effect of the fit needs this one, as a hardening needs its only linear compliance.
 pub(super) fn is_needed(one: &SelectedEffect, fit: &Fit) -> bool {
-    let model = &fit.hypothesis.model;
-    let Some(compliance) = model.effects().nth(one.effect) else { return false };
-    model.effects().any(|effect| {
-        effect.hardens(compliance)
-            && model.effects().filter(|other| effect.hardens(other)).count() == 1
-    })
+    one.previous_priors.is_none() && is_invalid_without(&fit.hypothesis, one.effect)
+}
+
+/// Whether a valid model is not valid any more without an effect.
+fn is_invalid_without(hypothesis: &Hypothesis, effect: usize) -> bool {
+    hypothesis.model.check().is_ok() && hypothesis.without(effect).model.check().is_err()
 }
 
 /// Whether what this effect adds to is not in the fit: a hardening without a linear compliance.
@@ -379,4 +379,36 @@ pub(super) fn hypothesis_without(
         }
     }
     hypothesis
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_invalid_without;
+    use crate::hypothesis::Hypothesis;
+    use crate::test_campaigns::nominal_robot;
+    use physics::{AnyEffect, ParameterValues};
+
+    #[test]
+    fn a_linear_compliance_is_needed_while_it_is_the_only_one_that_is_hardened() {
+        let nominal = nominal_robot();
+        let effect = |kind, joint, name, value: f64| {
+            let values = [(name, &[value][..])];
+            AnyEffect::build(kind, &nominal.arm, Some(joint), ParameterValues(&values))
+                .expect("an effect")
+        };
+        let of_gravity = effect("gravity_compliance", 1, "compliance", 2e-6);
+        let hardening = effect("stiffness_hardening", 1, "cubic", 1e-13);
+        let of_wrench = effect("load_compliance", 1, "compliance", 2e-6);
+        let of_another_joint = effect("joint_compliance", 2, "compliance", 2e-6);
+        let needed = |effects: &[AnyEffect]| -> Vec<bool> {
+            let mut hypothesis = Hypothesis::fixed(nominal);
+            for effect in effects {
+                hypothesis.add(*effect, &[]).expect("room");
+            }
+            (0..effects.len()).map(|effect| is_invalid_without(&hypothesis, effect)).collect()
+        };
+        assert_eq!(needed(&[of_gravity, hardening, of_another_joint]), [true, false, false]);
+        assert_eq!(needed(&[of_gravity, hardening, of_wrench]), [false; 3]);
+        assert_eq!(needed(&[of_gravity, of_another_joint]), [false; 2]);
+    }
 }

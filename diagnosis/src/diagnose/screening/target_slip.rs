@@ -338,6 +338,23 @@ mod tests {
     }
 
     #[test]
+    fn targets_that_slip_one_after_the_other_are_all_separated() {
+        let moved = |target, row| match (target, row) {
+            (0, 30..) => DVec3::new(3e-4, -4e-4, 0.0),
+            (1, 70..) => DVec3::new(-5e-4, 5e-4, 0.0),
+            _ => DVec3::ZERO,
+        };
+        let mut found = recording(3, 100, moved, 4);
+        let (notes, targets) = separated(&mut found);
+        assert_eq!(notes.len(), 2, "{notes:?}");
+        let measured = |target: &usize, row| position(&found, *target, row).is_some();
+        let counts: Vec<usize> = (0..100)
+            .map(|row| (0..targets).filter(|target| measured(target, row)).count())
+            .collect();
+        assert_eq!(counts, [3; 100], "no measurement is lost");
+    }
+
+    #[test]
     fn noise_drifts_and_gross_errors_are_no_slips() {
         let none = |_, _| DVec3::ZERO;
         for seed in 0..200 {
