@@ -316,7 +316,7 @@ impl Report {
                 rms: MILLI * one.heldout[0],
                 depends_on: one.depends_on.clone(),
                 heldout_rms_after: MILLI * one.heldout[1],
-                says: sentences::structure(one.location, &one.depends_on),
+                says: sentences::structure(one.location, &one.depends_on, one.section),
             }),
             map: diagnosis.map.iter().map(MapCellReport::of).collect(),
             joints: Vec::new(),

@@ -18,7 +18,9 @@ mod findings;
 mod gram_matrix;
 mod hysteresis;
 mod jacobian_cache;
+mod local_errors;
 mod modes;
+mod modulated_motion;
 mod multistart;
 mod noise_models;
 mod outer_iteration;
@@ -59,7 +61,7 @@ use covariates::Covariate;
 use experiment::ProposedExperiment;
 use glam::DVec3;
 use jacobian_cache::JacobianCache;
-use physics::{AnyEffect, Model};
+use physics::{AnyEffect, JointKind, Model};
 use selection::{EffectSelection, Search};
 use unexplained::SmoothFunction;
 use validation::FitEvaluator;
@@ -152,6 +154,17 @@ pub enum StructureLocation {
     MeasuredPoint,
 }
 
+/// Section of a joint's range that has an error of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointSection {
+    /// Its limits, rad or m.
+    pub limits: [f64; 2],
+    /// The largest error in it, rad or m.
+    pub largest: f64,
+    /// The kind of the joint.
+    pub kind: JointKind,
+}
+
 /// Structure in the residual that no effect of the dictionary explains, modelled as a smooth function of one or two covariates.
 #[derive(Clone, Debug)]
 pub struct Unexplained {
@@ -159,6 +172,8 @@ pub struct Unexplained {
     pub depends_on: Vec<String>,
     /// What it is attributed to.
     pub location: StructureLocation,
+    /// Where the error of the joint is, if it is local.
+    pub section: Option<JointSection>,
     /// RMS error on the test set without and with the smooth function, m or rad.
     pub heldout: [f64; 2],
 }

@@ -6,7 +6,8 @@
 //! Deterministic: the same input gives the same bits. Sign constraints are satisfied, and every parameter that was not fitted is listed. Effects are
 //! selected in [`mod@crate::diagnose`].
 
-use crate::autocorrelation::is_next_row;
+mod outlier_runs;
+
 use crate::campaign::Campaign;
 use crate::extrinsics::Extrinsics;
 use crate::fit_result::{Fit, FitParts};
@@ -37,9 +38,6 @@ const WEIGHT_CHANGE_MAX: f64 = 1e-3;
 
 /// A stream with at least this many measurements has its own scale for outlier detection: their median.
 const ENOUGH: usize = 20;
-
-/// This many consecutive rows of a path with large residuals indicate a missing effect, not outliers.
-const OUTLIER_RUN_MIN: usize = 4;
 
 /// Settings of a fit.
 #[derive(Clone, Copy, Debug)]
@@ -301,7 +299,7 @@ impl<'a> Fitter<'a> {
     }
 
     /// Weights from the size of each residual relative to the scale of its own stream: if half of the residuals of one encoder or target are large,
-    /// the cause is a missing effect, which must stay visible, not outliers. The same holds for several consecutive rows of a path.
+    /// the cause is a missing effect, which must stay visible, not outliers. The same holds for [runs](outlier_runs) of large residuals.
     fn reweigh(&mut self, influence: Influence) {
         self.reduced = None;
         let lengths = self.linearisation.residual_norms();
@@ -321,42 +319,15 @@ impl<'a> Fitter<'a> {
             };
         let scales: BTreeMap<(usize, usize), f64> = streams.into_iter().map(scale_of).collect();
         let size = |one: &ResidualNorm| one.length / scales[&(one.instrument, one.stream)];
-        let lasting = self.in_outlier_runs(&lengths, size);
-        for (one, lasts) in lengths.iter().zip(lasting) {
-            let influence = if lasts { monotone_influence(influence) } else { influence };
+        let is_far: Vec<bool> = lengths
+            .iter()
+            .map(|one| weight(Influence::Redescending, one.count, size(one)) < 1.0)
+            .collect();
+        let in_runs = outlier_runs::in_runs(self.campaign, &lengths, &is_far);
+        for (one, is_in_run) in lengths.iter().zip(in_runs) {
+            let influence = if is_in_run { monotone_influence(influence) } else { influence };
             self.weighing.weights[one.reading] = weight(influence, one.count, size(one));
         }
-    }
-
-    /// Which measurements have large residuals together with those of the same stream in adjacent rows: at least [`OUTLIER_RUN_MIN`] consecutive rows of one
-    /// path.
-    fn in_outlier_runs(
-        &self,
-        lengths: &[ResidualNorm],
-        size: impl Fn(&ResidualNorm) -> f64,
-    ) -> Vec<bool> {
-        let mut lasting = vec![false; lengths.len()];
-        let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-        for (place, one) in lengths.iter().enumerate() {
-            let run = runs.entry((one.instrument, one.stream)).or_default();
-            let is_contiguous = run.last().is_some_and(|last: &usize| {
-                is_next_row(self.campaign, lengths[*last].pose, one.pose)
-                    && self.campaign.recordings[self.campaign.poses[one.pose].recording].is_path
-            });
-            let is_far = weight(Influence::Redescending, one.count, size(one)) < 1.0;
-            if !(is_contiguous && is_far) {
-                run.clear();
-            }
-            if is_far {
-                run.push(place);
-            }
-            match run.len() {
-                ..OUTLIER_RUN_MIN => {}
-                OUTLIER_RUN_MIN => run.iter().for_each(|place| lasting[*place] = true),
-                _ => lasting[place] = true,
-            }
-        }
-        lasting
     }
 
     fn into_fit(self) -> Fit {

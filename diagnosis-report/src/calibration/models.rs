@@ -187,7 +187,7 @@ impl CalibrationResult {
         warnings.extend(data_warnings(recordings, &errors, &fit));
         warnings.extend(fit_warnings(&campaign, &fit, settings));
         let moved = motion_over_time(&campaign, &fit, &used);
-        warnings.extend(moved.map(|part| sentences::structure(part, &["t_s".to_owned()])));
+        warnings.extend(moved.map(|part| sentences::structure(part, &["t_s".to_owned()], None)));
         let [nominal, _, advanced] = fits(&calibration);
         let is_held = |pose: usize| held.get(pose).copied().unwrap_or(false);
         let arm = &base.physics.arm;

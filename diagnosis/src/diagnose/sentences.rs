@@ -1,6 +1,6 @@
 //! Findings as English sentences for technicians, with values and units.
 
-use super::StructureLocation;
+use super::{JointSection, StructureLocation};
 use crate::hypothesis::parameter_key;
 use physics::{AnyEffect, JointKind};
 
@@ -41,19 +41,35 @@ fn three_digits(value: f64) -> String {
     format!("{value:.*}", places.clamp(0.0, 9.0) as usize)
 }
 
-/// What an unexplained structure is, and what to do about it; `depends_on`: names of its covariates.
+/// What an unexplained structure is, and what to do about it; `depends_on`: names of its covariates; `section`: where it is, if it is local.
 #[must_use]
-pub fn structure(location: StructureLocation, depends_on: &[String]) -> String {
-    match location {
-        StructureLocation::Joint(joint) => format!(
+pub fn structure(
+    location: StructureLocation,
+    depends_on: &[String],
+    section: Option<JointSection>,
+) -> String {
+    match (location, section) {
+        (StructureLocation::Joint(joint), Some(JointSection { limits, largest, kind })) => {
+            let is_prismatic = kind == JointKind::Prismatic;
+            let (unit, error_unit) = if is_prismatic { (" mm", "mm") } else { ("°", "mrad") };
+            let [low, high] =
+                limits.map(|limit| if is_prismatic { 1e3 * limit } else { limit.to_degrees() });
+            format!(
+                "Joint {} has an unmodelled error of up to {} {error_unit} between {low:.1} and {high:.1}{unit}: \
+                 look there for damage to its gear, bearing or encoder.",
+                joint + 1,
+                three_digits(1e3 * largest)
+            )
+        }
+        (StructureLocation::Joint(joint), None) => format!(
             "An unmodelled error of joint {}, depending on {}, remains.",
             joint + 1,
             depends_on.join(" and ")
         ),
-        StructureLocation::MeasuringFrame => "The measuring frame moves against the robot's base during the recording: the instrument, its stand or the base is not \
+        (StructureLocation::MeasuringFrame, _) => "The measuring frame moves against the robot's base during the recording: the instrument, its stand or the base is not \
              steady, or the arm grows with heat. Measure again with three reference targets on the base (`target#_on_link = 0`): they show which."
             .to_owned(),
-        StructureLocation::MeasuredPoint => "The measured point moves on the tool during the recording: a target or the tool slipped, or the tool grows with heat. \
+        (StructureLocation::MeasuredPoint, _) => "The measured point moves on the tool during the recording: a target or the tool slipped, or the tool grows with heat. \
              Fasten it and measure again, with three targets on the tool."
             .to_owned(),
     }

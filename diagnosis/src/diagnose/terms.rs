@@ -1,4 +1,5 @@
-//! Terms of a smooth regression: allowed combinations of covariates, and their polynomials. There is no constant term; the fit contains one already.
+//! Terms of a smooth regression: allowed combinations of covariates, and their polynomials. There is no constant term beside others; the fit contains one
+//! already.
 
 use super::covariates::Covariate;
 
@@ -39,7 +40,7 @@ pub(super) fn count(covariates: &[Covariate], group: &[usize], alone: usize) -> 
     count
 }
 
-/// Passes the terms of a group of covariates at a pose to `take`; `alone`: degree for a single covariate.
+/// Passes the terms of a group of covariates at a pose to `take`; `alone`: degree for a single covariate. An empty group has one constant term.
 pub(super) fn terms(
     covariates: &[Covariate],
     group: &[usize],
@@ -50,6 +51,7 @@ pub(super) fn terms(
         if covariate.name.starts_with("dir") { 1 } else { most }
     };
     match *group {
+        [] => take(1.0),
         [one] => covariates[one].chebyshev(pose, degree(&covariates[one], alone)).for_each(take),
         [one, two] => {
             let joints = [one, two].map(|w| covariates[w].joint);

@@ -11,11 +11,13 @@
 //! The criterion includes penalties for the coefficients and for the number of functions tried.
 
 use super::covariates::{Covariate, all_covariates};
+use super::local_errors;
+use super::modulated_motion::{DEGREE, ModulatedMotion};
 use super::residual_map::displacements;
 use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
 use super::terms::{count, pairs, singles, terms};
 use super::validation::validation_margin;
-use super::{StructureLocation, Unexplained};
+use super::{JointSection, StructureLocation, Unexplained};
 use crate::campaign::Campaign;
 use crate::fit::{FitEffort, FitSettings, refit_with_fixed_weights};
 use crate::fit_result::Fit;
@@ -23,17 +25,11 @@ use crate::robust_weights::Influence;
 use crate::score_test::{ColumnGroups, ScoreTest};
 use crate::simd::dot;
 use crate::tool_motion::ToolMotion;
-use glam::DVec3;
 use physics::spec::Need;
-use physics::{AnyEffect, Arm, Chain, Inputs};
-use std::rc::Rc;
+use physics::{AnyEffect, Arm, Inputs};
 
-/// Degree of the polynomials of a single covariate.
-const DEGREE: usize = 5;
 /// Degrees of the polynomials of a motion over time: a steady drift, and any slow motion.
 const DEGREES_OVER_TIME: [usize; 2] = [1, DEGREE];
-/// Degree of the polynomials by which the size of a selected effect varies.
-const SIZE_DEGREE: usize = 3;
 /// Whitened residuals beyond this are outliers, in standard deviations.
 const OUTLIER_SIGMAS: f64 = 12.0;
 /// Relative margin by which the improvement of a smooth function has to exceed that of the selected effects that it replaces: their equations are
@@ -48,86 +44,6 @@ const MAJOR_GAIN_SHARE: f64 = 0.1;
 /// Improvement of a smooth function, in the sum of squares, from which it is far above the noise: needed where the AR noise model is uncertain, before the
 /// selection is complete and with noise as slow as the motion.
 const CERTAIN_IMPROVEMENT_MIN: f64 = 200.0;
-/// Standard deviation of the prior of a coefficient of a joint's error, rad or m.
-const COEFFICIENT_SIGMA: f64 = 5e-3;
-
-/// The motions that a smooth function multiplies, each with coefficients of its own.
-#[derive(Clone, Debug)]
-enum ModulatedMotion {
-    /// An error of a joint's position, rad or m.
-    JointError,
-    /// The motion by a selected effect: tool displacement at each pose, and index of the covariate that the effect itself depends on.
-    EffectSize(Rc<[ToolMotion]>, Option<usize>),
-    /// Translations of the measuring frame along the axes of the base, m; with the degree of the polynomials.
-    FrameShift(usize),
-    /// Translations of the measuring frame along the axes of the base and rotations about them, m and rad; with the degree.
-    FrameMotion(usize),
-    /// Translations of the measured points along the axes of the tool, m; with the degree.
-    ToolShift(usize),
-}
-
-impl ModulatedMotion {
-    /// Passes the tool displacements at a pose per unit of the smooth function to `take`.
-    fn units(
-        &self,
-        arm: &Arm,
-        location: StructureLocation,
-        inputs: &Inputs,
-        pose: usize,
-        mut take: impl FnMut(ToolMotion),
-    ) {
-        let chain = || Chain::nominal(arm, &inputs.q);
-        let shift = |shift| ToolMotion { shift, ..ToolMotion::default() };
-        match self {
-            Self::JointError => {
-                if let StructureLocation::Joint(joint) = location {
-                    take(ToolMotion::of_joint(arm, &chain(), joint));
-                }
-            }
-            Self::EffectSize(motions, _) => take(motions[pose]),
-            Self::FrameShift(_) => DVec3::AXES.into_iter().for_each(|axis| take(shift(axis))),
-            Self::FrameMotion(_) => {
-                let tcp = chain().base_from_tool.origin;
-                DVec3::AXES.into_iter().for_each(|axis| take(shift(axis)));
-                DVec3::AXES.into_iter().for_each(|turn| {
-                    take(ToolMotion { turn, ..shift(turn.cross(tcp)) });
-                });
-            }
-            Self::ToolShift(_) => {
-                let rotation = chain().base_from_tool.rotation;
-                DVec3::AXES.into_iter().for_each(|axis| take(shift(rotation * axis)));
-            }
-        }
-    }
-
-    /// Number of these motions.
-    fn unit_count(&self) -> usize {
-        match self {
-            Self::JointError | Self::EffectSize(..) => 1,
-            Self::FrameShift(_) | Self::ToolShift(_) => 3,
-            Self::FrameMotion(_) => 6,
-        }
-    }
-
-    /// Degree of the polynomials of a single covariate.
-    fn degree(&self) -> usize {
-        match self {
-            Self::JointError => DEGREE,
-            Self::EffectSize(..) => SIZE_DEGREE,
-            Self::FrameShift(degree) | Self::FrameMotion(degree) | Self::ToolShift(degree) => {
-                *degree
-            }
-        }
-    }
-
-    /// Standard deviation of the prior of a coefficient: rad or m, relative for the size of a selected effect.
-    fn coefficient_sigma(&self) -> f64 {
-        match self {
-            Self::EffectSize(..) => 1.0,
-            _ => COEFFICIENT_SIGMA,
-        }
-    }
-}
 
 /// A smooth function that models the error of a joint, the size of an effect selected there, or a motion of the measuring frame or of the measured points.
 #[derive(Clone, Debug)]
@@ -135,7 +51,7 @@ pub(super) struct SmoothFunction {
     /// What it models.
     pub(super) location: StructureLocation,
     carrier: ModulatedMotion,
-    /// Indices of its covariates: one or two.
+    /// Indices of its covariates: one or two; none of local errors.
     covariates: Vec<usize>,
     /// Coefficients of the terms of each motion: rad or m, relative for the size of a selected effect.
     coefficients: Vec<f64>,
@@ -276,6 +192,7 @@ fn replacement_of(
             replaced.iter().copied().filter(|one| !is_few(one)).collect();
         names = names.max(worth(beside(&others).sum_of_squares, few));
     }
+    let fewest: usize = few.iter().map(|one| one.parameter_count).sum();
     let few = selection.without_effects(replaced, without.clone());
     let best =
         best_varying_size(&fitted, covariates, search, &few, best_function(&fitted, covariates));
@@ -290,6 +207,8 @@ fn replacement_of(
         }
     }
     let law = SmoothFunction { replaces_effects: true, ..law };
+    // A function of half as many parameters that describes as much needs no margin.
+    let share = if 2 * law.parameter_count() <= fewest { 0.0 } else { share };
     (law.improvement > (1.0 + share) * names).then_some((few, law))
 }
 
@@ -312,6 +231,7 @@ pub(super) fn best_function(
         best = best_over_joints(fitted, covariates, with, best);
     }
     best = best_motion_over_time(fitted, covariates, best);
+    best = best_local_errors(fitted, covariates, best);
     best.filter(|law| law.improvement > 0.0)
 }
 
@@ -351,6 +271,32 @@ fn best_motion_over_time(
     let tried = motions.len();
     motions.iter().fold(before, |best, (location, carrier)| {
         best_in_groups(fitted, covariates, (*location, carrier), (&[vec![time]], tried), best)
+    })
+}
+
+/// The best sum of local errors of a joint, or `before` if that is better.
+fn best_local_errors(
+    fitted: &ScoreTest<'_>,
+    covariates: &[Covariate],
+    before: Option<SmoothFunction>,
+) -> Option<SmoothFunction> {
+    let Some(found) = local_errors::best(fitted, |tried, count| {
+        penalty(fitted, count, 1) + count as f64 * penalty(fitted, 0, tried)
+    }) else {
+        return before;
+    };
+    let name = format!("q{}", found.joint + 1);
+    let Some(position) = covariates.iter().position(|one| one.name == name) else { return before };
+    if before.as_ref().is_some_and(|best| best.improvement >= found.improvement) {
+        return before;
+    }
+    Some(SmoothFunction {
+        location: StructureLocation::Joint(found.joint),
+        carrier: ModulatedMotion::LocalErrors(found.bumps.into(), position),
+        covariates: Vec::new(),
+        coefficients: found.heights,
+        improvement: found.improvement,
+        replaces_effects: false,
     })
 }
 
@@ -468,17 +414,34 @@ fn penalty(fitted: &ScoreTest<'_>, numbers: usize, tried: usize) -> f64 {
 }
 
 impl SmoothFunction {
+    /// Number of its parameters; of a local error its height, position and width.
+    fn parameter_count(&self) -> usize {
+        let is_local = matches!(self.carrier, ModulatedMotion::LocalErrors(..));
+        self.coefficients.len() * if is_local { 3 } else { 1 }
+    }
+
     /// Names of the covariates that it depends on (docs/reference/results.md), each once.
     pub(super) fn covariate_names(&self, covariates: &[Covariate]) -> Vec<String> {
-        let own_index = if let ModulatedMotion::EffectSize(_, own_index) = &self.carrier {
-            *own_index
-        } else {
-            None
+        let own_index = match &self.carrier {
+            ModulatedMotion::EffectSize(_, own_index) => *own_index,
+            ModulatedMotion::LocalErrors(_, position) => Some(*position),
+            _ => None,
         };
         let all = own_index.iter().chain(&self.covariates);
         let mut names: Vec<String> = all.map(|index| covariates[*index].name.clone()).collect();
         names.dedup();
         names
+    }
+
+    /// The section of the joint's range that has local errors, if it consists of these.
+    fn section(&self, arm: &Arm) -> Option<JointSection> {
+        let (StructureLocation::Joint(joint), ModulatedMotion::LocalErrors(bumps, _)) =
+            (self.location, &self.carrier)
+        else {
+            return None;
+        };
+        let (limits, largest) = local_errors::extent(bumps, &self.coefficients);
+        Some(JointSection { limits, largest, kind: arm.joints()[joint].kind })
     }
 
     /// Whether rows outside the fit support it: the gain in log-likelihood there, from their sums of squares without it and with it, must be what selection
@@ -512,6 +475,7 @@ impl SmoothFunction {
         (is_supported && with < without).then(|| Unexplained {
             depends_on: self.covariate_names(covariates),
             location: self.location,
+            section: self.section(&fitted.state.hypothesis.model.arm),
             heldout: [error, error * (with / without).sqrt()],
         })
     }

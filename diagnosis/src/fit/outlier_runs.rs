@@ -1,0 +1,57 @@
+//! Runs of large residuals, which are not outliers but the sign of a missing effect: in consecutive rows of a path, or at consecutive positions of a joint,
+//! as at a worn tooth or a dent in a guide. A gross error of the instrument does not return where the joint returns.
+
+use crate::autocorrelation::is_next_row;
+use crate::campaign::Campaign;
+use crate::linearisation::ResidualNorm;
+use std::collections::BTreeMap;
+
+/// Least length of a run of large residuals in consecutive rows of a path.
+const ROWS_MIN: usize = 4;
+/// Least length of a run of large residuals at consecutive positions of a joint. If one residual in ten is large by chance, six in a row happen once in a
+/// million places.
+const POSITIONS_MIN: usize = 6;
+
+/// Which measurements belong to a run of large residuals (`is_far`) of their stream.
+pub(super) fn in_runs(campaign: &Campaign, lengths: &[ResidualNorm], is_far: &[bool]) -> Vec<bool> {
+    let mut streams: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+    for (place, one) in lengths.iter().enumerate() {
+        streams.entry((one.instrument, one.stream)).or_default().push(place);
+    }
+    let mut found = vec![false; lengths.len()];
+    let joints = campaign.poses.first().map_or(0, |pose| pose.inputs.q.len());
+    for places in streams.values() {
+        mark_runs(places, ROWS_MIN, is_far, &mut found, |last, place| {
+            is_next_row(campaign, lengths[last].pose, lengths[place].pose)
+                && campaign.recordings[campaign.poses[lengths[place].pose].recording].is_path
+        });
+        if places.iter().filter(|place| is_far[**place]).count() < POSITIONS_MIN {
+            continue;
+        }
+        for joint in 0..joints {
+            let position = |place: usize| campaign.poses[lengths[place].pose].inputs.q[joint];
+            let mut by_position = places.clone();
+            by_position.sort_by(|a, b| position(*a).total_cmp(&position(*b)));
+            // While the joint stands, the order says nothing.
+            mark_runs(&by_position, POSITIONS_MIN, is_far, &mut found, |last, place| {
+                position(last) < position(place)
+            });
+        }
+    }
+    found
+}
+
+/// Marks the runs of at least `count` large residuals in the order of `places`, of which each continues the one before.
+fn mark_runs(
+    places: &[usize],
+    count: usize,
+    is_far: &[bool],
+    found: &mut [bool],
+    continues: impl Fn(usize, usize) -> bool,
+) {
+    let run =
+        |last: &usize, place: &usize| is_far[*last] && is_far[*place] && continues(*last, *place);
+    for run in places.chunk_by(run).filter(|run| run.len() >= count) {
+        run.iter().for_each(|place| found[*place] = true);
+    }
+}
