@@ -193,7 +193,7 @@ pub(crate) fn is_next_row(campaign: &Campaign, before: usize, now: usize) -> boo
 }
 
 /// Whether one pose is a later row than another in the same recording.
-fn is_later_row(campaign: &Campaign, before: usize, now: usize) -> bool {
+pub(crate) fn is_later_row(campaign: &Campaign, before: usize, now: usize) -> bool {
     let pose = |place: usize| -> &Pose { &campaign.poses[place] };
     pose(before).row < pose(now).row
         && pose(before).recording == pose(now).recording

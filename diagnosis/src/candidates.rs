@@ -27,6 +27,9 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub(crate) const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
 /// Loads at which the soft zone ends that are tried, as fractions of the joint's largest load.
 const SOFT_ZONE_LOADS: [f64; 3] = [0.05, 0.2, 0.6];
+/// Numbers of bodies, the joint's own and those after it, of which the simpler sags consist: of an articulated arm, joint 3 carries the forearm, joint 2 the
+/// upper arm too.
+const NEAR_BODIES: [usize; 2] = [1, 2];
 
 /// One parameter of an effect, evaluated by its column of the Jacobian.
 #[derive(Clone, Copy, Debug)]
@@ -46,8 +49,9 @@ enum ParameterMapping {
     Wobble { joint: usize, cycles: f64 },
     /// Changes to the parameters of an effect that the model already has, at index `place`.
     Change { place: usize },
-    /// Coefficients of a joint error polynomial; those that are equivalent to an offset and a ratio stay zero.
-    Remainder,
+    /// Some of the parameters of the effect of the probes; the others stay zero: in a joint error polynomial those that are equivalent to an offset and a
+    /// ratio, in a sag those of bodies farther out.
+    Part,
     /// A spring: one of its lengths stays fixed, since the data determine only their ratios.
     Spring,
     /// Masses at given positions, combined to their sum at their centre of mass.
@@ -76,7 +80,7 @@ impl Candidate {
             ParameterMapping::Change { .. } => None,
             ParameterMapping::Masses => loads::at_centre_of_mass(&self.probes, found),
             ParameterMapping::Values
-            | ParameterMapping::Remainder
+            | ParameterMapping::Part
             | ParameterMapping::Spring
             | ParameterMapping::Mode(_) => {
                 let mut effect = self.probes.first()?.effect;
@@ -105,7 +109,7 @@ impl Candidate {
             ParameterMapping::Mode(driven) => driven.fixed_stems(),
             ParameterMapping::Values
             | ParameterMapping::Change { .. }
-            | ParameterMapping::Remainder
+            | ParameterMapping::Part
             | ParameterMapping::Masses => &[],
         }
     }
@@ -127,7 +131,7 @@ impl Candidate {
 
     /// Whether a fit may change this parameter of its effect.
     pub(crate) fn may_fit(&self, value: usize) -> bool {
-        !matches!(self.mapping, ParameterMapping::Remainder)
+        !matches!(self.mapping, ParameterMapping::Part)
             || self.probes.iter().any(|p| p.value == value)
     }
 
@@ -317,6 +321,7 @@ impl<'a> CandidateList<'a> {
         let sag = [0.0; 3 * JOINTS_MAX];
         let bodies = 3 * (self.arm.count() - joint);
         self.add_effect("gravity_sag", of_joint, &[("sag", &sag[..bodies])]);
+        self.add_near_sags(joint, &sag[..bodies]);
         if self.signals.wrench {
             self.add_effect("load_compliance", of_joint, &[("compliance", &[0.0])]);
         }
@@ -335,6 +340,22 @@ impl<'a> CandidateList<'a> {
                 let torque = [share * most];
                 self.add_effect("lost_motion", of_joint, &[("width", &[0.0]), ("torque", &torque)]);
             }
+        }
+    }
+
+    /// Adds sags by the bodies next to the joint only: the light bodies farther out add parameters that few recordings determine.
+    fn add_near_sags(&mut self, joint: usize, sag: &[f64]) {
+        let given: &[(&str, &[f64])] = &[("sag", sag)];
+        let built = AnyEffect::build("gravity_sag", self.arm, Some(joint), ParameterValues(given));
+        let Ok(effect) = built else { return };
+        for values in NEAR_BODIES.map(|bodies| 3 * bodies).into_iter().filter(|n| *n < sag.len()) {
+            self.candidates.push(Candidate {
+                slot: slot(&effect),
+                joint: Some(joint),
+                probes: (0..values).map(|value| CandidateParameter { effect, value }).collect(),
+                settings: Vec::new(),
+                mapping: ParameterMapping::Part,
+            });
         }
     }
 

@@ -26,6 +26,7 @@ mod noise_models;
 mod outer_iteration;
 mod plot_data;
 mod preparation;
+mod refutation;
 mod residual_map;
 mod robust_selection;
 mod screening;
@@ -385,12 +386,44 @@ fn finish(
         from: None,
         effort: FitEffort::Full,
     };
+    let (selection, refuted) = refutation::without_refuted(&campaign, model, &split, selection);
     let EffectSelection { fit: last, selected } = selection;
     let held_out = split.held_out();
     let held = FitEvaluator::new(&campaign, (&split, &held_out), &last);
     let given = held.compared(&Hypothesis::fixed(*model), &last);
     let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
+    if std::env::var_os("DBGX").is_some() {
+        for f in &last.hypothesis.free {
+            eprintln!(
+                "FREE {:?} {} value {:.5e} sigma {:.3e}",
+                f.effect,
+                last.hypothesis.describe(f),
+                0.0,
+                f.sigma
+            );
+        }
+        for e in last.hypothesis.model.effects() {
+            eprintln!("EFFECT {} j{:?} {:?}", e.spec().kind, e.joint(), e.values());
+        }
+        let (g, l) = (given.residuals(&campaign), last.residuals(&campaign));
+        for (a, b) in g.iter().zip(&l) {
+            let pose = &campaign.poses[a.pose];
+            eprintln!(
+                "ROW {} {} {} {} {:.3} {} {:.5} {:.5} {:?} {:.3}",
+                a.pose,
+                pose.recording,
+                pose.row,
+                u8::from(held_out[a.pose]),
+                pose.inputs.time_s,
+                a.reading,
+                1e3 * a.residual.x,
+                1e3 * b.residual.x,
+                pose.arrival,
+                last.weights[a.reading]
+            );
+        }
+    }
     let is_replaced = law.as_ref().is_some_and(SmoothFunction::replaces_certain_effects);
     let unexplained = law.and_then(|law| law.confirmed(&fitted, covariates, &held_out, after));
     let carried = unexplained.as_ref().map(|rest| {
@@ -411,7 +444,8 @@ fn finish(
     let objection = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspected| suspected.message)
         .or_else(|| (is_replaced && unexplained.is_none()).then(|| NOT_CONFIRMED.to_owned()));
-    let notes = outlier_note(&last, &campaign).into_iter().chain(noise_notes(&last, &campaign));
+    let notes = refuted.into_iter().chain(outlier_note(&last, &campaign));
+    let notes = notes.chain(gross_error_note(&held, &last)).chain(noise_notes(&last, &campaign));
     let notes = notes.collect();
     Diagnosis {
         verdict,
@@ -445,6 +479,16 @@ fn outlier_note(last: &Fit, campaign: &Campaign) -> Option<String> {
     (outliers > 0).then(|| {
         format!(
             "{outliers} of {rows} rows are outliers of the final model and have little or no weight"
+        )
+    })
+}
+
+/// Note on the gross errors of the test set, if there are any.
+fn gross_error_note(held: &FitEvaluator<'_>, last: &Fit) -> Option<String> {
+    let (gross, all) = held.gross_errors(last);
+    (gross > 0).then(|| {
+        format!(
+            "the held-out error does not count {gross} of {all} held-out measurements: single large deviations, as gross errors of the instrument cause"
         )
     })
 }

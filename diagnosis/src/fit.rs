@@ -6,8 +6,6 @@
 //! Deterministic: the same input gives the same bits. Sign constraints are satisfied, and every parameter that was not fitted is listed. Effects are
 //! selected in [`mod@crate::diagnose`].
 
-mod outlier_runs;
-
 use crate::campaign::Campaign;
 use crate::extrinsics::Extrinsics;
 use crate::fit_result::{Fit, FitParts};
@@ -17,6 +15,7 @@ use crate::initial_extrinsics;
 use crate::least_squares::{FitState, ReadingWeights};
 use crate::levenberg_marquardt::{Minimum, Termination, minimise};
 use crate::linearisation::{Linearisation, ResidualNorm};
+use crate::outlier_runs::{self, ReadingPlace};
 use crate::qr::QrFactor;
 use crate::robust_weights::{Influence, robust_noise_factor, weight};
 use std::collections::BTreeMap;
@@ -299,7 +298,7 @@ impl<'a> Fitter<'a> {
     }
 
     /// Weights from the size of each residual relative to the scale of its own stream: if half of the residuals of one encoder or target are large,
-    /// the cause is a missing effect, which must stay visible, not outliers. The same holds for [runs](outlier_runs) of large residuals.
+    /// the cause is a missing effect, which must stay visible, not outliers. The same holds for [runs](crate::outlier_runs) of large residuals.
     fn reweigh(&mut self, influence: Influence) {
         self.reduced = None;
         let lengths = self.linearisation.residual_norms();
@@ -323,7 +322,8 @@ impl<'a> Fitter<'a> {
             .iter()
             .map(|one| weight(Influence::Redescending, one.count, size(one)) < 1.0)
             .collect();
-        let in_runs = outlier_runs::in_runs(self.campaign, &lengths, &is_far);
+        let places: Vec<ReadingPlace> = lengths.iter().map(ReadingPlace::from).collect();
+        let in_runs = outlier_runs::in_runs(self.campaign, &places, &is_far);
         for (one, is_in_run) in lengths.iter().zip(in_runs) {
             let influence = if is_in_run { monotone_influence(influence) } else { influence };
             self.weighing.weights[one.reading] = weight(influence, one.count, size(one));

@@ -38,6 +38,7 @@ mod levenberg_marquardt;
 mod linearisation;
 pub mod link_targets;
 pub mod load_pairs;
+mod outlier_runs;
 mod path_dynamics;
 mod periodogram;
 pub mod plan;

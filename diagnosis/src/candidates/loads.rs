@@ -160,7 +160,7 @@ pub(crate) fn joint_polynomials(arm: &Arm, campaign: &Campaign, used: &[bool]) -
             joint: Some(joint),
             probes: (FIRST_TERM..TERMS).map(|value| CandidateParameter { effect, value }).collect(),
             settings: vec![("range", range.to_vec())],
-            mapping: ParameterMapping::Remainder,
+            mapping: ParameterMapping::Part,
         })
     };
     (0..arm.count()).filter_map(one).collect()

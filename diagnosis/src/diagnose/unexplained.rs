@@ -30,8 +30,8 @@ use physics::{AnyEffect, Arm, Inputs};
 
 /// Degrees of the polynomials of a motion over time: a steady drift, and any slow motion.
 const DEGREES_OVER_TIME: [usize; 2] = [1, DEGREE];
-/// Whitened residuals beyond this are outliers, in standard deviations.
-const OUTLIER_SIGMAS: f64 = 12.0;
+/// Largest whitened residual that counts on rows outside the fit, in standard deviations.
+const RESIDUAL_SIGMAS_MAX: f64 = 12.0;
 /// Relative margin by which the improvement of a smooth function has to exceed that of the selected effects that it replaces: their equations are
 /// simplified, too.
 const REPLACEMENT_MARGIN: f64 = 0.02;
@@ -501,7 +501,7 @@ impl SmoothFunction {
         motion
     }
 
-    /// Sums of squares of the whitened residuals on the poses `held`, without and with the function. The fitted parameters respond to the function as
+    /// Sums of squares of the whitened residuals on the poses `held`, limited to [`RESIDUAL_SIGMAS_MAX`], without and with the function. The fitted parameters respond to the function as
     /// they do on the training rows.
     pub(super) fn sums_of_squares(
         &self,
@@ -523,10 +523,9 @@ impl SmoothFunction {
         let on_held_poses = fitted.on_poses(held);
         let mut sums = [0.0; 2];
         on_held_poses.rows(1, motion, |row, law, left| {
-            if left.abs() < OUTLIER_SIGMAS {
-                let with = left - law[0] + dot(row, &follows);
-                sums[0] += left * left;
-                sums[1] += with * with;
+            let with = left - law[0] + dot(row, &follows);
+            for (sum, left) in sums.iter_mut().zip([left, with]) {
+                *sum += left.powi(2).min(RESIDUAL_SIGMAS_MAX.powi(2));
             }
         });
         sums

@@ -1,6 +1,7 @@
 //! Validation and test: removes effects that the validation set does not support; computes errors on the test set.
 //!
-//! Frames and targets are estimated on training rows. Outliers of the final model are excluded from the errors of all models that are compared.
+//! Frames and targets are estimated on training rows. Gross errors, by the final model, are excluded from the
+//! errors of all models that are compared.
 
 use super::selection::{
     EffectSelection, SelectedEffect, hypothesis_without, is_needed, shift_indices_after,
@@ -15,6 +16,7 @@ use crate::fit_result::{Fit, Residual};
 use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
 use crate::least_squares::{FitState, VisitScope, visit_readings};
+use crate::outlier_runs::{self, ReadingPlace};
 use crate::progress::StageProgress;
 use physics::{AnyEffect, Model};
 use rayon::prelude::*;
@@ -34,8 +36,11 @@ const TRAINING_MARGIN_ALONE: f64 = 50.0;
 const REVALIDATED_EFFECTS: usize = 6;
 /// Number of poses of a path before each boundary between sets whose measurements are removed.
 const BOUNDARY_POSES: usize = 5;
-/// A deviation larger than this many times the median is an outlier.
+/// A deviation larger than this many times the median may be a gross error.
 const OUTLIER_RATIO: f64 = 8.0;
+
+/// Largest whitened residual that counts in a likelihood, in standard deviations: eight medians, as for gross errors.
+const RESIDUAL_SIGMAS_MAX: f64 = 5.4;
 
 /// RMS errors of scalar values on the test set.
 #[derive(Clone, Debug, PartialEq)]
@@ -188,13 +193,14 @@ pub(super) struct FitEvaluator<'a> {
     pub(super) split: &'a HoldOutSplit,
     /// Whether each pose is evaluated.
     is_evaluated: Vec<bool>,
-    /// Whether each measurement counts: of an evaluated pose, of the kind `is_length`, and no outlier.
+    /// Whether each measurement counts: of an evaluated pose, of the kind `is_length`, and no gross error.
     is_counted: Vec<bool>,
     pub(super) is_length: bool,
 }
 
 impl<'a> FitEvaluator<'a> {
-    /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the outliers.
+    /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the gross errors: measurements that it
+    /// misses by far, but for those in [runs](crate::outlier_runs), which are errors of the model.
     pub(super) fn new(
         campaign: &'a Campaign,
         (split, is_evaluated): (&'a HoldOutSplit, &[bool]),
@@ -205,12 +211,32 @@ impl<'a> FitEvaluator<'a> {
         let lengths =
             residuals.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
         let distance_max = OUTLIER_RATIO * median(lengths);
-        let counts = residuals.iter().map(|o| is_evaluated[o.pose] && o.is_length == is_length);
-        let is_counted = counts
-            .zip(&residuals)
-            .map(|(counts, o)| counts && o.residual.length() <= distance_max)
+        let counts = |o: &Residual| is_evaluated[o.pose] && o.is_length == is_length;
+        let is_far = |o: &Residual| counts(o) && o.residual.length() > distance_max;
+        let is_far: Vec<bool> = residuals.iter().map(is_far).collect();
+        let observations = campaign.poses.iter().enumerate();
+        let places: Vec<ReadingPlace> = observations
+            .flat_map(|(pose, one)| one.seen.iter().map(move |seen| (pose, seen)))
+            .map(|(pose, seen)| ReadingPlace {
+                pose,
+                instrument: seen.instrument,
+                stream: series_index(&seen.reading),
+            })
             .collect();
+        let in_runs = outlier_runs::in_runs(campaign, &places, &is_far);
+        let is_gross = is_far.iter().zip(in_runs).map(|(is_far, in_run)| *is_far && !in_run);
+        let is_counted =
+            residuals.iter().zip(is_gross).map(|(o, is_gross)| counts(o) && !is_gross).collect();
         Self { campaign, split, is_evaluated: is_evaluated.to_vec(), is_counted, is_length }
+    }
+
+    /// Number of measurements that are gross errors, and number of all that could count.
+    pub(super) fn gross_errors(&self, last: &Fit) -> (usize, usize) {
+        let residuals = last.residuals(self.campaign);
+        let measured =
+            residuals.iter().filter(|o| self.is_evaluated[o.pose] && o.is_length == self.is_length);
+        let all = measured.clone().count();
+        (measured.filter(|o| !self.is_counted[o.reading]).count(), all)
     }
 
     /// RMS error of scalar values, m or rad.
@@ -267,7 +293,8 @@ impl<'a> FitEvaluator<'a> {
         encoders.values().map(varies).sum::<f64>() / count.max(1.0)
     }
 
-    /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed.
+    /// Sum of squares of the whitened residuals: in units of the noise, autocorrelation removed, and each limited to [`RESIDUAL_SIGMAS_MAX`]: a model loses
+    /// where it fails, but no row decides alone.
     fn whitened_sum(&self, state: &FitState, noise_factors: &[f64]) -> f64 {
         self.whitened_sum_and_count(state, noise_factors).0
     }
@@ -283,7 +310,7 @@ impl<'a> FitEvaluator<'a> {
                 let scale = weight / noise_factors[reading.instrument];
                 let mut left = [scale * reading.rows.residual[part]];
                 filter.pass(reading.pose, reading.instrument, reading.stream, part, &mut left);
-                sum += weight * left[0] * left[0];
+                sum += weight * left[0].powi(2).min(RESIDUAL_SIGMAS_MAX.powi(2));
                 count += weight;
             }
         });

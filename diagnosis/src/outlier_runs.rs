@@ -1,7 +1,7 @@
 //! Runs of large residuals, which are not outliers but the sign of a missing effect: in consecutive rows of a path, or at consecutive positions of a joint,
 //! as at a worn tooth or a dent in a guide. A gross error of the instrument does not return where the joint returns.
 
-use crate::autocorrelation::is_next_row;
+use crate::autocorrelation::is_later_row;
 use crate::campaign::Campaign;
 use crate::linearisation::ResidualNorm;
 use std::collections::BTreeMap;
@@ -12,24 +12,43 @@ const ROWS_MIN: usize = 4;
 /// million places.
 const POSITIONS_MIN: usize = 6;
 
+/// Where a measurement belongs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ReadingPlace {
+    pub(crate) pose: usize,
+    pub(crate) instrument: usize,
+    /// Its stream, by [`series_index`](crate::autocorrelation::series_index).
+    pub(crate) stream: usize,
+}
+
+impl From<&ResidualNorm> for ReadingPlace {
+    fn from(norm: &ResidualNorm) -> Self {
+        Self { pose: norm.pose, instrument: norm.instrument, stream: norm.stream }
+    }
+}
+
 /// Which measurements belong to a run of large residuals (`is_far`) of their stream.
-pub(super) fn in_runs(campaign: &Campaign, lengths: &[ResidualNorm], is_far: &[bool]) -> Vec<bool> {
+pub(crate) fn in_runs(
+    campaign: &Campaign,
+    readings: &[ReadingPlace],
+    is_far: &[bool],
+) -> Vec<bool> {
     let mut streams: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
-    for (place, one) in lengths.iter().enumerate() {
+    for (place, one) in readings.iter().enumerate() {
         streams.entry((one.instrument, one.stream)).or_default().push(place);
     }
-    let mut found = vec![false; lengths.len()];
+    let mut found = vec![false; readings.len()];
     let joints = campaign.poses.first().map_or(0, |pose| pose.inputs.q.len());
     for places in streams.values() {
         mark_runs(places, ROWS_MIN, is_far, &mut found, |last, place| {
-            is_next_row(campaign, lengths[last].pose, lengths[place].pose)
-                && campaign.recordings[campaign.poses[lengths[place].pose].recording].is_path
+            is_later_row(campaign, readings[last].pose, readings[place].pose)
+                && campaign.recordings[campaign.poses[readings[place].pose].recording].is_path
         });
         if places.iter().filter(|place| is_far[**place]).count() < POSITIONS_MIN {
             continue;
         }
         for joint in 0..joints {
-            let position = |place: usize| campaign.poses[lengths[place].pose].inputs.q[joint];
+            let position = |place: usize| campaign.poses[readings[place].pose].inputs.q[joint];
             let mut by_position = places.clone();
             by_position.sort_by(|a, b| position(*a).total_cmp(&position(*b)));
             // While the joint stands, the order says nothing.
