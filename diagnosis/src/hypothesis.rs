@@ -7,6 +7,8 @@ use glam::DVec3;
 use physics::spec::{Count, Parameter, Range, Role, Unit};
 use physics::{AnyEffect, Model, ModelError};
 
+/// Standard deviation of the prior of a joint's sag by its own body, rad: joints of industrial robots bend by up to a few mrad under the arm's weight.
+const SAG_SIGMA_RAD: f64 = 3e-3;
 /// Distance that a parameter with two bounds keeps from them, as a fraction of the interval.
 const ASIDE: f64 = 5e-3;
 
@@ -313,7 +315,9 @@ pub fn plausible_size(effect: &AnyEffect, value: usize) -> f64 {
         ("joint_offset", _) => 0.02,
         ("axis_tilt", Unit::TurnMilliradian) => 5e-3,
         ("tool_offset" | "gravity_tilt", Unit::TurnMilliradian) => 0.02,
-        ("gravity_sag" | "joint_polynomial", _) => 5e-3,
+        // Each body farther out is lighter than the one that carries it.
+        ("gravity_sag", _) => SAG_SIGMA_RAD * 0.5_f64.powi((value / 3) as i32),
+        ("joint_polynomial", _) => 5e-3,
         ("axis_wobble", Unit::TurnMilliradian) => 5e-4,
         ("joint_ratio" | "joint_coupling", _) => 3e-3,
         ("wrench_misalignment", _) => 0.2,

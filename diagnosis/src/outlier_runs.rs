@@ -74,3 +74,42 @@ fn mark_runs(
         run.iter().for_each(|place| found[*place] = true);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{ReadingPlace, in_runs};
+    use crate::test_campaigns::unmeasured_campaign;
+
+    /// The readings in runs, where those of the poses `far` are far; one reading a pose, in the order of poses.
+    fn runs(campaign: &crate::campaign::Campaign, far: &[usize]) -> Vec<usize> {
+        let places: Vec<ReadingPlace> = (0..campaign.poses.len())
+            .map(|pose| ReadingPlace { pose, instrument: 0, stream: 0 })
+            .collect();
+        let is_far: Vec<bool> = (0..places.len()).map(|pose| far.contains(&pose)).collect();
+        let found = in_runs(campaign, &places, &is_far);
+        (0..places.len()).filter(|pose| found[*pose]).collect()
+    }
+
+    #[test]
+    fn large_residuals_where_a_joint_returns_are_a_run_and_scattered_ones_are_not() {
+        let campaign = unmeasured_campaign(1, 200);
+        let mut by_position: Vec<usize> = (0..200).collect();
+        let q = |pose: usize| campaign.poses[pose].inputs.q[1];
+        by_position.sort_by(|a, b| q(*a).total_cmp(&q(*b)));
+        let mut near = by_position[80..86].to_vec();
+        near.sort_unstable();
+        assert_eq!(runs(&campaign, &near), near);
+        assert_eq!(runs(&campaign, &near[1..]), Vec::<usize>::new());
+        let scattered: Vec<usize> = (0..20).map(|k| 10 * k).collect();
+        assert_eq!(runs(&campaign, &scattered), Vec::<usize>::new());
+    }
+
+    #[test]
+    fn consecutive_rows_are_a_run_on_a_path_only() {
+        let mut campaign = unmeasured_campaign(1, 50);
+        assert_eq!(runs(&campaign, &[20, 21, 22, 23]), Vec::<usize>::new());
+        campaign.recordings[0].is_path = true;
+        assert_eq!(runs(&campaign, &[20, 21, 22, 23]), vec![20, 21, 22, 23]);
+        assert_eq!(runs(&campaign, &[20, 21, 22]), Vec::<usize>::new());
+    }
+}

@@ -41,6 +41,8 @@ const TENTH_SIGMAS: f64 = 2.146;
 /// Refined centres, in standard deviations from the best of the screening, and widths as multiples of its width.
 const CENTRES: [f64; 5] = [-0.5, -0.25, 0.0, 0.25, 0.5];
 const WIDTHS: [f64; 3] = [0.7, 1.0, 1.4];
+/// Refinements, each by steps half as large as the one before: the last changes centre and width by a few per cent.
+const REFINEMENTS: i32 = 4;
 
 /// A Gaussian bump over the position of a joint, of height one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,17 +94,16 @@ pub(super) fn best(
     let (starts, tried) = screen(fitted, &ranges, None);
     let first: Vec<(usize, Vec<Bump>)> =
         starts.into_iter().map(|(joint, bump)| (joint, vec![bump])).collect();
-    let mut best = best_of(fitted, first, |count| penalty(tried, count))?;
-    best = best_of(fitted, refined(&best), |count| penalty(tried, count))?;
+    let penalty = |count| penalty(tried, count);
+    let mut best = refined(fitted, best_of(fitted, first, penalty)?, penalty);
     while best.bumps.len() < SETTINGS.bumps_max {
         let (starts, _) = screen(fitted, &ranges, Some(&best));
         let further = starts.into_iter().map(|(joint, bump)| {
             let bumps = best.bumps.iter().copied().chain([bump]).collect();
             (joint, bumps)
         });
-        let penalty = |count| penalty(tried, count);
         let Some(next) = best_of(fitted, further.collect(), penalty) else { break };
-        let Some(next) = best_of(fitted, refined(&next), penalty) else { break };
+        let next = refined(fitted, next, penalty);
         if next.improvement <= best.improvement {
             break;
         }
@@ -217,14 +218,28 @@ fn gain(bump: &Bump, low: f64, range: f64, bins: &[Bin]) -> Option<f64> {
     Some(products * products / (squares + SETTINGS.height_sigma.powi(-2)))
 }
 
-/// The sums with other centres and widths of the last bump, and the sum itself.
-fn refined(sum: &LocalErrors) -> Vec<(usize, Vec<Bump>)> {
+/// The sum with better centre and width of its last bump.
+fn refined(
+    fitted: &ScoreTest<'_>,
+    sum: LocalErrors,
+    penalty: impl Fn(usize) -> f64 + Copy,
+) -> LocalErrors {
+    (0..REFINEMENTS).fold(sum, |sum, round| {
+        let variants = variants(&sum, 0.5_f64.powi(round));
+        best_of(fitted, variants, penalty)
+            .filter(|best| best.improvement > sum.improvement)
+            .unwrap_or(sum)
+    })
+}
+
+/// The sums with other centres and widths of the last bump; `step`: size of the change, 0 to 1.
+fn variants(sum: &LocalErrors, step: f64) -> Vec<(usize, Vec<Bump>)> {
     let Some((last, others)) = sum.bumps.split_last() else { return Vec::new() };
     let variants =
         CENTRES.iter().flat_map(|centre| WIDTHS.iter().map(move |width| (centre, width)));
     let bump = |(centre, width): (&f64, &f64)| Bump {
-        centre: last.centre + centre * last.width,
-        width: width * last.width,
+        centre: last.centre + step * centre * last.width,
+        width: width.powf(step) * last.width,
     };
     let with = |bump: Bump| (sum.joint, others.iter().copied().chain([bump]).collect());
     variants.map(bump).map(with).collect()

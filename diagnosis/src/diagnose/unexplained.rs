@@ -179,20 +179,21 @@ fn replacement_of(
     without.design_effect = selection.fit.design_effect;
     let fitted = ScoreTest::new(campaign, &without, settings);
     let worth = |sum: f64, names: &[&SelectedEffect]| {
-        let numbers: usize = names.iter().map(|one| one.parameter_count).sum();
-        let names = names.len() as f64 * penalty(&fitted, 0, dictionary.len());
+        let choice = names.len() as f64 * penalty(&fitted, 0, dictionary.len());
         (without.sum_of_squares - sum) / without.design_effect
-            - penalty(&fitted, numbers, 1)
-            - names
+            - penalty(&fitted, parameter_count(names), 1)
+            - choice
     };
-    let mut names = worth(selection.fit.sum_of_squares, replaced);
+    let mut rival = (worth(selection.fit.sum_of_squares, replaced), parameter_count(replaced));
     if few.len() < replaced.len() {
         let is_few = |one: &&SelectedEffect| few.iter().any(|few| std::ptr::eq(*few, *one));
         let others: Vec<&SelectedEffect> =
             replaced.iter().copied().filter(|one| !is_few(one)).collect();
-        names = names.max(worth(beside(&others).sum_of_squares, few));
+        let alone = worth(beside(&others).sum_of_squares, few);
+        if alone > rival.0 {
+            rival = (alone, parameter_count(few));
+        }
     }
-    let fewest: usize = few.iter().map(|one| one.parameter_count).sum();
     let few = selection.without_effects(replaced, without.clone());
     let best =
         best_varying_size(&fitted, covariates, search, &few, best_function(&fitted, covariates));
@@ -208,8 +209,13 @@ fn replacement_of(
     }
     let law = SmoothFunction { replaces_effects: true, ..law };
     // A function of half as many parameters that describes as much needs no margin.
-    let share = if 2 * law.parameter_count() <= fewest { 0.0 } else { share };
-    (law.improvement > (1.0 + share) * names).then_some((few, law))
+    let share = if 2 * law.parameter_count() <= rival.1 { 0.0 } else { share };
+    (law.improvement > (1.0 + share) * rival.0).then_some((few, law))
+}
+
+/// Number of parameters of some selected effects.
+fn parameter_count(effects: &[&SelectedEffect]) -> usize {
+    effects.iter().map(|one| one.parameter_count).sum()
 }
 
 /// The function with the best criterion; `None` if none is significant.
