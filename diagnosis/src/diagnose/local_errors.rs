@@ -95,14 +95,14 @@ pub(super) fn best(
     let first: Vec<(usize, Vec<Bump>)> =
         starts.into_iter().map(|(joint, bump)| (joint, vec![bump])).collect();
     let penalty = |count| penalty(tried, count);
-    let mut best = refined(fitted, best_of(fitted, first, penalty)?, penalty);
+    let mut best = refined(fitted, best_of(fitted, &first, penalty)?, penalty);
     while best.bumps.len() < SETTINGS.bumps_max {
         let (starts, _) = screen(fitted, &ranges, Some(&best));
         let further = starts.into_iter().map(|(joint, bump)| {
             let bumps = best.bumps.iter().copied().chain([bump]).collect();
             (joint, bumps)
         });
-        let Some(next) = best_of(fitted, further.collect(), penalty) else { break };
+        let Some(next) = best_of(fitted, &further.collect::<Vec<_>>(), penalty) else { break };
         let next = refined(fitted, next, penalty);
         if next.improvement <= best.improvement {
             break;
@@ -226,7 +226,7 @@ fn refined(
 ) -> LocalErrors {
     (0..REFINEMENTS).fold(sum, |sum, round| {
         let variants = variants(&sum, 0.5_f64.powi(round));
-        best_of(fitted, variants, penalty)
+        best_of(fitted, &variants, penalty)
             .filter(|best| best.improvement > sum.improvement)
             .unwrap_or(sum)
     })
@@ -248,7 +248,7 @@ fn variants(sum: &LocalErrors, step: f64) -> Vec<(usize, Vec<Bump>)> {
 /// The best of some sums of bumps, each of one joint, by the score test.
 fn best_of(
     fitted: &ScoreTest<'_>,
-    sums: Vec<(usize, Vec<Bump>)>,
+    sums: &[(usize, Vec<Bump>)],
     penalty: impl Fn(usize) -> f64,
 ) -> Option<LocalErrors> {
     let column_counts: Vec<usize> = sums.iter().map(|(_, bumps)| bumps.len()).collect();
@@ -264,7 +264,7 @@ fn best_of(
             motions.clear();
             motions.extend((0..arm.count()).map(|joint| ToolMotion::of_joint(arm, &chain, joint)));
         }
-        for (joint, bumps) in &sums {
+        for (joint, bumps) in sums {
             let along = reading.rows.derivative_along(&motions[*joint]);
             into.extend(bumps.iter().map(|bump| bump.at(q[*joint]) * along));
         }

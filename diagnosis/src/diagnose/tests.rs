@@ -195,6 +195,7 @@ fn encoders(
         }
     }
     campaign.instruments[0].noise_is_known = false;
+    campaign.recordings[0].is_path = true;
     campaign
 }
 

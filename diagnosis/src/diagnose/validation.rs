@@ -3,6 +3,7 @@
 //! Frames and targets are estimated on training rows. Gross errors, by the final model, are excluded from the
 //! errors of all models that are compared.
 
+use super::OUTLIER_SHARE_MAX;
 use super::selection::{
     EffectSelection, SelectedEffect, hypothesis_without, is_needed, shift_indices_after,
 };
@@ -51,6 +52,8 @@ pub struct TestErrors {
     pub before: f64,
     /// Error with all findings and candidates.
     pub after: f64,
+    /// RMS difference between the predictions of the two models there.
+    pub difference: f64,
     /// Weighted RMS residual of the training rows, corrected for the degrees of freedom: the noise level.
     pub noise: f64,
     /// Whether the errors are lengths (m) or angles (rad).
@@ -200,7 +203,7 @@ pub(super) struct FitEvaluator<'a> {
 
 impl<'a> FitEvaluator<'a> {
     /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the gross errors: measurements that it
-    /// misses by far, but for those in [runs](crate::outlier_runs), which are errors of the model.
+    /// misses by far, unless they are in [runs](crate::outlier_runs) or many ([`OUTLIER_SHARE_MAX`]), which are errors of the model.
     pub(super) fn new(
         campaign: &'a Campaign,
         (split, is_evaluated): (&'a HoldOutSplit, &[bool]),
@@ -212,7 +215,7 @@ impl<'a> FitEvaluator<'a> {
             residuals.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
         let distance_max = OUTLIER_RATIO * median(lengths);
         let counts = |o: &Residual| is_evaluated[o.pose] && o.is_length == is_length;
-        let is_far = |o: &Residual| counts(o) && o.residual.length() > distance_max;
+        let is_far = |o: &Residual| o.is_length == is_length && o.residual.length() > distance_max;
         let is_far: Vec<bool> = residuals.iter().map(is_far).collect();
         let observations = campaign.poses.iter().enumerate();
         let places: Vec<ReadingPlace> = observations
@@ -224,9 +227,15 @@ impl<'a> FitEvaluator<'a> {
             })
             .collect();
         let in_runs = outlier_runs::in_runs(campaign, &places, &is_far);
-        let is_gross = is_far.iter().zip(in_runs).map(|(is_far, in_run)| *is_far && !in_run);
+        let is_single = is_far.iter().zip(in_runs).map(|(is_far, in_run)| *is_far && !in_run);
+        let is_gross: Vec<bool> =
+            residuals.iter().zip(is_single).map(|(o, is_single)| counts(o) && is_single).collect();
+        let gross = is_gross.iter().filter(|is_gross| **is_gross).count();
+        let all = residuals.iter().filter(|o| counts(o)).count();
+        let are_few = gross as f64 <= OUTLIER_SHARE_MAX * all as f64;
+        let is_counted = residuals.iter().zip(is_gross);
         let is_counted =
-            residuals.iter().zip(is_gross).map(|(o, is_gross)| counts(o) && !is_gross).collect();
+            is_counted.map(|(o, is_gross)| counts(o) && !(is_gross && are_few)).collect();
         Self { campaign, split, is_evaluated: is_evaluated.to_vec(), is_counted, is_length }
     }
 
@@ -355,11 +364,14 @@ impl<'a> FitEvaluator<'a> {
         (sum / freedom).sqrt()
     }
 
-    /// The errors on the test set, `before` with the model as given and `after` with `last`.
-    pub(super) fn test_errors(&self, before: f64, after: f64, last: &Fit) -> TestErrors {
+    /// The errors on the test set, with the model as given and with `last`.
+    pub(super) fn test_errors(&self, given: &Fit, last: &Fit) -> TestErrors {
+        let (before, after) = (self.rms(given), self.rms(last));
+        let difference = self.size_between(given, last).rms;
         let (description, noise) = (self.split.description.clone(), self.rms_in_training(last));
         let excess = self.excess(last, &ExcessSettings::default());
-        TestErrors { says: description, before, after, noise, is_length: self.is_length, excess }
+        let is_length = self.is_length;
+        TestErrors { says: description, before, after, difference, noise, is_length, excess }
     }
 
     /// The fit of `hypothesis` with the weights and noise of `last`, so that the sums of squares can be compared.
