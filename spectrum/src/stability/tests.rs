@@ -203,8 +203,7 @@ fn a_limit_far_above_the_least_one_is_found_on_the_edge_of_a_lobe() {
         stiffness_n_per_m: 1e6,
         direction: X,
     };
-    let cutter =
-        Cutter { teeth: 1, turning: true, chip_n_m2: [8e8, 9e8, 1e8], ..two_teeth(1.0) };
+    let cutter = Cutter { teeth: 1, turning: true, chip_n_m2: [8e8, 9e8, 1e8], ..two_teeth(1.0) };
     let found = stability(&[mode], cutter).lobes(0.1).limit(7376.6).expect("a limit");
     assert!((found.depth_m / 0.1529e-3 - 1.0).abs() < 2e-3, "{found:?}");
 }
