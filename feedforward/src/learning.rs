@@ -320,3 +320,6 @@ pub(crate) fn joint_columns(
         found => Err(FeedforwardError::JointsLacking { found, expected: kinds.len() }),
     }
 }
+
+#[cfg(test)]
+mod tests;
