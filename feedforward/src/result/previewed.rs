@@ -42,7 +42,7 @@ struct ReductionReport {
     /// Largest path deviation without the reduction by the model, and without compensation.
     unreduced_mm: f64,
     without_mm: f64,
-    /// The limit that made the reduction necessary in most rows; none if it is the model's uncertainty.
+    /// The limit that made the reduction necessary in most rows; none if it is the bandwidth.
     limited_by: Option<LimitedBy>,
 }
 
@@ -68,8 +68,9 @@ impl ReductionReport {
         };
         let why = match limited_by {
             Some(by) => format!("within their limits ({}; {})", by.name(), by.remedy()),
-            None => "within the uncertainty of the model (state a smaller sigma where it is known)"
-                .to_owned(),
+            None => {
+                "at the stated bandwidth (raise --bandwidth-hz, or blend the corners)".to_owned()
+            }
         };
         let [unreduced, without] = [unreduced_mm, without_mm].map(|mm| digits(*mm));
         format!(
