@@ -5,7 +5,9 @@
 //! joint. A path that exceeds these by itself is not slowed down: there the command is at most as fast as the path.
 //!
 //! The speed is limited by the mean of two passes, forwards and backwards in time: each changes the position by at
-//! most the speed limit per row, hence so does their mean, and it is neither late nor early.
+//! most the speed limit per row, hence so does their mean, and it is neither late nor early. Its corners would exceed the
+//! jerk; therefore the change is smoothed, and repeated for what is left. What the limiter of the correction still leaves
+//! scales the whole correction: the commands that keep the limits are a convex set, which contains the path.
 
 use envelope::{Limiter, Limits};
 use physics::Arm;
@@ -15,12 +17,13 @@ use serde::Serialize;
 const SPEED_TOLERANCE: f64 = 1e-3;
 /// Rounding of a position, rad or m.
 pub(crate) const POSITION_ROUNDING: f64 = 1e-12;
-/// Attempts to keep a speed limit that the limiter of the correction leaves where it brakes: around such rows the speed
-/// is reduced by a multiple of the excess.
-const ATTEMPTS: usize = 12;
-const EXCESS_FACTOR: f64 = 1.2;
-/// Rows around one that are reduced with it.
-const AROUND_ROWS: usize = 6;
+/// Iterations that bring commands within the speed limit, each by what exceeds it, smoothed so that the correction keeps its
+/// jerk.
+const ITERATIONS: usize = 200;
+/// Share of the speed limit for these iterations; the rest is left for rounding and for the limiter of the correction.
+const SPEED_SHARE: f64 = 0.98;
+/// Half the window of the smoothing, which is applied twice, s: a period of the default bandwidth in all.
+const SMOOTHING_S: f64 = 0.006;
 
 /// What limited a correction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -98,9 +101,40 @@ impl JointBounds {
     }
 
     /// Largest steps of the commands to each row of a path, rad or m: by the speed limit, or that of the path.
-    fn steps_max(&self, path: &[f64], step_s: f64) -> Vec<f64> {
+    fn steps_max(&self, path: &[f64], speed: f64, step_s: f64) -> Vec<f64> {
         let own = path.windows(2).map(|ends| (ends[1] - ends[0]).abs());
-        std::iter::once(0.0).chain(own).map(|own| own.max(self.speed * step_s)).collect()
+        std::iter::once(0.0).chain(own).map(|own| own.max(speed * step_s)).collect()
+    }
+
+    /// A request with which the commands keep the position limits, and the speed limit but for rounding, as smooth
+    /// as before; bit for bit the same where nothing exceeds them.
+    fn slowed(&self, path: &[f64], request: &[f64], step_s: f64) -> Vec<f64> {
+        let steps_max = self.steps_max(path, self.speed, step_s);
+        let steps = self.steps_max(path, SPEED_SHARE * self.speed, step_s);
+        let mut allowed = request.to_vec();
+        let half = (SMOOTHING_S / step_s).round().max(1.0) as usize;
+        for _ in 0..ITERATIONS {
+            let is_slow = excesses(path, &allowed, &steps_max).all(|e| e <= POSITION_ROUNDING);
+            if !self.speed.is_finite() || is_slow {
+                break;
+            }
+            let commands = self.nearest(path, &allowed, &steps);
+            let beyond = commands.iter().zip(path).zip(&allowed).map(|((c, p), a)| c - p - a);
+            let change = smoothed(&smoothed(&beyond.collect::<Vec<_>>(), half), half);
+            allowed.iter_mut().zip(change).for_each(|(allowed, change)| *allowed += change);
+        }
+        let (lower, upper) = self.position;
+        let inside = |(path, allowed): (&f64, &f64)| {
+            let (lower, upper) = (lower.min(*path), upper.max(*path));
+            let command = path + allowed;
+            // A command inside is kept bit for bit.
+            if (lower..=upper).contains(&command) {
+                *allowed
+            } else {
+                command.clamp(lower, upper) - path
+            }
+        };
+        path.iter().zip(&allowed).map(inside).collect()
     }
 
     /// The commands next to those requested that keep the position limits and largest steps to each row.
@@ -110,9 +144,6 @@ impl JointBounds {
             (path + request).clamp(lower.min(*path), upper.max(*path))
         };
         let commands: Vec<f64> = path.iter().zip(request).map(clamped).collect();
-        if !self.speed.is_finite() {
-            return commands;
-        }
         let (mut forward, mut backward) = (commands.clone(), commands);
         for row in 1..path.len() {
             let (step, from) = (steps[row], forward[row - 1]);
@@ -165,34 +196,27 @@ pub(crate) fn bounded(
     (bounds, limits): (&JointBounds, &Limits),
     step_s: f64,
 ) -> Bounded {
-    let steps_max = bounds.steps_max(path, step_s);
-    let mut steps = steps_max.clone();
-    let (mut allowed, mut correction) = (Vec::new(), Vec::new());
-    for _ in 0..ATTEMPTS {
-        let commands = bounds.nearest(path, request, &steps);
-        // A request that is kept stays the same bit for bit.
-        let kept = |((command, path), request): ((&f64, &f64), &f64)| {
-            if *command == path + request { *request } else { command - path }
-        };
-        allowed = commands.iter().zip(path).zip(request).map(kept).collect();
-        correction = limited_correction(&allowed, limits, step_s);
-        let excesses: Vec<f64> = excesses(path, &correction, &steps_max).collect();
-        let beyond = |excess: &&f64| **excess > POSITION_ROUNDING;
-        if !bounds.speed.is_finite() || !excesses.iter().any(|excess| beyond(&excess)) {
-            break;
-        }
-        for (row, excess) in excesses.iter().enumerate().filter(|(_, excess)| beyond(excess)) {
-            let around = row.saturating_sub(AROUND_ROWS)..(row + AROUND_ROWS + 1).min(steps.len());
-            let least = (steps_max[row] - EXCESS_FACTOR * excess).max(0.0);
-            steps[around].iter_mut().for_each(|step| *step = step.min(least));
-        }
-    }
+    let steps_max = bounds.steps_max(path, bounds.speed, step_s);
+    let allowed = bounds.slowed(path, request, step_s);
+    let mut correction = limited_correction(&allowed, limits, step_s);
     let share = bounds.share(path, &correction, &steps_max);
     if share < 1.0 {
         correction.iter_mut().for_each(|c| *c *= share);
     }
     let limited = causes(path, request, &allowed, &correction, (bounds, limits), step_s, share);
     Bounded { correction, limited }
+}
+
+/// The mean over so many neighbours to each side; beyond the ends as at the ends.
+fn smoothed(values: &[f64], half: usize) -> Vec<f64> {
+    let last = values.len().saturating_sub(1);
+    let count = (2 * half + 1) as f64;
+    let at = |row: usize| {
+        let sum: f64 =
+            (0..=2 * half).map(|k| values[(row + k).saturating_sub(half).min(last)]).sum();
+        sum / count
+    };
+    (0..values.len()).map(at).collect()
 }
 
 /// By how much the step of the commands to each row exceeds the largest one, rad or m; the first row has none.

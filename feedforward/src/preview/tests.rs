@@ -261,3 +261,24 @@ fn a_preview_commands_no_joint_faster_than_its_model_allows() {
     let [without, with] = [&limited.without, &limited.with].map(|joints| late(joints));
     assert!(with < 0.2 * without, "{without} {with}, {:?}", limited.reduced);
 }
+
+#[test]
+fn with_little_room_below_the_speed_limit_most_of_a_lag_is_still_compensated() {
+    let lag = "[[effect]]\nkind = \"servo_lag\"\njoint = 1\ntime_constant_ms = 12.0\n";
+    let model = gantry("max_speed_mm_s = 110.0", &(lag.to_owned() + MODE));
+    // To and fro at 105 mm/s with sharp corners.
+    let at = |k: i32| {
+        let way = 0.105 * 4e-3 * f64::from((k - 250).clamp(0, 450));
+        0.05 - (0.05 - way % 0.1).abs()
+    };
+    let rest = vec![0.0; 950];
+    let wanted = vec![(0..950).map(at).collect::<Vec<f64>>(), rest.clone(), rest];
+    let plants = Plants::of(&model, 0.1);
+    let preview =
+        preview(&plants, Some(&model.physics.arm), 4e-3, &wanted, &settings()).expect("a path");
+    let speeds = preview.commanded[0].windows(2).map(|q| (q[1] - q[0]).abs() / 4e-3);
+    assert!(speeds.fold(0.0, f64::max) <= 0.11 * (1.0 + 1e-6));
+    let late = |joints: &[Vec<f64>]| rms(&differences(&wanted[0], &joints[0]));
+    let (without, with) = (late(&preview.without), late(&preview.with));
+    assert!(with < 0.15 * without, "{without} {with}");
+}
