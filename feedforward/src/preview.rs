@@ -94,6 +94,15 @@ pub fn preview(
     Ok(Preview { commanded, without, with, joints, reduced })
 }
 
+/// Corrections of all joints that take the tool no further from its path.
+struct Tried {
+    /// Tracking error of the tool, m.
+    rms_m: f64,
+    bandwidth_hz: f64,
+    late_s: f64,
+    joints: Vec<Option<CorrectionStep>>,
+}
+
 /// A path whose commands are computed.
 struct Path<'a> {
     plants: &'a Plants,
@@ -147,29 +156,30 @@ impl Path<'_> {
     fn reduce(
         &self,
         check: &PathCheck<'_>,
-        joints: &mut Vec<Option<CorrectionStep>>,
+        joints: &mut [Option<CorrectionStep>],
     ) -> Option<Reduction> {
         let full = self.commanded(joints);
         if check.is_no_worse(&full) {
             return None;
         }
         let unreduced = check.deviation(&full);
-        let mut best: Option<(f64, (f64, f64), Vec<Option<CorrectionStep>>)> = None;
+        let mut best: Option<Tried> = None;
         for place in 0..BANDWIDTHS {
             for (late_s, tried) in self.late(place) {
                 let commanded = self.commanded(&tried);
                 let rms_m = check.in_time_rms_m(&commanded);
-                let is_better = best.as_ref().is_none_or(|(least_m, ..)| rms_m < *least_m);
+                let is_better = best.as_ref().is_none_or(|best| rms_m < best.rms_m);
                 if is_better && check.is_no_worse(&commanded) {
                     let hz = tried.iter().flatten().map(|joint| joint.bandwidth_hz);
-                    best = Some((rms_m, (hz.fold(0.0, f64::max), late_s), tried));
+                    let bandwidth_hz = hz.fold(0.0, f64::max);
+                    best = Some(Tried { rms_m, bandwidth_hz, late_s, joints: tried });
                 }
             }
         }
         let limited_by = main_limit(joints);
-        let ((bandwidth_hz, late_s), reduced) = match best {
-            Some((_, how, tried)) => (how, tried),
-            None => ((0.0, 0.0), self.uncompensated()),
+        let (bandwidth_hz, late_s, reduced) = match best {
+            Some(best) => (best.bandwidth_hz, best.late_s, best.joints),
+            None => (0.0, 0.0, self.uncompensated()),
         };
         // What limited the corrections in the first place also made them smaller now.
         for (joint, reduced) in joints.iter_mut().zip(reduced) {

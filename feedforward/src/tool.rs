@@ -158,7 +158,7 @@ mod tests {
             scale * DVec3::new(t.sin(), (1.7 * t).cos() * (0.3 * t).sin(), (2.3 * t).sin())
         };
         // With a rest, which has segments of no length.
-        let path: Vec<DVec3> = (0..900).map(|k| at((k - 200).max(0).min(500), 0.3)).collect();
+        let path: Vec<DVec3> = (0..900).map(|k| at((k - 200).clamp(0, 500), 0.3)).collect();
         let reached: Vec<DVec3> = (0..900).map(|k| at((k - 230).clamp(0, 500), 0.29)).collect();
         for (row, near) in nearest(&path, &reached, 4e-3).iter().enumerate() {
             let all = &path[row.saturating_sub(125)..(row + 126).min(900)];
