@@ -54,7 +54,10 @@ impl<'a> PathCheck<'a> {
             responses: plants.joints.iter().map(response).collect(),
             without_m: 0.0,
         };
-        check.without_m = check.error(wanted).from_path.largest_m;
+        let without = check.error(wanted);
+        check.without_m = without.from_path.largest_m;
+        let late_m = without.in_time.largest_m;
+        check.floor_m = check.floor_m.max(settings.path_floor_share * late_m);
         check
     }
 

@@ -38,6 +38,9 @@ pub struct Settings {
     /// Distances from the path below this count as zero where two are compared, m, 0 to 1e-3. Default
     /// 2e-6: below the resolution of trackers and of joint encoders at the tool.
     pub path_floor_m: f64,
+    /// The same as a share of the largest tracking error without correction, 0 to 0.2. Default 0.02: a tool that
+    /// turns round on a line is never off it while it is late; compensated, it may overshoot a little.
+    pub path_floor_share: f64,
 }
 
 impl Settings {
@@ -68,6 +71,7 @@ impl Settings {
             unexplained_max: 3.0,
             sigmas: 2.0,
             path_floor_m: 2e-6,
+            path_floor_share: 0.02,
         })
     }
 
@@ -86,6 +90,7 @@ impl Settings {
             ("unexplained-max", self.unexplained_max, 1.0..=100.0, "1 to 100"),
             ("sigmas", self.sigmas, 0.0..=10.0, "0 to 10"),
             ("path floor", self.path_floor_m, 0.0..=1e-3, "0 to 1e-3 m"),
+            ("path floor share", self.path_floor_share, 0.0..=0.2, "0 to 0.2"),
         ];
         for (name, value, range, expected) in ranges {
             if !range.contains(&value) {
