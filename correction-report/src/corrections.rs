@@ -3,15 +3,18 @@
 //! Promises: one row per command, the recording's columns first; the same answers give the same bytes.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use corrector::Residual;
 use daemon::setup;
+use feedforward::bounds::LimitedBy;
+use feedforward::result::RowResult;
 use physics::JointKind;
 use recording::files::content_hash;
 use recording::model::RobotModel;
 use recording::series::Recording;
 use recording::unit::Unit;
-use report::{TextTable, pluralise};
+use report::{TextTable, pluralise, significant};
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
 
@@ -25,8 +28,26 @@ pub struct Corrections {
     /// The tool error left with the published joints, m and rad; NaN if unknown.
     left_m: Vec<f64>,
     left_rad: Vec<f64>,
-    limited_by: Vec<Option<Reason>>,
+    limited_by: Vec<Option<LimitName>>,
     figures: Figures,
+}
+
+/// What limited a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum LimitName {
+    /// The static correction.
+    Static(Reason),
+    /// The dynamic one.
+    Dynamic(LimitedBy),
+}
+
+impl fmt::Display for LimitName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Static(reason) => reason.fmt(f),
+            Self::Dynamic(by) => f.write_str(by.name()),
+        }
+    }
 }
 
 /// Figures computed from the answers.
@@ -143,7 +164,8 @@ impl Corrections {
         self.status.push(status);
         self.left_m.push(left.map_or(f64::NAN, |left| left.m));
         self.left_rad.push(left.map_or(f64::NAN, |left| left.rad));
-        self.limited_by.push((status == CorrectionStatus::Limited).then_some(reason));
+        let is_limited = status == CorrectionStatus::Limited;
+        self.limited_by.push(is_limited.then_some(LimitName::Static(reason)));
         self.figures.add(answer, status, reason, &self.kinds);
         self.figures.add_remaining_error(left);
         Ok(())
@@ -180,9 +202,49 @@ impl Corrections {
         &self.q
     }
 
-    /// Puts other joints in their place: those that are commanded so that the arm is there in time.
-    pub fn replace_joints(&mut self, q: Vec<Vec<f64>>) {
+    /// Puts other joints in their place, those that are commanded so that the arm is there in time, with what
+    /// they leave of the errors: row by row it adds to the error of the static correction.
+    pub fn compensate(&mut self, q: Vec<Vec<f64>>, rows: &[RowResult]) {
         self.q = q;
+        for (row, result) in rows.iter().enumerate().take(self.status.len()) {
+            self.left_m[row] += result.left_m;
+            self.left_rad[row] += result.left_rad;
+            if let Some(by) = result.limited_by {
+                self.limit(row, by);
+            }
+        }
+        self.figures.largest_left = self.largest_left();
+    }
+
+    /// A limit reduced the dynamic correction of a row, from 0.
+    fn limit(&mut self, row: usize, by: LimitedBy) {
+        let before = self.status[row];
+        if ![CorrectionStatus::Corrected, CorrectionStatus::Ramping].contains(&before) {
+            return;
+        }
+        let limited = CorrectionStatus::Limited;
+        self.status[row] = limited;
+        self.limited_by[row] = Some(LimitName::Dynamic(by));
+        let figures = &mut self.figures;
+        if let Some(rows) = figures.statuses.get_mut(&before.to_string()) {
+            *rows -= 1;
+        }
+        figures.statuses.retain(|_, rows| *rows > 0);
+        *figures.statuses.entry(limited.to_string()).or_default() += 1;
+        figures.not_exact_rows += 1;
+        figures.count_reason(limited.to_string(), by.name().to_owned(), row + 1);
+    }
+
+    /// The largest tool errors left.
+    fn largest_left(&self) -> Option<RemainingError> {
+        let largest = |left: &[f64]| {
+            let known = left.iter().enumerate().filter(|(_, left)| !left.is_nan());
+            let (row, left) = known.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0)))?;
+            Some((left * 1e3, row + 1))
+        };
+        let ((mm, mm_row), (mrad, mrad_row)) =
+            largest(&self.left_m).zip(largest(&self.left_rad))?;
+        Some(RemainingError { mm, mm_row, mrad, mrad_row })
     }
 
     /// Number of rows whose tool error is not fully corrected.
@@ -219,7 +281,7 @@ impl Figures {
         self.not_exact_rows += usize::from(!exact || reason == Reason::NotConverged);
         *self.statuses.entry(status.to_string()).or_default() += 1;
         if reason != Reason::None {
-            self.count_reason(status.to_string(), reason.to_string());
+            self.count_reason(status.to_string(), reason.to_string(), self.rows);
         }
         for (joint, kind) in kinds.iter().enumerate() {
             let unit = if *kind == JointKind::Revolute { "mrad" } else { "mm" };
@@ -248,12 +310,12 @@ impl Figures {
         }
     }
 
-    fn count_reason(&mut self, status: String, reason: String) {
+    fn count_reason(&mut self, status: String, reason: String, row: usize) {
         let same = |known: &&mut ReasonCount| known.status == status && known.reason == reason;
         match self.reasons.iter_mut().find(same) {
             Some(known) => known.rows += 1,
             None => {
-                self.reasons.push(ReasonCount { status, reason, rows: 1, first_row: self.rows });
+                self.reasons.push(ReasonCount { status, reason, rows: 1, first_row: row });
             }
         }
     }
@@ -304,8 +366,9 @@ impl Figures {
             return text + "largest error left  unknown for all rows";
         };
         let [mm_row, mrad_row] = [mm_row, mrad_row].map(row_in_file);
-        text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
-        text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
+        let [mm, mrad] = [mm, mrad].map(|left| significant(left, 3));
+        text += &format!("largest error left  {mm} mm (row {mm_row}), ");
+        text += &format!("{mrad} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {
             text += &format!(", unknown for {}", pluralise(self.unknown_rows, "row"));
         }
@@ -314,23 +377,12 @@ impl Figures {
 }
 
 impl Tolerance {
-    /// The same with the largest deviation from the path in motion, mm.
-    pub(crate) fn with_path_deviation(self, deviation_mm: f64) -> Self {
-        let largest_mm = self.largest_mm.map(|largest_mm| largest_mm.max(deviation_mm));
-        Self { largest_mm, met: self.met && deviation_mm <= self.tolerance_mm, ..self }
-    }
-
     /// The verdict.
     #[must_use]
     pub fn text(&self) -> String {
         let Self { tolerance_mm, rows_beyond, met, .. } = self;
         if *met {
             return format!("tolerance           {tolerance_mm} mm met in every row");
-        }
-        if let (0, Some(largest_mm)) = (rows_beyond, self.largest_mm) {
-            return format!(
-                "tolerance           {tolerance_mm} mm not met: path deviation of {largest_mm:.3} mm in motion"
-            );
         }
         let rows = pluralise(*rows_beyond, "row");
         format!(

@@ -2,7 +2,7 @@
 
 use feedforward::grid::{self, Extended, SourceRows};
 use feedforward::preview::{check_joint_limits, lead_s};
-use feedforward::result::PreviewReport;
+use feedforward::result::{PreviewReport, RowResult};
 use feedforward::{FeedforwardError, Settings, preview};
 use joint_dynamics::plant::Plants;
 use physics::JointKind;
@@ -57,13 +57,15 @@ impl DynamicPath {
         let Self { settings, plants, path } = self;
         let (recording, source) = (&path.recording, &path.source);
         let wanted = static_commands(corrections, recording, source)?;
-        let preview = preview(plants, path.step_s, &wanted, settings);
-        let preview = preview.map_err(Error::in_file(&recording.file))?;
         let arm = &model.physics.arm;
+        let preview = preview(plants, Some(arm), path.step_s, &wanted, settings);
+        let preview = preview.map_err(Error::in_file(&recording.file))?;
         let limits = check_joint_limits(arm, &preview.commanded, &recording.t_s, source);
         limits.map_err(Error::in_file(&recording.file))?;
         let report = PreviewReport::of(arm, plants, path, &wanted, &preview);
-        corrections.replace_joints(preview.commanded);
+        let joints = preview.joints.iter().flatten();
+        let rows = RowResult::of(arm, (&wanted, &preview.with), path.step_s, joints);
+        corrections.compensate(preview.commanded, &rows);
         Ok(report)
     }
 }

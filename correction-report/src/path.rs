@@ -114,20 +114,13 @@ impl CorrectedPath {
     /// The error left compared with an allowed one, mm.
     #[must_use]
     pub fn compare_with_tolerance(&self, tolerance_mm: f64) -> Tolerance {
-        let deviation_mm = self.dynamic.as_ref().map_or(0.0, PreviewReport::path_deviation_mm);
-        self.corrections.compare_with_tolerance(tolerance_mm).with_path_deviation(deviation_mm)
+        self.corrections.compare_with_tolerance(tolerance_mm)
     }
 
-    /// Rows in which a limit reduced the dynamic correction.
-    #[must_use]
-    pub fn limited_rows(&self) -> usize {
-        self.dynamic.as_ref().map_or(0, PreviewReport::limited_rows)
-    }
-
-    /// Whether no row keeps an error.
+    /// Whether no row keeps an error because of a limit, a hold or a rejection.
     #[must_use]
     pub fn is_exact(&self) -> bool {
-        self.corrections.not_exact_rows() + self.limited_rows() == 0
+        self.corrections.not_exact_rows() == 0
     }
 
     /// As JSON; the table is written to `file`.

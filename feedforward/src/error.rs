@@ -38,7 +38,9 @@ pub enum FeedforwardError {
     )]
     Poses,
     /// Too few rows.
-    #[error("{0} rows were given, expected 8 or more")]
+    #[error(
+        "{0} rows were given, expected 8 or more: export the motion row by row over time; a single pose has no dynamics, correct it without --dynamic"
+    )]
     TooShort(usize),
     /// A gap in time.
     #[error(
@@ -134,6 +136,20 @@ pub enum FeedforwardError {
         t_s: f64,
         /// rad or m.
         most: f64,
+    },
+    /// The measurement is later, or earlier, than the plant can be.
+    #[error(
+        "the measurement is {excess_ms:.1} ms {} than the model predicts from the commands, expected at most {most_ms:.1} ms (the share --robust-to of delay and lags, and their sigma): \
+         if its clock is not that of the commands, estimate the offset with --clock-offset-ms unknown; if it is, correct delay or lags of the model",
+        if *.is_late { "later" } else { "earlier" }
+    )]
+    ClockMismatch {
+        /// ms, above 0.
+        excess_ms: f64,
+        /// Whether the measurement is late.
+        is_late: bool,
+        /// ms.
+        most_ms: f64,
     },
     /// The measured joint moves like the commanded one, in another unit.
     #[error(

@@ -8,6 +8,7 @@
 //! and the assumed deviation is reduced according to the residual.
 
 use crate::FeedforwardError;
+use crate::bounds::JointBounds;
 use crate::fourier::Transform;
 use crate::identify::{self, IdentifiedPlant, identify};
 use crate::measured::{MeasuredErrors, MeasuredQuantity};
@@ -63,12 +64,29 @@ pub struct NextRun {
     pub joints: Vec<Option<LearnedJoint>>,
 }
 
-/// The next commands.
+impl NextRun {
+    /// Where joints with target `wanted` are with one of their errors; without a measurement at their target.
+    #[must_use]
+    pub fn reached(
+        &self,
+        wanted: &[Vec<f64>],
+        error: fn(&LearnedJoint) -> &Vec<f64>,
+    ) -> Vec<Vec<f64>> {
+        let reached = |(wanted, learned): (&Vec<f64>, &Option<LearnedJoint>)| match learned {
+            Some(learned) => wanted.iter().zip(error(learned)).map(|(w, e)| w - e).collect(),
+            None => wanted.clone(),
+        };
+        wanted.iter().zip(&self.joints).map(reached).collect()
+    }
+}
+
+/// The next commands; `bounds`: limits of the joints, none where they are unknown.
 ///
 /// # Errors
 /// Settings out of their range, too few rows, nothing measured, a sampling that is too coarse.
 pub fn learn(
     plants: &Plants,
+    bounds: &[JointBounds],
     runs: &Runs<'_>,
     settings: &Settings,
 ) -> Result<NextRun, FeedforwardError> {
@@ -113,7 +131,8 @@ pub fn learn(
         let unexplained = identified.as_ref().map_or(1.0, |identified| identified.unexplained);
         let robust_to = settings.robust_to * unexplained.max(MIN_DEVIATION_SHARE);
         let settings = &Settings { robust_to, ..*settings };
-        let joint = joint_of(used, &transform, runs.step_s, settings);
+        let limits = bounds.get(joint_index).copied().unwrap_or(JointBounds::NONE);
+        let joint = joint_of(used, (wanted, limits), &transform, runs.step_s, settings);
         let before: Vec<f64> = commanded.iter().zip(wanted).map(|(c, w)| c - w).collect();
         let trusted = signal_shares(&transform, &errors, &error, settings);
         let trusted: Vec<_> =

@@ -13,6 +13,7 @@ use crate::tool::points;
 use diagnosis::campaign_import::{self, CampaignError};
 use diagnosis::rigid_motion::fit_rigid_motion;
 use glam::{DMat3, DVec3};
+use joint_dynamics::plant::{Plant, Plants};
 use physics::{Arm, Chain, Inputs, JointKind, Joints, Model};
 use recording::series::{Channel, Recording};
 use world::dynamics::Dynamics;
@@ -30,6 +31,12 @@ const UNIT_TOLERANCE: f64 = 0.2;
 /// Largest clock offset of the search, s, and its steps, s.
 const OFFSET_MOST_S: f64 = 1.0;
 const OFFSET_STEP_S: f64 = 1e-3;
+
+/// A delay is compared with the model's where it explains at least this share of what the model does not.
+const MIN_EXPLAINED_POWER: f64 = 0.75;
+/// Largest lateness that is searched, s, and the steps of the search, s.
+const LATE_MOST_S: f64 = 0.12;
+const LATE_STEPS_S: [f64; 3] = [6e-3, 6e-4, 6e-5];
 
 /// Relation of the measurement's clock to that of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,9 +71,47 @@ pub struct Expected<'a> {
     pub links: &'a [Vec<f64>],
     /// Joints that give the target of the tool by the controller's geometry.
     pub tool: &'a [Vec<f64>],
-    /// Errors of the joints predicted by the model for the commands sent, rad or m. For
-    /// [`Clock::Unknown`].
+    /// Errors of the joints predicted by the model for the commands sent, rad or m.
     pub error: &'a [Vec<f64>],
+    /// Delay and lags of the model.
+    pub timing: Timing,
+}
+
+/// Delay and lags of the slowest joint by the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// Their sum, s.
+    pub lag_s: f64,
+    /// Its standard uncertainty, s.
+    pub sigma_s: f64,
+}
+
+impl Timing {
+    /// Of a model.
+    #[must_use]
+    pub fn of(plants: &Plants) -> Self {
+        let of_joint = |plant: &Plant| {
+            let all = || plant.delays_s.iter().chain(&plant.lags_s);
+            let variance: f64 = all().map(|number| number.sigma * number.sigma).sum();
+            Self { lag_s: all().map(|number| number.value).sum(), sigma_s: variance.sqrt() }
+        };
+        let none = Self { lag_s: 0.0, sigma_s: 0.0 };
+        plants.joints.iter().map(of_joint).fold(none, |most, one| Self {
+            lag_s: most.lag_s.max(one.lag_s),
+            sigma_s: most.sigma_s.max(one.sigma_s),
+        })
+    }
+
+    /// The largest lateness of a plant within the uncertainty of its model, s.
+    #[must_use]
+    pub fn uncertainty_s(&self, settings: &Settings) -> f64 {
+        settings.sigmas * self.sigma_s
+    }
+
+    /// The largest lateness of a plant for which a step is robust, s; at least a row of the path.
+    fn most_s(&self, settings: &Settings, step_s: f64) -> f64 {
+        (settings.robust_to * self.lag_s + self.uncertainty_s(settings)).max(step_s)
+    }
 }
 
 /// The errors of one run.
@@ -77,6 +122,9 @@ pub struct MeasuredErrors {
     pub joints: Vec<Option<(MeasuredQuantity, Vec<f64>)>>,
     /// Offset added to the times of the measurement, s.
     pub clock_offset_s: f64,
+    /// What the measurement is later than the model predicts from the commands, s, after that offset; 0 where it
+    /// is not later or earlier, or where a delay does not explain the difference.
+    pub late_s: f64,
 }
 
 /// Positions of the links for motors at `motors` on the path of `recording`, by all effects of the
@@ -150,8 +198,10 @@ impl MeasuredErrors {
             Clock::Unknown => run.offset_s(),
         };
         run.check_covered(clock_offset_s)?;
+        let late_s = if clock == Clock::Unknown { 0.0 } else { run.late_s(clock_offset_s) };
         let joints = run.errors(clock_offset_s);
         run.check_units(&joints)?;
+        run.check_timing(late_s, settings)?;
         for (joint, (_, errors)) in
             joints.iter().enumerate().filter_map(|(i, e)| Some((i, e.as_ref()?)))
         {
@@ -162,7 +212,7 @@ impl MeasuredErrors {
                 return Err(FeedforwardError::TooFarOff { joint, error, t_s, most });
             }
         }
-        Ok(Self { joints, clock_offset_s })
+        Ok(Self { joints, clock_offset_s, late_s })
     }
 }
 
@@ -230,34 +280,52 @@ impl<'a> Run<'a> {
         errors
     }
 
+    /// Squares of what the model does not predict of the errors, without their means.
+    fn unexplained(&self, offset_s: f64) -> f64 {
+        let of_joint = |(errors, expected): (&Option<(MeasuredQuantity, Vec<f64>)>, &Vec<f64>)| {
+            let Some((_, errors)) = errors else { return 0.0 };
+            let differences: Vec<f64> = errors.iter().zip(expected).map(|(e, x)| e - x).collect();
+            let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+            differences.iter().map(|difference| (difference - mean).powi(2)).sum::<f64>()
+        };
+        self.errors(offset_s).iter().zip(self.expected.error).map(of_joint).sum()
+    }
+
+    /// Of evenly spaced offsets that with the best agreement, s.
+    fn nearest_offset_s(&self, around_s: f64, step_s: f64, steps: i32) -> f64 {
+        let offsets = (-steps..=steps).map(|k| around_s + f64::from(k) * step_s);
+        let all = offsets.map(|offset_s| (offset_s, self.unexplained(offset_s)));
+        let least = all.min_by(|a, b| a.1.total_cmp(&b.1));
+        least.map_or(around_s, |(offset_s, _)| offset_s)
+    }
+
     /// The offset with the best agreement between measurement and prediction, s.
     fn offset_s(&self) -> f64 {
-        let differs = |offset_s: f64| -> f64 {
-            let all = self.errors(offset_s);
-            let of_joint =
-                |(errors, expected): (&Option<(MeasuredQuantity, Vec<f64>)>, &Vec<f64>)| {
-                    let Some((_, errors)) = errors else { return 0.0 };
-                    let differences: Vec<f64> =
-                        errors.iter().zip(expected).map(|(e, x)| e - x).collect();
-                    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
-                    differences
-                        .iter()
-                        .map(|difference| (difference - mean) * (difference - mean))
-                        .sum::<f64>()
-                };
-            all.iter().zip(self.expected.error).map(of_joint).sum()
-        };
-        let nearest = |around_s: f64, step_s: f64, steps: i32| {
-            let offsets = (-steps..=steps).map(|k| around_s + f64::from(k) * step_s);
-            let all: Vec<(f64, f64)> =
-                offsets.map(|offset_s| (offset_s, differs(offset_s))).collect();
-            all.into_iter()
-                .min_by(|a, b| a.1.total_cmp(&b.1))
-                .map_or(around_s, |(offset_s, _)| offset_s)
-        };
-        let coarse_s = nearest(0.0, OFFSET_MOST_S / 50.0, 50);
-        let fine_s = nearest(coarse_s, OFFSET_STEP_S, 20);
-        nearest(fine_s, OFFSET_STEP_S / 20.0, 20)
+        let coarse_s = self.nearest_offset_s(0.0, OFFSET_MOST_S / 50.0, 50);
+        let fine_s = self.nearest_offset_s(coarse_s, OFFSET_STEP_S, 20);
+        self.nearest_offset_s(fine_s, OFFSET_STEP_S / 20.0, 20)
+    }
+
+    /// What the measurement is later than the prediction at an offset, s; 0 where a delay explains too little.
+    fn late_s(&self, offset_s: f64) -> f64 {
+        let steps = |step_s: f64, range_s: f64| (range_s / step_s).round() as i32;
+        let [coarse_s, medium_s, fine_s] = LATE_STEPS_S;
+        let best_s = self.nearest_offset_s(offset_s, coarse_s, steps(coarse_s, LATE_MOST_S));
+        let best_s = self.nearest_offset_s(best_s, medium_s, steps(medium_s, coarse_s));
+        let best_s = self.nearest_offset_s(best_s, fine_s, steps(fine_s, medium_s));
+        let left = self.unexplained(best_s) / self.unexplained(offset_s).max(f64::MIN_POSITIVE);
+        if left < 1.0 - MIN_EXPLAINED_POWER { offset_s - best_s } else { 0.0 }
+    }
+
+    /// Checks that the measurement is no later or earlier than a plant for which learning converges.
+    fn check_timing(&self, late_s: f64, settings: &Settings) -> Result<(), FeedforwardError> {
+        let Expected { times_s, timing, .. } = self.expected;
+        let most_s = timing.most_s(settings, times_s[1] - times_s[0]);
+        if late_s.abs() <= most_s {
+            return Ok(());
+        }
+        let (excess_ms, most_ms, is_late) = (late_s.abs() * 1e3, most_s * 1e3, late_s > 0.0);
+        Err(FeedforwardError::ClockMismatch { excess_ms, is_late, most_ms })
     }
 
     /// Checks that no joint was measured in degrees and read as radians, or the other way round.

@@ -22,6 +22,25 @@ pub struct Settings {
     pub limits: Limits,
     /// Larger measured errors are refused, rad or m, above 0. Default 0.2, as the position limit.
     pub error_max: f64,
+    /// Share of the learned change that is used, above 0 to 1. Default 1; halved each time that a run
+    /// is worse than the one before and learning goes back.
+    pub learning_share: f64,
+    /// A run counts as worse than the one before if the root mean square of the tool's tracking error
+    /// is larger by more than this share, 0 to 1. Default 0.1: changes of a converged run by noise and by
+    /// the robot's repeatability are smaller.
+    pub worse_share: f64,
+    /// A tracking error of more than this multiple of the model's prediction, its parameters within
+    /// `sigmas`, is reported, 1 to 100. Default 3: friction and errors at rest are not predicted.
+    pub unexplained_max: f64,
+    /// Deviation of the model's parameters, in standard uncertainties, within which a run counts as predicted,
+    /// 0 to 10. Default 2: 95 %.
+    pub sigmas: f64,
+    /// Distances from the path below this count as zero where two are compared, m, 0 to 1e-3. Default
+    /// 2e-6: below the resolution of trackers and of joint encoders at the tool.
+    pub path_floor_m: f64,
+    /// The same as a share of the largest tracking error without correction, 0 to 0.2. Default 0.02: a tool that
+    /// turns round on a line is never off it while it is late; compensated, it may overshoot a little.
+    pub path_floor_share: f64,
 }
 
 impl Settings {
@@ -47,6 +66,12 @@ impl Settings {
             unstated: 0.1,
             limits,
             error_max: 0.2,
+            learning_share: 1.0,
+            worse_share: 0.1,
+            unexplained_max: 3.0,
+            sigmas: 2.0,
+            path_floor_m: 2e-6,
+            path_floor_share: 0.02,
         })
     }
 
@@ -60,6 +85,12 @@ impl Settings {
             ("robust-to", self.robust_to, 0.0..=0.5, "0 to 0.5"),
             ("unstated", self.unstated, 0.0..=1.0, "0 to 1"),
             ("error-max", self.error_max, f64::MIN_POSITIVE..=10.0, "above 0, at most 10"),
+            ("learning share", self.learning_share, f64::MIN_POSITIVE..=1.0, "above 0, at most 1"),
+            ("worse share", self.worse_share, 0.0..=1.0, "0 to 1"),
+            ("unexplained-max", self.unexplained_max, 1.0..=100.0, "1 to 100"),
+            ("sigmas", self.sigmas, 0.0..=10.0, "0 to 10"),
+            ("path floor", self.path_floor_m, 0.0..=1e-3, "0 to 1e-3 m"),
+            ("path floor share", self.path_floor_share, 0.0..=0.2, "0 to 0.2"),
         ];
         for (name, value, range, expected) in ranges {
             if !range.contains(&value) {

@@ -89,6 +89,28 @@ impl Plants {
         self.joints.iter().all(Plant::is_identity)
     }
 
+    /// The joints with parameters that deviate together by this many standard uncertainties: motors and
+    /// modes to the same side, and to opposite ones.
+    #[must_use]
+    pub fn perturbed_together(&self, sigmas: f64) -> [Self; 4] {
+        [(1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)].map(|(motors, modes)| {
+            let shift = |number: &mut UncertainValue, sign: f64| {
+                let least = 0.1 * number.value;
+                number.value = (number.value + sign * sigmas * number.sigma).max(least);
+            };
+            let mut plants = self.clone();
+            for plant in &mut plants.joints {
+                let of_motor = plant.delays_s.iter_mut().chain(&mut plant.lags_s);
+                of_motor.for_each(|number| shift(number, motors));
+                for mode in &mut plant.modes {
+                    shift(&mut mode.frequency_hz, modes);
+                    shift(&mut mode.damping_ratio, modes);
+                }
+            }
+            plants
+        })
+    }
+
     fn add(&mut self, arm: &Arm, entry: &EffectEntry, unstated: f64) {
         let number = |stem: &str| parameter(arm, entry, stem, unstated);
         let joint = entry.joint.and_then(|joint| self.joints.get_mut(joint.wrapping_sub(1)));
@@ -172,6 +194,12 @@ impl Plant {
             );
             g + mode.participation.value * hz * hz / denominator
         })
+    }
+
+    /// Its delay without lags, s.
+    #[must_use]
+    pub fn delay_s(&self) -> f64 {
+        self.delays_s.iter().map(|delay| delay.value).sum()
     }
 
     /// Duration of its response without modes, s: delay, five time constants of its lags.

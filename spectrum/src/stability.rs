@@ -157,6 +157,20 @@ pub enum StabilityError {
         "stability: feed and up are parallel, or one of them is 0; expected two directions across each other"
     )]
     Axes,
+    /// Feed and upward direction are not at right angles.
+    #[error(
+        "stability: feed and up are {angle_deg:.1}° apart, expected 90° within 1°: the cut is computed in the plane across up (the tool's axis); \
+         keep up and state feed = [{:.4}, {:.4}, {:.4}], or keep feed and state up = [{:.4}, {:.4}, {:.4}]",
+        .feed[0], .feed[1], .feed[2], .up[0], .up[1], .up[2]
+    )]
+    Skew {
+        /// Angle between them, degrees.
+        angle_deg: f64,
+        /// The part of the feed across `up`, unit length.
+        feed: [f64; 3],
+        /// The part of `up` across the feed, unit length.
+        up: [f64; 3],
+    },
     /// The spindle speed is too low for the model.
     #[error(
         "stability: at {spindle_rpm} rpm the highest mode swings {waves:.0} times from tooth to tooth, expected at most {WAVES_MAX}: there process \

@@ -455,6 +455,94 @@ fn a_model_off_by_thirty_percent_makes_no_path_worse_in_time_and_learning_contin
 }
 
 #[test]
+fn a_clock_that_is_late_is_refused_or_reported_and_an_estimated_offset_cures_it() {
+    let mut cell = Cell::new();
+    cell.place.file("robot.toml", &model_text([0.02, -0.02, 0.02, 0.02], 0.02));
+    let model = ["--model", "robot.toml", "--overwrite"];
+    let correct = ["correct", "--dynamic", "path.csv", "--out", "run1.csv"];
+    cell.place.succeed(&[&correct[..], &model].concat());
+    let before = cell.run("run1.csv", "measured.csv");
+    let measured = cell.place.read("measured.csv");
+    let late = |by_s: f64| {
+        let shifted = measured.lines().enumerate().map(|(row, line)| match line.split_once(',') {
+            Some((t_s, rest)) if row > 0 => {
+                format!("{:.6},{rest}\n", t_s.parse::<f64>().unwrap() + by_s)
+            }
+            _ => format!("{line}\n"),
+        });
+        shifted.collect::<String>()
+    };
+    let learn = ["learn", "run1.csv", "late.csv", "--out", "run2.csv", "--json", "learn.json"];
+    for by_s in [0.015, 0.03, 0.05, -0.03] {
+        cell.place.file("late.csv", &late(by_s));
+        let done = cell.place.run(&[&learn[..], &model].concat());
+        let named = done.err.contains("--clock-offset-ms unknown");
+        assert!(done.code == Some(2) && named, "{by_s}: {done:#?}");
+        assert!(!cell.place.path("run2.csv").exists(), "{by_s}: nothing is written");
+        let unknown = [&learn[..], &model, &["--clock-offset-ms", "unknown"]].concat();
+        cell.place.succeed(&unknown);
+        let after = cell.run("run2.csv", "measured2.csv");
+        println!("{by_s} s: from the path {} then {} m", before.from_path_m, after.from_path_m);
+        assert!(after.from_path_m < before.from_path_m);
+        fs::remove_file(cell.place.path("run2.csv")).unwrap();
+    }
+    cell.place.file("late.csv", &late(0.005));
+    let done = cell.place.succeed(&[&learn[..], &model].concat());
+    assert!(done.err.contains("ms later than the model predicts"), "{done:#?}");
+    let late_ms = cell.place.json("learn.json")["late_ms"][0].as_f64().unwrap();
+    assert!((late_ms - 5.0).abs() < 1.0, "{late_ms}");
+}
+
+#[test]
+fn what_limits_a_dynamic_correction_is_in_rows_summary_and_exit_code() {
+    let cell = Cell::new();
+    cell.place.file("robot.toml", &model_text([0.0; 4], 0.02));
+    let run = [
+        "correct",
+        "--dynamic",
+        "path.csv",
+        "--model",
+        "robot.toml",
+        "--overwrite",
+        "--out",
+        "run.csv",
+    ];
+    let json = ["--json", "run.json"];
+    for (limit, by, option) in [
+        (["--max-rate-mrad-s", "40"], "max_rate", "raise --max-rate-mrad-s"),
+        (["--max-mrad", "2"], "max_mrad", "raise --max-mrad"),
+    ] {
+        let done = cell.place.run(&[&run[..], &json, &limit].concat());
+        assert!(done.code == Some(1) && done.out.contains(option), "{done:#?}");
+        let table = cell.place.read("run.csv");
+        let heads: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+        let [status, left, limited] = ["status", "left_mm", "limited_by"]
+            .map(|name| heads.iter().position(|head| *head == name).unwrap());
+        let rows: Vec<Vec<&str>> =
+            table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+        let limited_rows = rows.iter().filter(|row| row[limited] == by).count();
+        assert!(
+            limited_rows > 0
+                && rows.iter().all(|row| row[limited].is_empty() == (row[status] != "limited"))
+        );
+        let result = cell.place.json("run.json");
+        let is_limited = |row: &&Vec<&str>| row[status] == "limited";
+        let all = rows.iter().filter(is_limited).count() as u64;
+        assert_eq!(result["not_exact_rows"], all);
+        assert_eq!(result["statuses"]["limited"], all);
+        let reasons = result["reasons"].as_array().unwrap();
+        assert!(reasons.iter().any(|reason| reason["reason"] == by), "{reasons:?}");
+        let largest = rows.iter().map(|row| row[left].parse::<f64>().unwrap()).fold(0.0, f64::max);
+        let reported = result["largest_left"]["mm"].as_f64().unwrap();
+        assert!((largest - reported).abs() < 1e-6, "{largest} {reported}");
+        let dynamic = &result["dynamic"];
+        let size = |key: &str| dynamic[key]["from_path_mm"]["largest"].as_f64().unwrap();
+        assert!((reported - size("tool_with")).abs() < 1e-3, "{reported}");
+        assert!(size("tool_with") <= size("tool_without"));
+    }
+}
+
+#[test]
 fn a_file_given_twice_is_no_measurement_of_two_runs() {
     let place = Place::new();
     let table = "t_s,q1_deg,ql1_deg\n0,1,1\n0.01,2,2\n";

@@ -135,4 +135,7 @@ fn an_invalid_cut_is_refused_with_every_fault() {
     place.file("flat.toml", &format!("up = [0.0, 1.0, 0.0]\n{text}"));
     let done = place.run(&["stability", "flat.toml"]);
     assert!(done.code == Some(2) && done.err.contains("parallel"), "{done:#?}");
+    place.file("skew.toml", &format!("up = [0.0, 0.5, 1.0]\n{text}"));
+    let done = place.run(&["stability", "skew.toml"]);
+    assert!(done.code == Some(2) && done.err.contains("63.4° apart"), "{done:#?}");
 }

@@ -6,7 +6,7 @@ use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, differences, la
 use proptest::prelude::*;
 
 fn previewed(plants: &Plants, path: &[f64]) -> Vec<f64> {
-    let first = crate::preview(plants, STEP_S, &[path.to_vec()], &settings());
+    let first = crate::preview(plants, None, STEP_S, &[path.to_vec()], &settings());
     first.expect("previewed").commanded.remove(0)
 }
 
@@ -42,14 +42,18 @@ impl Cell<'_> {
             .iter()
             .map(|e| e + self.noise.next(self.sigma))
             .collect();
-        MeasuredErrors { joints: vec![Some((MeasuredQuantity::Link, error))], clock_offset_s: 0.0 }
+        MeasuredErrors {
+            joints: vec![Some((MeasuredQuantity::Link, error))],
+            clock_offset_s: 0.0,
+            late_s: 0.0,
+        }
     }
 
     fn next(&mut self, commanded: &[f64], runs: usize) -> NextRun {
         let measured: Vec<MeasuredErrors> = (0..runs).map(|_| self.measure(commanded)).collect();
         let (wanted, commanded) = (&[self.path.to_vec()][..], &[commanded.to_vec()][..]);
         let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
-        learn(self.plants, &runs, &settings()).expect("learns")
+        learn(self.plants, &[], &runs, &settings()).expect("learns")
     }
 
     fn error(&self, commanded: &[f64]) -> Vec<f64> {
@@ -128,16 +132,18 @@ fn from_a_motor_encoder_only_a_joint_without_modes_learns_delay_and_lag() {
     let measured = [MeasuredErrors {
         joints: vec![Some((MeasuredQuantity::Motor, error.clone()))],
         clock_offset_s: 0.0,
+        late_s: 0.0,
     }];
     let (wanted, commanded) = (&[path.clone()][..], &[path.clone()][..]);
     let next = learn(
         &plants,
+        &[],
         &Runs { step_s: STEP_S, wanted, commanded, measured: &measured },
         &settings(),
     )
     .expect("learns");
     let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
-    let refused = learn(&with_mode, &runs, &settings());
+    let refused = learn(&with_mode, &[], &runs, &settings());
     assert_eq!(refused, Err(FeedforwardError::NothingMeasured));
     let after = differences(&path, &motor.run(STEP_S, &next.commanded[0]));
     assert!(rms(&after) < rms(&error) / 5.0, "{} {}", rms(&error), rms(&after));

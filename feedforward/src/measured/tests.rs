@@ -13,6 +13,9 @@ fn arm() -> Arm {
     RobotModel::read(Path::new("irb1600-6-145")).expect("a preset").physics.arm
 }
 
+/// Of a robot with a delay of 30 ms.
+const TIMING: Timing = Timing { lag_s: 0.03, sigma_s: 5e-4 };
+
 fn times_s() -> Vec<f64> {
     (0..ROWS).map(|k| k as f64 * STEP_S).collect()
 }
@@ -33,7 +36,7 @@ fn expected<'a>(
     path: &'a [Vec<f64>],
     error: &'a [Vec<f64>],
 ) -> Expected<'a> {
-    Expected { arm, times_s, motors: path, links: path, tool: path, error }
+    Expected { arm, times_s, motors: path, links: path, tool: path, error, timing: TIMING }
 }
 
 fn of_links(path: &[Vec<f64>], ahead_s: f64) -> Recording {
@@ -62,6 +65,33 @@ fn an_unknown_clock_is_found_beside_the_delay_that_the_model_expects() {
     assert_eq!(*quantity, MeasuredQuantity::Link);
     let error_max = errors.iter().zip(&error[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(error_max < 1e-4, "{error_max}");
+}
+
+#[test]
+fn a_clock_that_is_late_by_more_than_any_plausible_delay_is_refused_and_by_less_is_measured() {
+    let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
+    let reached = path(0.03);
+    let differ = |(w, r): (&Vec<f64>, &Vec<f64>)| w.iter().zip(r).map(|(w, r)| w - r).collect();
+    let error: Vec<Vec<f64>> = wanted.iter().zip(&reached).map(differ).collect();
+    let expected = expected(&arm, &times_s, &wanted, &error);
+    let of = |late_s: f64, clock| {
+        MeasuredErrors::of(&of_links(&reached, -late_s), expected, clock, &settings())
+    };
+    for late_s in [0.0, 0.006, -0.006] {
+        let found = of(late_s, Clock::Offset(0.0)).expect("within 30 % of the delay");
+        assert!((found.late_s - late_s).abs() < 1e-4, "{} {late_s}", found.late_s);
+    }
+    for late_s in [0.015, 0.03, 0.05, -0.03] {
+        let refused = of(late_s, Clock::Offset(0.0)).expect_err("another clock");
+        let FeedforwardError::ClockMismatch { excess_ms, is_late, most_ms } = refused else {
+            panic!("{refused}")
+        };
+        assert!((excess_ms - 1e3 * late_s.abs()).abs() < 0.2 && is_late == (late_s > 0.0));
+        assert!((most_ms - 10.0).abs() < 1e-9);
+        assert!(refused.to_string().contains("--clock-offset-ms unknown"));
+        let found = of(late_s, Clock::Unknown).expect("estimated");
+        assert!((found.clock_offset_s + late_s).abs() < 2e-4, "{}", found.clock_offset_s);
+    }
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub(crate) fn model(joint: &VirtualJoint, sigma: f64) -> Plant {
 
 fn preview_of(plant: Plant, path: &[f64], settings: &Settings) -> Preview {
     let plants = Plants { joints: vec![plant], left_out: Vec::new() };
-    preview(&plants, STEP_S, &[path.to_vec()], settings).expect("a path")
+    preview(&plants, None, STEP_S, &[path.to_vec()], settings).expect("a path")
 }
 
 /// Errors of the virtual joint without and with the preview by a model.
@@ -94,7 +94,7 @@ fn limits_hold_by_differences_for_any_request() {
     let jerk = c.windows(4).map(third).fold(0.0_f64, |most, jerk| most.max(jerk.abs()));
     assert!(jerk <= 2.0 * (1.0 + 1e-4), "{jerk}");
     let stepped = preview.joints[0].as_ref().expect("compensated");
-    assert!(stepped.limited_rows > 0, "a correction that is held back is counted");
+    assert!(stepped.limited_rows() > 0, "a correction that is held back is counted");
 }
 
 #[test]
@@ -115,10 +115,11 @@ fn the_reported_error_is_the_remaining_one() {
 #[test]
 fn a_model_without_dynamic_effects_is_refused() {
     let plants = Plants { joints: vec![Plant::default()], left_out: Vec::new() };
-    let refused = preview(&plants, STEP_S, &[smooth()], &settings());
+    let refused = preview(&plants, None, STEP_S, &[smooth()], &settings());
     assert_eq!(refused, Err(FeedforwardError::NothingInTime));
     let coarse = preview(
         &Plants { joints: vec![model(&JOINT, 0.0)], left_out: Vec::new() },
+        None,
         0.02,
         &[smooth()],
         &settings(),
@@ -145,4 +146,140 @@ proptest! {
         let [without, with] = errors(&truth, model(&believed, 0.05), &path);
         prop_assert!(rms(&with) <= 1.005 * rms(&without), "{} {}", rms(&with), rms(&without));
     }
+}
+
+/// A gantry of three axes, whose second one has a mode; `keys` are added to each joint.
+fn gantry(keys: &str, effects: &str) -> recording::model::RobotModel {
+    let joint = |k: usize| {
+        let axis = [0, 1, 2].map(|i| f64::from(u8::from(i == k)));
+        format!(
+            "\n[[joint]]\nname = \"{}\"\nkind = \"prismatic\"\naxis = {axis:?}\nlimits_mm = [-3000.0, 3000.0]\n{keys}\n",
+            k + 1
+        )
+    };
+    let joints: String = (0..3).map(joint).collect();
+    let text = format!(
+        "schema = \"trued.model/1\"\nname = \"gantry\"\n{joints}\n[tool]\ntcp_mm = [0.0, 0.0, 0.0]\n{effects}"
+    );
+    recording::model::RobotModel::parse("gantry", &text).expect("a model")
+}
+
+/// A polygon at 100 mm/s with corners blended over a time, m, between rests.
+fn polygon(step_s: f64, blend_s: f64) -> Vec<Vec<f64>> {
+    let corners = [[0.0, 0.0, 0.0], [60.0, 20.0, -30.0], [20.0, 90.0, 0.0], [-40.0, 60.0, 50.0]];
+    let mut points = vec![[0.0; 3]; (1.0 / step_s) as usize];
+    for ends in corners.windows(2) {
+        let along = [0, 1, 2].map(|i| ends[1][i] - ends[0][i]);
+        let length_mm: f64 = along.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let rows = (length_mm / (100.0 * step_s)).round() as usize;
+        let at =
+            |k: usize| [0, 1, 2].map(|i| 1e-3 * (ends[0][i] + along[i] * k as f64 / rows as f64));
+        points.extend((1..=rows).map(at));
+    }
+    points.extend(vec![points[points.len() - 1]; (1.0 / step_s) as usize]);
+    let half = (0.5 * blend_s / step_s) as usize;
+    let blended = |row: usize, axis: usize| {
+        let about = row.saturating_sub(half)..(row + half + 1).min(points.len());
+        let (count, sum) =
+            (about.len(), points[about].iter().map(|point| point[axis]).sum::<f64>());
+        sum / count as f64
+    };
+    (0..3).map(|axis| (0..points.len()).map(|row| blended(row, axis)).collect()).collect()
+}
+
+const MODE: &str = "[[effect]]\nkind = \"time_delay\"\ndelay_ms = 33.8\nsigma = { delay_ms = 0.7 }\n\
+                    [[effect]]\nkind = \"flexible_mode\"\njoint = 2\nfrequency_Hz = 16.7\ndamping_ratio = 0.014\n\
+                    sigma = { frequency_Hz = 0.33, damping_ratio = 0.0014 }\n";
+
+/// Largest distances from the path by the model without and with a preview, m.
+fn deviations(
+    model: &recording::model::RobotModel,
+    wanted: &[Vec<f64>],
+    preview: &Preview,
+) -> [f64; 2] {
+    let points = |joints: &[Vec<f64>]| crate::tool::points(&model.physics.arm, joints);
+    let of =
+        |joints| crate::tool::error(&points(wanted), &points(joints), 2e-3).from_path.largest_m;
+    [of(&preview.without), of(&preview.with)]
+}
+
+#[test]
+fn a_preview_within_tight_limits_takes_no_tool_further_from_its_path() {
+    let model = gantry("", MODE);
+    let plants = Plants::of(&model, 0.1);
+    let mut reduced = 0;
+    for (rate, jerk, bandwidth_hz) in
+        [(0.03, 10.0, 20.0), (0.2, 10.0, 40.0), (0.03, 100.0, 25.0), (0.2, 100.0, 10.0)]
+    {
+        for blend_s in [0.0, 0.05, 0.1] {
+            let wanted = polygon(2e-3, blend_s);
+            let tight = Settings::with_limits(0.02, rate, jerk).expect("sound");
+            let tight = Settings { bandwidth_hz, ..tight };
+            let arm = Some(&model.physics.arm);
+            let preview = preview(&plants, arm, 2e-3, &wanted, &tight).expect("a path");
+            let [without, with] = deviations(&model, &wanted, &preview);
+            let late_m =
+                preview.without.iter().zip(&wanted).map(|(y, q)| largest(&differences(q, y)));
+            let late_m = late_m.map(|late_m| late_m * late_m).sum::<f64>().sqrt();
+            let floor_m = tight.path_floor_m.max(tight.path_floor_share * late_m);
+            assert!(with <= without.max(floor_m), "{rate} {jerk} {blend_s}: {without} {with}");
+            reduced += usize::from(preview.reduced.is_some());
+            let limited = preview.joints.iter().flatten().any(|joint| joint.limited_rows() > 0);
+            assert!(preview.reduced.is_none_or(|by| by.limited_by.is_some() == limited));
+        }
+    }
+    assert!(reduced > 0, "some would have been further from the path");
+}
+
+#[test]
+fn a_preview_commands_no_joint_faster_than_its_model_allows() {
+    let lags: String = (1..=3)
+        .map(|joint| {
+            format!("[[effect]]\nkind = \"servo_lag\"\njoint = {joint}\ntime_constant_ms = 12.0\n")
+        })
+        .collect();
+    let model = gantry("max_speed_mm_s = 95.0", &(lags + MODE));
+    let wanted = polygon(4e-3, 0.0);
+    let arm = &model.physics.arm;
+    let preview_of = |arm: Option<&Arm>| {
+        preview(&Plants::of(&model, 0.1), arm, 4e-3, &wanted, &settings()).expect("a path")
+    };
+    let fastest = |preview: &Preview| {
+        let speeds = |joint: &Vec<f64>| {
+            joint.windows(2).map(|q| (q[1] - q[0]).abs() / 4e-3).fold(0.0, f64::max)
+        };
+        preview.commanded.iter().map(speeds).fold(0.0, f64::max)
+    };
+    assert!(fastest(&preview_of(None)) > 0.12, "without the limit it is exceeded");
+    let limited = preview_of(Some(arm));
+    assert!(fastest(&limited) <= 0.095 * (1.0 + 1e-6), "{}", fastest(&limited));
+    let by = |joint: &CorrectionStep| joint.limited.contains(&Some(LimitedBy::JointSpeed));
+    assert!(limited.joints.iter().flatten().any(by));
+    let late = |joints: &[Vec<f64>]| {
+        let error = |(q, joint): (&Vec<f64>, &Vec<f64>)| rms(&differences(q, joint));
+        wanted.iter().zip(joints).map(error).fold(0.0, f64::max)
+    };
+    let [without, with] = [&limited.without, &limited.with].map(|joints| late(joints));
+    assert!(with < 0.2 * without, "{without} {with}, {:?}", limited.reduced);
+}
+
+#[test]
+fn with_little_room_below_the_speed_limit_most_of_a_lag_is_still_compensated() {
+    let lag = "[[effect]]\nkind = \"servo_lag\"\njoint = 1\ntime_constant_ms = 12.0\n";
+    let model = gantry("max_speed_mm_s = 110.0", &(lag.to_owned() + MODE));
+    // To and fro at 105 mm/s with sharp corners.
+    let at = |k: i32| {
+        let way = 0.105 * 4e-3 * f64::from((k - 250).clamp(0, 450));
+        0.05 - (0.05 - way % 0.1).abs()
+    };
+    let rest = vec![0.0; 950];
+    let wanted = vec![(0..950).map(at).collect::<Vec<f64>>(), rest.clone(), rest];
+    let plants = Plants::of(&model, 0.1);
+    let preview =
+        preview(&plants, Some(&model.physics.arm), 4e-3, &wanted, &settings()).expect("a path");
+    let speeds = preview.commanded[0].windows(2).map(|q| (q[1] - q[0]).abs() / 4e-3);
+    assert!(speeds.fold(0.0, f64::max) <= 0.11 * (1.0 + 1e-6));
+    let late = |joints: &[Vec<f64>]| rms(&differences(&wanted[0], &joints[0]));
+    let (without, with) = (late(&preview.without), late(&preview.with));
+    assert!(with < 0.5 * without, "{without} {with} {:?}", preview.reduced);
 }

@@ -4,7 +4,7 @@ use joint_dynamics::plant::{Plant, UncertainValue};
 use physics::{Arm, JointKind};
 use serde::Serialize;
 
-use super::{JointCorrection, MILLI, ToolErrors, largest, rms};
+use super::{JointCorrection, MILLI, ToolErrors, digits, largest, rms};
 use crate::learn::{LearnedJoint, NextRun, Runs};
 use crate::measured::MeasuredQuantity;
 
@@ -20,10 +20,30 @@ pub struct LearnReport {
     joints: Vec<JointReport>,
     /// Joints, from 1, for which nothing was measured, or only the motor of a joint with a mode.
     not_learned: Vec<usize>,
+    /// What a measurement is later than predicted from the commands by the model, after its clock offset.
+    late_ms: Vec<f64>,
     /// Of the mean of the runs.
     tool_before: ToolErrors,
+    /// Of these runs, by the model.
+    tool_expected: ToolErrors,
     /// Of the next run, by the model.
     tool_next: ToolErrors,
+    /// Why the next commands are those of the run before; none where they are learned.
+    went_back: Option<WentBack>,
+    /// What to check, as text.
+    warnings: Vec<String>,
+}
+
+/// A run that was worse than the one before.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub struct WentBack {
+    /// Root mean square tracking error of the tool in this run.
+    pub run_rms_mm: f64,
+    /// In the one before.
+    pub before_rms_mm: f64,
+    /// Share of the learned change that the next iteration uses.
+    pub learning_share: f64,
 }
 
 /// What was learned of a joint.
@@ -94,9 +114,10 @@ impl JointReport {
     fn text(&self) -> String {
         let Self { measured, error, error_rms, repeatability, by_run, next } = self;
         let mut text = next.text();
-        text += &format!("; measured error ({measured}) at most {error:.3}, {error_rms:.3} rms");
+        let [error, error_rms] = [error, error_rms].map(|value| digits(*value));
+        text += &format!("; measured error ({measured}) at most {error}, {error_rms} rms");
         if let Some(deviation) = repeatability {
-            text += &format!(", repeatability {deviation:.4} rms");
+            text += &format!(", repeatability {} rms", digits(*deviation));
         }
         if let Some(by_run) = by_run {
             text += &format!("; {}", by_run.text());
@@ -106,19 +127,21 @@ impl JointReport {
 }
 
 impl LearnReport {
-    /// Of the runs of a path and the next commands; `corrections`: where these go.
+    /// Of the runs of a path and the next commands; `corrections`: where these go; `expected`: the errors of the joints in
+    /// these runs by the model, rad or m.
     #[must_use]
-    pub fn of(arm: &Arm, runs: &Runs<'_>, next: &NextRun, corrections: String) -> Self {
+    pub fn of(
+        arm: &Arm,
+        runs: &Runs<'_>,
+        next: &NextRun,
+        corrections: String,
+        expected: &[Vec<f64>],
+    ) -> Self {
         let Runs { step_s, wanted, measured, .. } = *runs;
-        let without = |error: fn(&LearnedJoint) -> &Vec<f64>| -> Vec<Vec<f64>> {
-            let joints = wanted.iter().zip(&next.joints);
-            let reached = |(wanted, learned): (&Vec<f64>, &Option<LearnedJoint>)| match learned {
-                Some(learned) => wanted.iter().zip(error(learned)).map(|(w, e)| w - e).collect(),
-                None => wanted.clone(),
-            };
-            joints.map(reached).collect()
-        };
         let tool = |reached: Vec<Vec<f64>>| ToolErrors::of(arm, wanted, &reached, step_s);
+        let measured_joints = expected.iter().zip(&next.joints);
+        let expected: Vec<Option<&Vec<f64>>> =
+            measured_joints.map(|(error, joint)| joint.is_some().then_some(error)).collect();
         let joints = next.joints.iter().zip(arm.joints()).enumerate();
         let joints = joints.filter_map(|(index, (learned, joint))| {
             Some(JointReport::of(index, joint.kind, learned.as_ref()?))
@@ -131,9 +154,35 @@ impl LearnReport {
             clock_offsets_ms: measured.iter().map(|run| run.clock_offset_s * MILLI).collect(),
             joints: joints.collect(),
             not_learned: not_learned.map(|(number, _)| number).collect(),
-            tool_before: tool(without(|learned| &learned.error)),
-            tool_next: tool(without(|learned| &learned.next.residual)),
+            late_ms: measured.iter().map(|run| run.late_s * MILLI).collect(),
+            tool_before: tool(next.reached(wanted, |learned| &learned.error)),
+            tool_expected: tool(without(wanted, &expected)),
+            tool_next: tool(next.reached(wanted, |learned| &learned.next.residual)),
+            went_back: None,
+            warnings: Vec::new(),
         }
+    }
+
+    /// The next commands are those of the run before.
+    pub(crate) fn go_back(&mut self, went_back: WentBack) {
+        self.went_back = Some(went_back);
+    }
+
+    /// Adds what to check.
+    pub(crate) fn warn(&mut self, warning: String) {
+        self.warnings.push(warning);
+    }
+
+    /// What to check, as text.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Whether the run was worse than the one before, whose commands are the next ones.
+    #[must_use]
+    pub fn is_back(&self) -> bool {
+        self.went_back.is_some()
     }
 
     /// Whether a limit reduced the correction of a joint.
@@ -155,10 +204,27 @@ impl LearnReport {
             );
         }
         text += &self.tool_before.text("measured error");
+        text += &self.tool_expected.text("predicted for it");
+        if let Some(WentBack { run_rms_mm, before_rms_mm, learning_share }) = &self.went_back {
+            let [run, before] = [run_rms_mm, before_rms_mm].map(|mm| digits(*mm));
+            let percent = 100.0 * learning_share;
+            text += &format!(
+                "went back           the tracking error is {run} mm rms, in the run before it was {before}: the next commands are those of the run before, and the next change will be {percent:.0} % of a full one; check clocks, path and model\n"
+            );
+        }
         text += self.tool_next.text("predicted next run").trim_end();
         if self.runs == 1 {
             text += "\nrepeatability       unknown from one run; give several recordings of the same commands";
         }
         text
     }
+}
+
+/// Where joints with these errors are; without an error at their target.
+fn without(wanted: &[Vec<f64>], errors: &[Option<&Vec<f64>>]) -> Vec<Vec<f64>> {
+    let reached = |(wanted, error): (&Vec<f64>, &Option<&Vec<f64>>)| match error {
+        Some(error) => wanted.iter().zip(*error).map(|(w, e)| w - e).collect(),
+        None => wanted.clone(),
+    };
+    wanted.iter().zip(errors).map(reached).collect()
 }

@@ -105,6 +105,12 @@ impl Analysis {
     pub fn feed(&self, angle_rad: f64) -> [f64; 3] {
         self.stability.axes().rotated(angle_rad).feed()
     }
+
+    /// Direction out of the workpiece, in the frame of the modes, unit length.
+    #[must_use]
+    pub fn up(&self) -> [f64; 3] {
+        self.stability.axes().up()
+    }
 }
 
 /// Whether a depth is below a limit; `None` is no limit.

@@ -37,6 +37,8 @@ struct CutReport {
     depth_mm: f64,
     teeth: u32,
     feed: [f64; 3],
+    /// Out of the workpiece, unit length.
+    up: [f64; 3],
 }
 
 #[derive(Serialize)]
@@ -142,6 +144,7 @@ impl Report {
                 depth_mm: 1e3 * file.cut.axial_depth_m,
                 teeth: file.cut.teeth,
                 feed: analysis.feed(0.0),
+                up: analysis.up(),
             },
             stable: analysis.is_stable,
             multiplier_modulus: analysis.modulus,

@@ -68,10 +68,11 @@ pub(super) fn cut(analysis: &Analysis) -> String {
     let file = &analysis.cut.file;
     let number = analysis.cut.modes.len();
     format!(
-        "{} rpm, {} mm deep, feed along {}; {}",
+        "{} rpm, {} mm deep, feed along {}, up along {}; {}",
         fixed(file.spindle_rpm, 0),
         significant(1e3 * file.cut.axial_depth_m, 3),
         direction(analysis.feed(0.0)),
+        direction(analysis.up()),
         report::pluralise(number, "mode")
     )
 }

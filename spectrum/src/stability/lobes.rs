@@ -33,6 +33,11 @@ const HALF_WIDTHS: i32 = 30;
 const PER_HALF_WIDTH: i32 = 12;
 /// Bisection steps between two frequencies.
 const HALVINGS: usize = 40;
+/// Between two frequencies of the sweep the argument of an eigenvalue changes by at most this, rad:
+/// otherwise the interval is halved, at most [`SUBDIVISIONS`] times. The phase of a lobe is twice
+/// the argument, so that within an interval it is nearly a straight line.
+const ARGUMENT_STEP_RAD: f64 = 0.1;
+const SUBDIVISIONS: u32 = 20;
 
 /// Eigenvalues of Φ at a frequency, in the order of continuous branches.
 #[derive(Clone, Copy, Debug)]
@@ -63,13 +68,33 @@ impl Lobes {
         };
         let parts = swings.iter().map(part).collect();
         let mut lobes = Self { parts, cutter, depth_max_m, sweep: Vec::new() };
-        let mut before = lobes.eigenvalues(0.0);
-        lobes.sweep.push(Sample { omega_rad_s: 0.0, eigenvalues: before });
+        let mut sweep = vec![Sample { omega_rad_s: 0.0, eigenvalues: lobes.eigenvalues(0.0) }];
         for omega_rad_s in lobes.frequencies_rad_s() {
-            before = match_eigenvalues(before, lobes.eigenvalues(omega_rad_s));
-            lobes.sweep.push(Sample { omega_rad_s, eigenvalues: before });
+            lobes.extend_to(&mut sweep, omega_rad_s, SUBDIVISIONS);
         }
+        lobes.sweep = sweep;
         lobes
+    }
+
+    /// Extends a sweep to a frequency, with intermediate ones where an eigenvalue turns.
+    fn extend_to(&self, sweep: &mut Vec<Sample>, omega_rad_s: f64, subdivisions: u32) {
+        let Some(last) = sweep.last().copied() else { return };
+        let next = self.following(&last, omega_rad_s);
+        let turns = last.eigenvalues.iter().zip(&next.eigenvalues).any(|(a, b)| {
+            (b * a.conj()).arg().abs() > ARGUMENT_STEP_RAD && (a.re > 0.0 || b.re > 0.0)
+        });
+        if turns && subdivisions > 0 {
+            self.extend_to(sweep, 0.5 * (last.omega_rad_s + omega_rad_s), subdivisions - 1);
+            self.extend_to(sweep, omega_rad_s, subdivisions - 1);
+        } else {
+            sweep.push(next);
+        }
+    }
+
+    /// The sample at a frequency, its eigenvalues in the order of those of the sample before.
+    fn following(&self, before: &Sample, omega_rad_s: f64) -> Sample {
+        let eigenvalues = match_eigenvalues(before.eigenvalues, self.eigenvalues(omega_rad_s));
+        Sample { omega_rad_s, eigenvalues }
     }
 
     /// The limit at a spindle speed: the lowest of all lobes; `None` if all are above the largest
@@ -86,9 +111,11 @@ impl Lobes {
             let (a, b) = (low.eigenvalues[branch], high.eigenvalues[branch]);
             // Skips intervals without a lobe below the lowest limit so far: a = 1/(2 Re λ), with a
             // margin for the curvature between the two samples.
-            if a.re <= 0.0 || b.re <= 0.0 || 2.2 * a.re.max(b.re) * best.depth_m < 1.0 {
+            if a.re.max(b.re) <= 0.0 || 2.2 * a.re.max(b.re) * best.depth_m < 1.0 {
                 continue;
             }
+            let (low, high) = self.part_with_limit(low, high, branch);
+            let (a, b) = (low.eigenvalues[branch], high.eigenvalues[branch]);
             let (from, to) = (lobe(low.omega_rad_s, a), lobe(high.omega_rad_s, b));
             let first = from.min(to).ceil().max(0.0) as i64;
             for number in first..=from.max(to).floor() as i64 {
@@ -142,6 +169,21 @@ impl Lobes {
         pairs.flat_map(|(low, high)| [(low, high, 0), (low, high, 1)])
     }
 
+    /// The part of an interval in which the real part of the eigenvalue is positive: beyond its
+    /// change of sign, where the limit goes to infinity, there is none.
+    fn part_with_limit(&self, low: Sample, high: Sample, branch: usize) -> (Sample, Sample) {
+        let is_positive = |sample: &Sample| sample.eigenvalues[branch].re > 0.0;
+        let (mut from, mut to) = (low, high);
+        if is_positive(&low) == is_positive(&high) {
+            return (low, high);
+        }
+        for _ in 0..HALVINGS {
+            let middle = self.following(&from, 0.5 * (from.omega_rad_s + to.omega_rad_s));
+            if is_positive(&middle) == is_positive(&low) { from = middle } else { to = middle }
+        }
+        if is_positive(&low) { (low, from) } else { (to, high) }
+    }
+
     /// Zero of a function of frequency and eigenvalue between two samples, by bisection.
     fn refine_crossing(
         &self,
@@ -154,9 +196,7 @@ impl Lobes {
         let value_at = |sample: &Sample| value(sample.omega_rad_s, sample.eigenvalues[branch]);
         let rises = value_at(&high) > value_at(&low);
         for _ in 0..HALVINGS {
-            let omega_rad_s = 0.5 * (low.omega_rad_s + high.omega_rad_s);
-            let eigenvalues = match_eigenvalues(low.eigenvalues, self.eigenvalues(omega_rad_s));
-            let middle = Sample { omega_rad_s, eigenvalues };
+            let middle = self.following(&low, 0.5 * (low.omega_rad_s + high.omega_rad_s));
             if (value_at(&middle) > 0.0) == rises { high = middle } else { low = middle }
         }
         (low.omega_rad_s, low.eigenvalues[branch])

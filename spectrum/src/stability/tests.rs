@@ -139,6 +139,93 @@ fn the_least_limit_in_turning_is_the_closed_form() {
     }
 }
 
+/// The limit of one mode in turning by its closed form, m: the smallest `1/(2 Re λ)` of all
+/// frequencies with `ωτ = ψ + 2πj`, found where that changes sign on a dense grid.
+fn turning_closed_form_m(mode: &FlexibleMode, gain: f64, rpm: f64) -> f64 {
+    let (delay_s, omega_n) = (60.0 / rpm, TAU * mode.frequency_hz);
+    let at = |ratio: f64| {
+        let dynamic = Complex::new(1.0 - ratio * ratio, 2.0 * mode.damping_ratio * ratio);
+        let value = dynamic.inv() * (gain / mode.stiffness_n_per_m);
+        let turns = (ratio * omega_n * delay_s - 2.0 * value.re.atan2(-value.im)) / TAU;
+        (turns, 0.5 / value.re)
+    };
+    // From resonance on, where the real part has its sign, geometrically denser towards it.
+    let ratio = |k: u32| {
+        let away = 1e-6 * (6e-5 * f64::from(k)).exp();
+        if gain > 0.0 { 1.0 - away } else { 1.0 + away }
+    };
+    let mut least_m = f64::INFINITY;
+    let mut before = at(ratio(0));
+    for k in 1..300_000 {
+        let r = ratio(k);
+        if r <= 0.0 {
+            break;
+        }
+        let now = at(r);
+        if before.0.floor() != now.0.floor() && before.0.max(now.0).floor() >= 0.0 {
+            least_m = least_m.min(0.5 * (before.1 + now.1));
+        }
+        before = now;
+    }
+    least_m
+}
+
+/// Powers of ten with exponents between two numbers.
+fn log_uniform(from: f64, to: f64) -> impl Strategy<Value = f64> {
+    (from..to).prop_map(|exponent: f64| 10f64.powf(exponent))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+    #[test]
+    fn the_zeroth_order_in_turning_is_the_closed_form_at_any_speed(
+        frequency_hz in 20.0..1500.0_f64, damping_ratio in log_uniform(-2.7, -0.6), waves in log_uniform(-1.5, 0.7), pushes in any::<bool>(),
+    ) {
+        let direction = if pushes { X } else { [1.0, 1.0, 0.0] };
+        let mode = FlexibleMode { frequency_hz, damping_ratio, stiffness_n_per_m: 1e6, direction };
+        // Along the feed the chip pushes with K_rc; obliquely a large K_tc pulls.
+        let cutter = Cutter {
+            teeth: 1, turning: true, chip_n_m2: if pushes { [8e8, 9e8, 1e8] } else { [9e8, 2e8, 0.0] }, ..two_teeth(1.0)
+        };
+        let stability = stability(&[mode], cutter);
+        let u = Vector3::from(direction).normalize();
+        let gain = (u.transpose() * stability.mean_coefficients() * u.xy())[(0, 0)];
+        let rpm = 60.0 * frequency_hz / waves;
+        let expected_m = turning_closed_form_m(&mode, gain, rpm);
+        let depth_max_m = 500.0 * damping_ratio * 2.0 * 1e6 / gain.abs();
+        prop_assume!(expected_m < 0.9 * depth_max_m);
+        let found = stability.lobes(depth_max_m).limit(rpm);
+        let found_m = found.map_or(f64::INFINITY, |limit| limit.depth_m);
+        prop_assert!((found_m / expected_m - 1.0).abs() < 1e-3, "{found_m} m, expected {expected_m} m at {rpm} rpm, gain {gain}");
+    }
+}
+
+#[test]
+fn a_limit_far_above_the_least_one_is_found_on_the_edge_of_a_lobe() {
+    let mode = FlexibleMode {
+        frequency_hz: 120.0,
+        damping_ratio: 0.01,
+        stiffness_n_per_m: 1e6,
+        direction: X,
+    };
+    let cutter = Cutter { teeth: 1, turning: true, chip_n_m2: [8e8, 9e8, 1e8], ..two_teeth(1.0) };
+    let found = stability(&[mode], cutter).lobes(0.1).limit(7376.6).expect("a limit");
+    assert!((found.depth_m / 0.1529e-3 - 1.0).abs() < 2e-3, "{found:?}");
+}
+
+#[test]
+fn a_feed_that_is_not_across_up_is_refused_with_both_remedies() {
+    let refused = CutAxes::new(X, [0.5, 0.0, 1.0]).expect_err("63° apart");
+    let StabilityError::Skew { angle_deg, feed, up } = refused else { panic!("{refused}") };
+    assert!((angle_deg - 63.43).abs() < 0.01, "{angle_deg}");
+    for axes in [CutAxes::new(feed, [0.5, 0.0, 1.0]), CutAxes::new(X, up)] {
+        assert!(axes.is_ok(), "{axes:?}");
+    }
+    assert_eq!(CutAxes::new(X, up).expect("across").feed(), X);
+    let far = CutAxes::new([1e200, 0.0, 0.0], [0.0, 0.0, 1e-300]).expect("any length");
+    assert_eq!((far.feed(), far.up()), (X, Z));
+}
+
 #[test]
 fn a_pocket_stands_where_the_work_turns_once_in_a_whole_number_of_swings() {
     let stability = turning();
@@ -335,6 +422,7 @@ fn an_impossible_cutter_is_refused() {
     let axes = CutAxes::new(X, Z).unwrap();
     assert_eq!(CutAxes::new(Z, Z), Err(StabilityError::Axes));
     assert_eq!(CutAxes::new([f64::NAN, 0.0, 0.0], Z), Err(StabilityError::Axes));
+    assert_eq!(CutAxes::new([0.0; 3], Z), Err(StabilityError::Axes));
     let new = |modes: &[FlexibleMode], cutter| Stability::new(modes, cutter, axes).map(|_| ());
     assert_eq!(new(&[], two_teeth(1.0)), Err(StabilityError::NoMode));
     let undamped = [FlexibleMode { damping_ratio: 0.0, ..one_mode()[0] }];

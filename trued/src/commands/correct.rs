@@ -75,7 +75,7 @@ impl Correct {
             console.say(line)?;
         }
         let is_done = match tolerance {
-            Some(tolerance) => tolerance.met && corrected.limited_rows() == 0,
+            Some(tolerance) => tolerance.met,
             None => corrected.is_exact() || self.accept_limited,
         };
         Ok(if is_done { Answer::Done } else { Answer::No })

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use correction_report::dynamic::{joint_plants, static_commands};
 use correction_report::path::static_corrections;
-use feedforward::learning::{CommandedPath, Commands, Learning};
+use feedforward::learning::{CommandedPath, Commands, Learned, Learning};
 use feedforward::measured::Clock;
 use recording::series::{self, Epoch, RequiredData};
 use tracing::warn;
@@ -66,14 +66,16 @@ impl Learn {
         let epoch = input.recording.epoch();
         let plants = joint_plants(&input.model, &settings)?;
         let path = CommandedPath::of(&input.recording, &input.joint_kinds, &plants, &settings);
-        let CommandedPath { recording, commanded, source } = path.map_err(in_file(&self.path))?;
+        let CommandedPath { recording, commanded, history, source } =
+            path.map_err(in_file(&self.path))?;
         input.recording = recording;
         let (mut corrections, _) =
             static_corrections(&input.model, &input.recording, cell, &|done| {
                 progress::show_rows(&spinner, done);
             })?;
         let wanted = static_commands(&corrections, &input.recording, &source)?;
-        let commands = Commands { commanded: commanded.unwrap_or_else(|| wanted.clone()), wanted };
+        let commanded = commanded.unwrap_or_else(|| wanted.clone());
+        let commands = Commands { commanded, wanted, history };
         let learning = Learning::of(&input.model, &plants, &input.recording, commands, &settings);
         let mut learning = learning.map_err(Failure::input)?;
         spinner.set_message("learning from the measured runs");
@@ -81,14 +83,16 @@ impl Learn {
             self.add(&mut learning, path, epoch)?;
         }
         let learned = learning.next(out.display().to_string(), &source);
-        let (next, report) = learned.map_err(in_file(&self.path))?;
-        corrections.replace_joints(next.commanded);
+        let Learned { next, rows, history, report } = learned.map_err(in_file(&self.path))?;
+        corrections.compensate(next.commanded, &rows);
+        history.put(&mut input.recording, &input.joint_kinds);
         outputs.put(&out, corrections.csv(input.recording).as_slice());
         spinner.finish_and_clear();
         console.write(outputs, "trued.learn/1", &report)?;
         console.say(report.text())?;
         console.say(format!("next commands       {}", out.display()))?;
-        Ok(if report.is_limited() { Answer::No } else { Answer::Done })
+        report.warnings().iter().for_each(|warning| warn!("{warning}"));
+        Ok(if report.is_limited() || report.is_back() { Answer::No } else { Answer::Done })
     }
 
     /// Checks that no file is given twice: the path is no measurement of itself, and a run counts once.
