@@ -105,6 +105,25 @@ impl Number {
     }
 }
 
+/// Preformatted text that breaks between its words only, so that an option is not separated from its value: `--target=-0.1,2` has places where a
+/// browser would break.
+fn command_box(text: &str) -> String {
+    let is_space = |c: char| c.is_whitespace();
+    let mut html = String::from("<pre>");
+    let mut rest = text;
+    while !rest.is_empty() {
+        let word = rest.find(is_space).unwrap_or(rest.len());
+        let (word, after) = rest.split_at(word);
+        let space = after.find(|c| !is_space(c)).unwrap_or(after.len());
+        if !word.is_empty() {
+            html += &format!("<span>{}</span>", escape(word));
+        }
+        html += &after[..space];
+        rest = &after[space..];
+    }
+    html + "</pre>"
+}
+
 /// A page; elements appear in the order of addition. Elements before the first section form the
 /// first screen, and the first sheet of paper.
 #[derive(Debug, Clone)]
@@ -201,7 +220,7 @@ impl Page {
     /// The next step, with its command if there is one.
     #[must_use]
     pub fn next(self, text: &str, command: Option<&str>) -> Self {
-        let command = command.map_or(String::new(), |line| format!("<pre>{}</pre>", escape(line)));
+        let command = command.map_or(String::new(), |line| command_box(line) + "\n");
         self.with(&format!(
             "<div class=\"next\"><p><strong>Next:</strong> {}</p>{command}</div>\n",
             escape(text)
@@ -286,7 +305,7 @@ impl Page {
     /// Preformatted text: a command, a file.
     #[must_use]
     pub fn code(self, text: &str) -> Self {
-        self.with(&format!("<pre>{}</pre>\n", escape(text)))
+        self.with(&format!("{}\n", command_box(text)))
     }
 
     /// The footer of the page: further information.
