@@ -53,6 +53,7 @@ impl JointCorrection {
         let Self { joint, unit, correction, left, bandwidth_hz, limited_rows, .. } = self;
         let limited = match limited_rows {
             0 => String::new(),
+            1 => "; limited in 1 row".to_owned(),
             rows => format!("; limited in {rows} rows"),
         };
         format!(
