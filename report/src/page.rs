@@ -108,20 +108,24 @@ impl Number {
 /// Preformatted text that breaks between its words only, so that an option is not separated from its value: `--target=-0.1,2` has places where a
 /// browser would break.
 fn command_box(text: &str) -> String {
-    let is_space = |c: char| c.is_whitespace();
     let mut html = String::from("<pre>");
-    let mut rest = text;
-    while !rest.is_empty() {
-        let word = rest.find(is_space).unwrap_or(rest.len());
-        let (word, after) = rest.split_at(word);
-        let space = after.find(|c| !is_space(c)).unwrap_or(after.len());
-        if !word.is_empty() {
-            html += &format!("<span>{}</span>", escape(word));
+    let mut word = String::new();
+    let mut is_quoted = false;
+    for letter in text.chars() {
+        is_quoted ^= letter == '\'';
+        if letter.is_whitespace() && !is_quoted {
+            html += &unbroken(&std::mem::take(&mut word));
+            html.push(letter);
+        } else {
+            word.push(letter);
         }
-        html += &after[..space];
-        rest = &after[space..];
     }
-    html + "</pre>"
+    html + &unbroken(&word) + "</pre>"
+}
+
+/// A word of a command that is not broken.
+fn unbroken(word: &str) -> String {
+    if word.is_empty() { String::new() } else { format!("<span>{}</span>", escape(word)) }
 }
 
 /// A page; elements appear in the order of addition. Elements before the first section form the
@@ -383,5 +387,19 @@ impl Page {
     fn with(mut self, html: &str) -> Self {
         self.body += html;
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_of_a_command_stays_with_its_value_and_a_quoted_word_with_itself() {
+        let html = command_box("trued plan --target=-0.1,2.3 'my robot.toml'\n  <end>");
+        assert_eq!(
+            html,
+            "<pre><span>trued</span> <span>plan</span> <span>--target=-0.1,2.3</span> <span>&#39;my robot.toml&#39;</span>\n  <span>&lt;end&gt;</span></pre>"
+        );
     }
 }
