@@ -276,10 +276,13 @@ fn lines(profile: &ProfileAnalysis) -> Table {
     })
 }
 
+/// A row of the table of parameters: suffix and unit of their names, value, meaning.
+type ParameterRow = (&'static str, &'static str, fn(&HeightParameters) -> f64, &'static str);
+
 fn parameters(profile: &ProfileAnalysis) -> Table {
     let heads = ["Parameter", "Profile P", "Waviness W", "Roughness R", "Meaning"];
     let each = [&profile.primary, &profile.waviness, &profile.roughness];
-    let rows: [(&str, &str, fn(&HeightParameters) -> f64, &str); 7] = [
+    let rows: [ParameterRow; 7] = [
         ("a", "µm", |p| p.mean_deviation, "mean deviation"),
         ("q", "µm", |p| p.rms, "root mean square"),
         ("t", "µm", |p| p.total_height, "total height"),
