@@ -18,7 +18,10 @@ impl ScoredChallenge {
         let mut text = format!("\n{}", table.render(width_max));
         let unanswered = self.figures.unanswered;
         if unanswered > 0 {
-            text += &format!("{unanswered} cases without an answer; each counts as wrong\n");
+            text += &format!(
+                "{} without an answer; each counts as wrong\n",
+                report::pluralise(unanswered, "case")
+            );
         }
         text
     }

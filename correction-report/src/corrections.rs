@@ -352,21 +352,32 @@ impl Figures {
             0 => String::new(),
             rows => format!(", {rows} of them added at standstill; rows are those of the file"),
         };
-        let mut text =
-            format!("{}, {} rows{rest}\n\n{}\n", self.model.name, self.rows, table.render(width));
+        let mut text = format!(
+            "{}, {}{rest}\n\n{}\n",
+            self.model.name,
+            pluralise(self.rows, "row"),
+            table.render(width)
+        );
         for ReasonCount { status, reason, rows, first_row } in &self.reasons {
             let first_row = row_in_file(*first_row);
-            text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
+            text += &format!(
+                "{status} for {reason}: {}, the first is row {first_row}\n",
+                pluralise(*rows, "row")
+            );
         }
         for LargestCorrection { value, unit, joint, row } in &self.largest_correction {
             let row = row_in_file(*row);
-            text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
+            text += &format!(
+                "largest correction  {} {unit} (joint {joint}, row {row})\n",
+                significant(*value, 3)
+            );
         }
         let Some(RemainingError { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
             return text + "largest error left  unknown for all rows";
         };
         let [mm_row, mrad_row] = [mm_row, mrad_row].map(row_in_file);
-        let [mm, mrad] = [mm, mrad].map(|left| significant(left, 3));
+        let [mm, mrad] =
+            [(mm, FINEST_MM), (mrad, FINEST_MRAD)].map(|(value, finest)| remaining(value, finest));
         text += &format!("largest error left  {mm} mm (row {mm_row}), ");
         text += &format!("{mrad} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {
@@ -389,6 +400,15 @@ impl Tolerance {
             "tolerance           {tolerance_mm} mm not met: {rows} with a larger or unknown remaining error; see the column `left_mm`"
         )
     }
+}
+
+/// Remaining errors below this are written as 0, mm and mrad. Origin: a choice, a thousandth of what any instrument resolves.
+const FINEST_MM: f64 = 1e-6;
+const FINEST_MRAD: f64 = 1e-6;
+
+/// A remaining error of three significant digits; below `finest` it is 0.
+fn remaining(value: f64, finest: f64) -> String {
+    if value < finest { "0".to_owned() } else { significant(value, 3) }
 }
 
 fn hex(hash: u64) -> String {

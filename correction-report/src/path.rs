@@ -151,7 +151,8 @@ impl CorrectedPath {
         let left = self.corrections.not_exact_rows();
         if left > 0 {
             lines.push(format!(
-                "not fully corrected: {left} rows; see in the corrected path the columns `left_mm`, `left_mrad`, `limited_by`"
+                "not fully corrected: {}; see in the corrected path the columns `left_mm`, `left_mrad`, `limited_by`",
+                report::pluralise(left, "row")
             ));
         }
         if self.few_joints && !self.is_exact() {

@@ -38,6 +38,7 @@ mod fixed_objects;
 mod model_file;
 mod models;
 mod page;
+mod registered_sizes;
 mod result;
 mod split;
 mod sweeps_and_loads;

@@ -137,21 +137,27 @@ fn apply_refit(base: &RobotModel, effects: &mut [EffectEntry], refit: &RefittedP
     }
 }
 
-/// Adds the fitted differences to the existing values.
+/// Adds the fitted differences to the existing values. A difference of another shape than the parameter does not say to which of its numbers it belongs:
+/// that parameter keeps its value and uncertainty, so that the file stays readable.
 fn add_differences(known: &mut EffectEntry, found: &EffectEntry) {
     for parameter in &mut known.parameters {
-        let Some(difference) = found.parameters.iter().find(|p| p.key == parameter.key) else {
+        let has_shape_of_it = |p: &&Parameter| {
+            let numbers = parameter.value.as_slice().len();
+            let is_shaped = |list: &Numbers| list.as_slice().len() == numbers;
+            is_shaped(&p.value) && p.sigma.as_ref().is_none_or(is_shaped)
+        };
+        let found = found.parameters.iter().find(|p| p.key == parameter.key);
+        let Some(difference) = found.filter(has_shape_of_it) else {
             continue;
         };
+        let sigma = difference.sigma.clone();
         let difference = difference.value.as_slice();
         let sum = |(k, value): (usize, &f64)| value + difference.get(k).copied().unwrap_or(0.0);
         parameter.value = match &parameter.value {
             Numbers::One(value) => Numbers::One(sum((0, value))),
             Numbers::List(list) => Numbers::List(list.iter().enumerate().map(sum).collect()),
         };
-        parameter.sigma.clone_from(
-            &found.parameters.iter().find(|p| p.key == parameter.key).and_then(|p| p.sigma.clone()),
-        );
+        parameter.sigma = sigma;
     }
 }
 
@@ -174,4 +180,71 @@ fn delay_s(base: &RobotModel) -> f64 {
     let delays = base.file.effects.iter().filter(|entry| entry.kind == "torque_delay");
     let values = delays.filter_map(|entry| entry.to_si(&base.physics.arm));
     values.flatten().flat_map(|(_, values)| values).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use diagnosis::torque::FittedParameter;
+    use physics::effects::{CUTTING, DRIVES, SPECS};
+    use physics::spec::Count;
+    use recording::model::presets::preset;
+
+    use super::*;
+
+    fn refit(kind: &'static str, joint: Option<usize>, stem: &'static str) -> RefittedParameter {
+        let parameter = FittedParameter { stem, values: vec![0.5], sigma: vec![0.25] };
+        RefittedParameter { kind, joint, parameter }
+    }
+
+    /// A parameter of that many numbers, each with an uncertainty.
+    fn stated(key: String, numbers: usize) -> Parameter {
+        let list = |value: f64| Numbers::List(vec![value; numbers]);
+        Parameter { key, value: list(2.0), sigma: Some(list(1.0)) }
+    }
+
+    #[test]
+    fn no_refit_of_one_number_changes_the_shape_of_any_vector_parameter() {
+        let base = preset("kuka-kr240").expect("a preset").model().expect("a model");
+        let arm = &base.physics.arm;
+        let mut vectors = 0;
+        for spec in SPECS.iter().chain(DRIVES).chain(CUTTING) {
+            for one in spec.parameters.iter().filter(|one| one.count != Count::One) {
+                for joint in [None, Some(1)] {
+                    let si = SiParameter { stem: one.stem, values: &[1.0; 3], sigma: None };
+                    let Some(entry) = EffectEntry::from_si(arm, spec.kind, joint, &[si]) else {
+                        continue;
+                    };
+                    let key = entry.parameters[0].key.clone();
+                    let known = EffectEntry { parameters: vec![stated(key, 3)], ..entry };
+                    let mut effects = vec![known];
+                    apply_refit(&base, &mut effects, &refit(spec.kind, joint, one.stem));
+                    let after = &effects[0].parameters[0];
+                    let sigma = after.sigma.as_ref().map_or(0, |sigma| sigma.as_slice().len());
+                    assert_eq!((after.value.as_slice().len(), sigma), (3, 3), "{}", spec.kind);
+                    vectors += 1;
+                }
+            }
+        }
+        assert!(vectors > 20, "{vectors} vector parameters were tried");
+    }
+
+    #[test]
+    fn a_diagnosed_moment_of_three_numbers_can_be_diagnosed_again() {
+        let base = preset("kuka-kr240").expect("a preset").model().expect("a model");
+        let arm = &base.physics.arm;
+        let moment = SiParameter {
+            stem: "first_moment",
+            values: &[43.7, 1.5, -2.8],
+            sigma: Some(&[3.5, 1.2, 1.5]),
+        };
+        let mut file = base.file.clone();
+        file.effects.extend(EffectEntry::from_si(arm, "gravity_torque", Some(5), &[moment]));
+        let first = RobotModel::parse("the first diagnosis", &file.to_toml()).expect("readable");
+        let refit = refit("gravity_torque", Some(5), "first_moment");
+        file.effects =
+            with_findings(&first, &first.file.effects, std::iter::once(&refit), std::iter::empty());
+        let second = RobotModel::parse("the second diagnosis", &file.to_toml());
+        let second = second.map_err(|faults| faults.to_string()).expect("readable");
+        assert_eq!(second.file.effects, first.file.effects, "a number without a place was added");
+    }
 }

@@ -37,7 +37,7 @@ pub struct FittedEffect {
     pub base_index: Option<usize>,
     /// Its parameters in file units.
     pub parameters: Vec<EntryParameter>,
-    /// RMS displacement of the tool by this effect, m.
+    /// RMS displacement of the measured points by this effect, after frames and targets are registered without it, m.
     pub share_m: f64,
     /// Its entry in the file.
     pub file_entry: EffectEntry,

@@ -2,6 +2,8 @@
 //!
 //! Writes the same three files as for a robot, all or none. Effects that were not compared are not reported.
 
+use std::path::PathBuf;
+
 use diagnosis::force::{self, Diagnosis, DiagnosisError, Finding};
 use recording::model::{EffectEntry, RobotModel, SiParameter};
 use recording::series::Recording;
@@ -18,6 +20,10 @@ pub struct ForceDiagnosis {
     pub(crate) base: RobotModel,
     pub(crate) result: Result<Diagnosis, DiagnosisError>,
     pub(crate) seed: u64,
+    /// The recording, for the commands on the page.
+    pub(crate) file: PathBuf,
+    /// Number of teeth of the cutter; 0 if the recording does not state it.
+    pub(crate) teeth: u32,
 }
 
 impl ForceDiagnosis {
@@ -29,7 +35,8 @@ impl ForceDiagnosis {
         let with_cutting = base.with_cutting().map_err(Error::input)?;
         let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
         let result = force::diagnose(&with_cutting, &sigma, recording);
-        Ok(Self { base, result, seed })
+        let teeth = recording.metadata.cut.as_ref().map_or(0, |cut| cut.teeth);
+        Ok(Self { base, result, seed, file: recording.file.clone(), teeth })
     }
 
     /// The report of the force domain.

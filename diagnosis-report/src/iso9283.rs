@@ -30,7 +30,9 @@ use glam::DVec3;
 use physics::Arm;
 use recording::model::RobotModel;
 use recording::program;
-use report::{TextTable, fixed, pluralise};
+use report::{
+    Axis, Bars, Cell, Column, Number, Page, Table, TextTable, Tone, fixed, pluralise, significant,
+};
 use serde::Serialize;
 
 use crate::error::Error;
@@ -170,6 +172,106 @@ pub fn details(model: &RobotModel, evaluation: &Evaluation, width_max: Option<us
     }
     notes(evaluation).iter().for_each(|note| text += &format!("note: {note}\n"));
     text
+}
+
+/// The page of an evaluation.
+#[must_use]
+pub fn page(model: &RobotModel, evaluation: &Evaluation) -> Page {
+    let poses = &evaluation.poses;
+    let with_accuracy = evaluation.has_accuracy();
+    let worst = |of: fn(&EvaluatedPose) -> f64| MILLI * poses.iter().map(of).fold(0.0, f64::max);
+    let repeatability_mm = worst(|pose| pose.figures.repeatability_m);
+    let accuracy_mm = with_accuracy.then(|| worst(|pose| pose.figures.accuracy_m));
+    let accuracy = accuracy_mm.map_or("The accuracy was not evaluated".to_owned(), |mm| {
+        format!("The pose accuracy (AP) is {} mm or better", significant(mm, 3))
+    });
+    let sentence = format!(
+        "{accuracy}, the repeatability (RP) {} mm or better, over {}.",
+        significant(repeatability_mm, 3),
+        pluralise(poses.len(), "pose")
+    );
+    let open = notes(evaluation);
+    let (tone, label) = if open.is_empty() {
+        (Tone::Plain, "evaluated by ISO 9283")
+    } else {
+        (Tone::Caution, "evaluated by ISO 9283 in part")
+    };
+    let mut page = Page::new(format!("Accuracy and repeatability of {}", model.file.name))
+        .kicker("trued plan --iso9283")
+        .robot(model.file.identity().to_string())
+        .verdict(tone, label, &sentence)
+        .numbers(key_numbers(evaluation, repeatability_mm, accuracy_mm))
+        .figure("Accuracy (AP) and repeatability (RP) of each test pose.", &bars(evaluation));
+    page = if with_accuracy {
+        page.next(
+            "Compare with the robot's data sheet. Calibrate the robot if its accuracy is not sufficient: repeatability limits what a calibration can reach.",
+            Some("trued plan --model MODEL.toml --out poses"),
+        )
+    } else {
+        page.next(
+            "State where the target is on the tool, and measure in the base frame, to evaluate the accuracy too.",
+            Some("trued plan --iso9283 --model MODEL.toml --frame-known --target X,Y,Z --targets-known RECORDING.csv"),
+        )
+    };
+    for note in &open {
+        page = page.note(Tone::Caution, "Not as the standard requires", &report::capitalised(note));
+    }
+    page.section("Test poses").table(&pose_table(model, evaluation))
+}
+
+fn key_numbers(
+    evaluation: &Evaluation,
+    repeatability_mm: f64,
+    accuracy_mm: Option<f64>,
+) -> Vec<Number> {
+    let visits = evaluation.poses.iter().map(|pose| pose.figures.visits).min().unwrap_or(0);
+    let mut numbers = vec![
+        Number::new("Repeatability RP, worst", repeatability_mm, "mm"),
+        Number::new("Accuracy AP, worst", accuracy_mm.unwrap_or(f64::NAN), "mm"),
+    ];
+    if let Some(distance) = evaluation.distance {
+        let note =
+            format!("± {} mm repeatability", significant(MILLI * distance.repeatability_m, 2));
+        let accuracy = Number::new("Distance accuracy", MILLI * distance.accuracy_m, "mm");
+        numbers.push(accuracy.note(note));
+    }
+    let required = format!("{VISITS_REQUIRED} required");
+    numbers.push(Number::text("Visits of each pose", visits.to_string()).note(required));
+    numbers
+}
+
+fn bars(evaluation: &Evaluation) -> report::Svg {
+    let with_accuracy = evaluation.has_accuracy();
+    let groups: &[&str] =
+        if with_accuracy { &["accuracy AP", "repeatability RP"] } else { &["repeatability RP"] };
+    let start = Bars::new("Test poses", Axis::new("Error", "mm")).groups(groups.iter().copied());
+    let rows = evaluation.poses.iter().enumerate();
+    rows.fold(start, |bars, (place, EvaluatedPose { figures, .. })| {
+        let accuracy = with_accuracy.then_some(MILLI * figures.accuracy_m);
+        let values = accuracy.into_iter().chain([MILLI * figures.repeatability_m]);
+        bars.row(format!("pose {}", place + 1), values)
+    })
+    .render()
+}
+
+fn pose_table(model: &RobotModel, evaluation: &Evaluation) -> Table {
+    let heads = ["Pose", "Joints, deg (mm)", "Visits", "AP (mm)", "RP (mm)"].map(Column::new);
+    let with_accuracy = evaluation.has_accuracy();
+    let rows = evaluation.poses.iter().enumerate();
+    rows.fold(
+        Table::new("Each test pose, in the order of the recording", heads),
+        |table, (place, one)| {
+            let figures = &one.figures;
+            let accuracy_mm = if with_accuracy { MILLI * figures.accuracy_m } else { f64::NAN };
+            table.row([
+                Cell::from((place + 1).to_string()),
+                joint_positions_text(&model.physics.arm, &one.visits.q).into(),
+                Cell::from(figures.visits as f64),
+                accuracy_mm.into(),
+                (MILLI * figures.repeatability_m).into(),
+            ])
+        },
+    )
 }
 
 /// The result as text, its table at most `width_max` characters wide.

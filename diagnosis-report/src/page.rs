@@ -85,6 +85,10 @@ fn next_step(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
     }
     match report.verdict {
         _ if !is_judged => page.next("Correct the cause named in the verdict and diagnose again.", None),
+        _ if report.tolerance.is_some_and(|tolerance| tolerance.is_missed()) => page.next(
+            "The tool is outside the tolerance even with the findings. Check that instrument and targets are firm, record more poses and other directions of approach, and diagnose all recordings together; until then the resulting model is an improvement only.",
+            None,
+        ),
         "consistent" => page.next("Nothing to change. Measure again after a collision or a repair.", None),
         "missing_physics" => page.next(
             "Load the resulting model into the cell's daemon, first in shadow mode.",

@@ -5,13 +5,14 @@
 mod cut;
 mod drives;
 mod file;
+pub(crate) mod force_action;
 mod forces;
 mod lines;
 
 use std::collections::BTreeMap;
 
 use diagnosis::diagnose::experiment::ProposedExperiment;
-use diagnosis::diagnose::{Finding, MapCell, Verdict, sentences};
+use diagnosis::diagnose::{Diagnosis, Finding, MapCell, Verdict, sentences};
 use diagnosis::hypothesis::parameter_key;
 use diagnosis::torque::JointValidation;
 use physics::spec::{Count, Range};
@@ -21,6 +22,7 @@ use serde::Serialize;
 
 pub use file::DiagnosisJson;
 pub(crate) use file::json;
+pub(crate) use force_action::Action;
 pub use lines::lines;
 
 use crate::robot::RobotDiagnosis;
@@ -71,6 +73,9 @@ pub struct Report {
     /// Description of the motion or load that would distinguish the alternatives.
     pub next_experiment: Option<String>,
     experiment: Option<ProposedExperimentReport>,
+    /// The step for what was found, for page and text; it takes precedence over `next_experiment`.
+    #[serde(skip)]
+    pub(crate) action: Option<Action>,
     pub(crate) not_tested: Vec<UntestedEffect>,
     pub(crate) unexplained: Option<Unexplained>,
     pub(crate) map: Vec<MapCellReport>,
@@ -280,6 +285,8 @@ impl Report {
     pub(crate) fn of(found: &RobotDiagnosis) -> Self {
         let Some(diagnosis) = &found.diagnosis else { return Self::without_positions(found) };
         let proof = &diagnosis.test_errors;
+        let least = found.settings.experiment_separation_least;
+        let (proposed, insufficient) = proposal(diagnosis, least);
         let arm = &found.base.physics.arm;
         Self {
             verdict: diagnosis.verdict.name(),
@@ -301,8 +308,9 @@ impl Report {
                 .map(|one| ReportedFinding::of(arm, one))
                 .collect(),
             attribution: "shapley",
-            next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
-            experiment: diagnosis.next_experiment.as_ref().map(ProposedExperimentReport::of),
+            next_experiment: proposed.map(|next| next.says.clone()),
+            experiment: proposed.map(ProposedExperimentReport::of),
+            action: None,
             not_tested: diagnosis
                 .not_tested
                 .iter()
@@ -322,7 +330,13 @@ impl Report {
             joints: Vec::new(),
             phases: Vec::new(),
             tones: Vec::new(),
-            notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
+            notes: found
+                .notes
+                .iter()
+                .chain(&diagnosis.notes)
+                .cloned()
+                .chain(insufficient)
+                .collect(),
             seed: found.settings.seed,
         }
     }
@@ -354,6 +368,7 @@ impl Report {
             attribution: "sequence",
             next_experiment: None,
             experiment: None,
+            action: None,
             not_tested: Vec::new(),
             unexplained: None,
             map: Vec::new(),
@@ -375,6 +390,29 @@ impl Report {
         };
         Self { unexplained: Some(why), ..self }
     }
+}
+
+/// The proposed experiment, if a reasonable number of its runs would decide; otherwise the note that none would.
+fn proposal(
+    diagnosis: &Diagnosis,
+    separation_least: f64,
+) -> (Option<&ProposedExperiment>, Option<String>) {
+    match &diagnosis.next_experiment {
+        Some(one) if one.separation < separation_least => {
+            (None, Some(insufficient_experiment(&one.says, one.separation)))
+        }
+        proposed => (proposed.as_ref(), None),
+    }
+}
+
+/// The note that no known experiment would decide between the alternatives that an instruction names before its colon.
+fn insufficient_experiment(instruction: &str, separation: f64) -> String {
+    let names = instruction.split(':').next().unwrap_or_default();
+    let names = names.strip_prefix("To distinguish ").unwrap_or("the alternatives");
+    format!(
+        "no known motion or load would distinguish {names} at this noise: the best one has an expected log-likelihood ratio of {} per run; measure with less noise, or use the model as it is: both predict these poses equally well",
+        significant(separation, 1)
+    )
 }
 
 /// Name of an effect with its joint (1-based), for users.

@@ -32,11 +32,21 @@ pub struct Settings {
     pub findings_most: usize,
     /// Allowed error of the tool, mm; above 0. Default: none, so that no tolerance is evaluated. It affects neither fits nor the verdict.
     pub tolerance_mm: Option<f64>,
+    /// Least expected log-likelihood ratio of one run of a proposed experiment; no unit, above 0. Default 0.25. Origin: alternatives are distinguished
+    /// at a ratio of 5, and nobody runs an experiment more than twenty times.
+    pub experiment_separation_least: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { seed: 0, band_hz: None, rows_least: 30, findings_most: 20, tolerance_mm: None }
+        Self {
+            seed: 0,
+            band_hz: None,
+            rows_least: 30,
+            findings_most: 20,
+            tolerance_mm: None,
+            experiment_separation_least: 0.25,
+        }
     }
 }
 

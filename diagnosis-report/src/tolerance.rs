@@ -43,6 +43,11 @@ impl Tolerance {
         Self { tolerance_mm, before, after }
     }
 
+    /// Whether the tool was evaluated and is outside the tolerance with the findings.
+    pub(crate) fn is_missed(&self) -> bool {
+        self.after.is_some_and(|held| !held.met)
+    }
+
     /// The evaluation, to follow the words "tolerance of".
     pub(crate) fn evaluation(&self) -> String {
         let tolerance = significant(self.tolerance_mm, 3);

@@ -102,7 +102,8 @@ impl JointCorrection {
                     format!("{} in {rows}: {remedy}", by.name())
                 };
                 let by: Vec<String> = self.limited.iter().map(by).collect();
-                format!("; limited in {rows} rows ({})", by.join("; "))
+                let noun = if *rows == 1 { "row" } else { "rows" };
+                format!("; limited in {rows} {noun} ({})", by.join("; "))
             }
         };
         let [correction, left] = [correction, left].map(|value| digits(*value));

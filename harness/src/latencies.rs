@@ -77,7 +77,7 @@ impl Latencies {
         Quantiles { p50, p90, p99, p999, p9999, p99999, max: self.0.max(), n: self.count() }
     }
 
-    /// Points of the curve of quantiles: the inverse of the share beyond, and the value in µs.
+    /// Points of the curve of quantiles: the inverse of the share beyond, and the value in µs. The last one is the largest value, one of all.
     #[must_use]
     pub fn curve(&self) -> Vec<(f64, f64)> {
         let last = self.count() as f64 / VALUES_BEYOND_MIN;
@@ -85,11 +85,25 @@ impl Latencies {
         steps
             .take_while(|one_in| *one_in <= last.max(2.0) && self.count() > 0)
             .map(|one_in| (one_in, self.at(1.0 - 1.0 / one_in) as f64 * 1e-3))
+            .chain(self.worst())
             .collect()
     }
 }
 
+impl Latencies {
+    /// The end of the curve: the largest value, which one of all reaches.
+    fn worst(&self) -> Option<(f64, f64)> {
+        (self.count() > 1).then(|| (self.count() as f64, self.0.max() as f64 * 1e-3))
+    }
+}
+
 impl Quantiles {
+    /// Number of values for which the quantile of this share is shown.
+    #[must_use]
+    pub fn trips_for(share: f64) -> u64 {
+        (VALUES_BEYOND_MIN / (1.0 - share)).round() as u64
+    }
+
     /// Each quantile below the maximum, if at least ten values are beyond it.
     #[must_use]
     pub fn supported_quantiles(&self) -> [Option<u64>; 6] {
@@ -137,6 +151,17 @@ mod tests {
     fn nothing_counted_is_reported_as_nothing() {
         assert_eq!(Latencies::default().quantiles(), Quantiles::default());
         assert!(Latencies::default().curve().is_empty());
+    }
+
+    #[test]
+    fn a_curve_ends_at_the_largest_value() {
+        let mut latencies = counted(1500);
+        latencies.record(4_755_000);
+        let curve = latencies.curve();
+        let (one_in, worst_us) = curve.last().copied().unwrap_or_default();
+        assert_eq!(one_in, 1501.0);
+        assert!((worst_us / 4755.0 - 1.0).abs() < 1e-3, "{worst_us}");
+        assert!(curve.windows(2).all(|pair| pair[0].0 < pair[1].0 && pair[0].1 <= pair[1].1));
     }
 
     #[test]

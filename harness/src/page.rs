@@ -1,5 +1,7 @@
 //! A bench as one HTML page, and its plots as SVG.
 
+use std::collections::BTreeSet;
+
 use report::{Axis, Number, Page, Plot, Role, Series, Svg, Table, Tone, quantity};
 
 use crate::chunks::BackToBack;
@@ -18,7 +20,7 @@ pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
         let name = |what: &str| format!("{what}-{}-{}", setting.policy.name(), setting.load_name());
         if let Some(flat) = &setting.flat {
             let caption = format!(
-                "Round trips at maximum rate, polled ({under}): fraction of trips slower than the given time."
+                "Round trips at maximum rate, polled ({under}): the time that one trip in so many exceeds, to the slowest."
             );
             plots.push((name("flat"), caption, curves(flat)));
         }
@@ -28,7 +30,7 @@ pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
         }
         if !setting.paced.is_empty() {
             let caption = format!(
-                "At fixed rates ({under}): command to answer, measured from the scheduled time; grey: wake-up of an empty cycle at the first rate."
+                "At fixed rates ({under}): command to answer, measured from the scheduled time, to the slowest; dotted: the next command is due; grey: wake-up of an empty cycle at the first rate."
             );
             plots.push((name("paced"), caption, paced(setting)));
         }
@@ -51,7 +53,8 @@ fn line(name: &str, costs: &CostSeries) -> Svg {
 }
 
 fn axes(title: &str) -> Plot {
-    let x = Axis::new("Fraction of slower trips", "").log();
+    // Logarithmic in the rarity: 1000 means that one trip in a thousand is slower.
+    let x = Axis::new("Slower trips: one in", "trips").log();
     Plot::new(title, x, Axis::new("Time", "µs").log())
 }
 
@@ -74,8 +77,17 @@ fn paced(setting: &Setting) -> Svg {
         let name = format!("{} Hz, daemon by {}", run.rate_hz, run.wait.name());
         plot.series(Series::line(name, run.paced.scheduled.curve()))
     });
+    let plot = deadlines(setting).fold(plot, |plot, rate_hz| {
+        plot.mark_y(1e6 / f64::from(rate_hz), format!("next command due at {rate_hz} Hz"))
+    });
     let empty = setting.paced.first().map(|run| run.paced.empty.curve()).unwrap_or_default();
     plot.series(Series::line("empty cycle", empty).role(Role::Before)).render()
+}
+
+/// The rates of a setting, each once.
+fn deadlines(setting: &Setting) -> impl Iterator<Item = u32> {
+    let rates: BTreeSet<u32> = setting.paced.iter().map(|run| run.rate_hz).collect();
+    rates.into_iter().rev()
 }
 
 /// The whole page.
@@ -194,7 +206,7 @@ fn numbers(findings: &Findings) -> Vec<Number> {
     if let Some((how, quantiles)) = trued_latency(findings) {
         let us = |ns: u64| ns as f64 * 1e-3;
         numbers.push(Number::new("Round trip, median", us(quantiles.p50), "µs").note(how));
-        numbers.push(Number::new("Round trip, 99.9 %", us(quantiles.p999), "µs"));
+        numbers.push(rare(&quantiles));
         let of = format!("of {}", quantiles.n);
         numbers.push(Number::new("Round trip, maximum", us(quantiles.max), "µs").note(of));
     }
@@ -209,6 +221,18 @@ fn numbers(findings: &Findings) -> Vec<Number> {
     numbers
 }
 
+/// The quantile of 99.9 %, by the rule of the tables: `–` where too few trips are beyond it.
+fn rare(quantiles: &Quantiles) -> Number {
+    let [_, _, _, supported, ..] = quantiles.supported_quantiles();
+    let value = supported.map_or(f64::NAN, |ns| ns as f64 * 1e-3);
+    let number = Number::new("Round trip, 99.9 %", value, "µs");
+    if supported.is_some() {
+        return number;
+    }
+    let least = Quantiles::trips_for(0.999);
+    number.note(format!("needs {least} trips, {} were measured", quantiles.n))
+}
+
 fn yes(is: bool) -> String {
     if is { "yes" } else { "no" }.to_owned()
 }
@@ -218,4 +242,22 @@ fn table(contents: &BenchTable) -> Table {
     contents.rows.iter().fold(table, |table, row| {
         table.row(row.iter().map(|cell| report::Cell::from(cell.as_str())))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile(n: u64) -> String {
+        let quantiles = Quantiles { p999: 3_762_000, max: 4_755_000, n, ..Quantiles::default() };
+        Page::new("").numbers([rare(&quantiles)]).render()
+    }
+
+    #[test]
+    fn a_tile_shows_a_quantile_only_where_the_table_does() {
+        let few = tile(1500);
+        assert!(few.contains("needs 10000 trips, 1500 were measured"), "{few}");
+        assert!(!few.contains("3762"), "{few}");
+        assert!(tile(10_000).contains("3762"));
+    }
 }

@@ -6,6 +6,21 @@ use crate::findings::{Findings, Setting};
 use crate::latencies::Quantiles;
 use crate::peers::Transport;
 
+/// How a table is written to a terminal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum TextLayout {
+    /// In columns; on a narrow terminal without those of [`OMITTED_IF_NARROW`].
+    #[default]
+    Columns,
+    /// In columns, the last of which is a sentence that may be wrapped.
+    Sentences,
+    /// Its title says the result: the rows are details of page and JSON.
+    TitleOnly,
+}
+
+/// Columns of quantiles that a narrow terminal does not show; they are on the page and in the JSON.
+pub const OMITTED_IF_NARROW: [&str; 4] = ["p90", "p99.9", "p99.99", "p99.999"];
+
 /// A table: title, column heads, rows.
 #[derive(Debug, Clone, Default)]
 pub struct BenchTable {
@@ -15,6 +30,26 @@ pub struct BenchTable {
     pub heads: Vec<String>,
     /// Cells.
     pub rows: Vec<Vec<String>>,
+    /// How it is written to a terminal.
+    pub layout: TextLayout,
+}
+
+impl BenchTable {
+    /// The table without these columns.
+    #[must_use]
+    pub fn without(&self, heads: &[&str]) -> Self {
+        let stays: Vec<bool> =
+            self.heads.iter().map(|head| !heads.contains(&head.as_str())).collect();
+        let kept = |cells: &Vec<String>| {
+            let cells = cells.iter().zip(&stays).filter(|(_, stays)| **stays);
+            cells.map(|(cell, _)| cell.clone()).collect::<Vec<String>>()
+        };
+        Self {
+            heads: kept(&self.heads),
+            rows: self.rows.iter().map(kept).collect(),
+            ..self.clone()
+        }
+    }
 }
 
 const QUANTILES: [&str; 8] = ["p50", "p90", "p99", "p99.9", "p99.99", "p99.999", "worst", "n"];
@@ -59,7 +94,7 @@ pub fn tables(findings: &Findings) -> Vec<BenchTable> {
 
 fn with_quantiles(title: String, first: &[&str]) -> BenchTable {
     let heads = first.iter().chain(&QUANTILES).map(|head| (*head).to_owned()).collect();
-    BenchTable { title, heads, rows: Vec::new() }
+    BenchTable { title, heads, ..BenchTable::default() }
 }
 
 /// A duration in µs, with meaningful digits.
@@ -157,6 +192,7 @@ fn counts(setting: &Setting) -> BenchTable {
         ),
         heads: heads.map(str::to_owned).to_vec(),
         rows: rows.collect(),
+        layout: TextLayout::Columns,
     }
 }
 
@@ -209,6 +245,7 @@ fn once(findings: &Findings) -> Vec<BenchTable> {
             title: "Models swapped during a running path, 1 kHz".into(),
             heads,
             rows,
+            layout: TextLayout::Columns,
         });
     }
     tables
@@ -247,7 +284,8 @@ fn costs(cost: &Cost) -> Vec<BenchTable> {
             100.0 * line.worst
         );
         let heads = [name, "cost, µs", "off the line", beside].map(str::to_owned).to_vec();
-        BenchTable { title, heads, rows: costs.points.iter().map(row).collect() }
+        let rows = costs.points.iter().map(row).collect();
+        BenchTable { title, heads, rows, layout: TextLayout::TitleOnly }
     };
     kinds(cost).map(table).to_vec()
 }
@@ -258,12 +296,13 @@ fn judged(findings: &Findings) -> BenchTable {
         let digits = if judged.measured.fract() == 0.0 { 0 } else { 2 };
         let measured = format!("{:.digits$}{unit}", judged.measured);
         let verdict = if judged.ok { "✓ held" } else { "✗ missed" };
-        vec![judged.what.clone(), measured, format!("{}{unit}", judged.bar), verdict.to_owned()]
+        vec![verdict.to_owned(), measured, format!("{}{unit}", judged.bar), judged.what.clone()]
     });
     BenchTable {
         title: "Compared with the limits".to_owned(),
-        heads: ["", "measured", "at most", ""].map(str::to_owned).to_vec(),
+        heads: ["", "measured", "at most", "limit of"].map(str::to_owned).to_vec(),
         rows: rows.collect(),
+        layout: TextLayout::Sentences,
     }
 }
 
@@ -273,5 +312,6 @@ fn skipped(findings: &Findings) -> BenchTable {
         title: format!("NOT MEASURED: {}", findings.skipped.len()),
         heads: ["", "why"].map(str::to_owned).to_vec(),
         rows: rows.collect(),
+        layout: TextLayout::Sentences,
     }
 }

@@ -55,7 +55,9 @@ pub use heat::HeatMap;
 pub use histogram::Histogram;
 pub use labelled::labelled;
 pub use multiples::Multiples;
-pub use number::{capitalised, duration, fixed, pluralise, quantity, significant};
+pub use number::{
+    beside, capitalised, duration, fixed, pluralise, probability, quantity, significant,
+};
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
 pub use provenance::{InputFile, Provenance};

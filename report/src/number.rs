@@ -74,6 +74,37 @@ pub fn quantity(value: f64, unit: &str) -> String {
     }
 }
 
+/// Numbers below this part of the scale beside which they stand are rounding, not results. Doubles keep sixteen digits, of which a computation loses a
+/// few.
+const NEGLIGIBLE: f64 = 1e-9;
+/// Probabilities below this are not distinguished.
+const LEAST_PROBABILITY: f64 = 1e-12;
+
+/// The value, or 0 where it is negligible beside `scale`, the largest magnitude of its column or the range of its quantity.
+///
+/// ```
+/// assert_eq!(report::beside(-9.1e-15, 3.2), 0.0);
+/// assert_eq!(report::beside(1e-5, 3.2), 1e-5);
+/// ```
+#[must_use]
+pub fn beside(value: f64, scale: f64) -> f64 {
+    if value.abs() < NEGLIGIBLE * scale.abs() { 0.0 } else { value }
+}
+
+/// A probability of two significant digits; below 10⁻¹² only that it is below.
+///
+/// ```
+/// assert_eq!(report::probability(1.1e-258), "< 10⁻¹²");
+/// assert_eq!(report::probability(0.0312), "0.031");
+/// ```
+#[must_use]
+pub fn probability(value: f64) -> String {
+    if value < LEAST_PROBABILITY {
+        return format!("< {}", power_of_ten(LEAST_PROBABILITY.log10().round() as i32));
+    }
+    significant(value, 2)
+}
+
 /// A time in s, written in a suitable unit (ns to min).
 ///
 /// ```
@@ -149,6 +180,21 @@ mod tests {
             ["", "a", "übrig", "ßa", "1 fault"].map(capitalised),
             ["", "A", "Übrig", "SSa", "1 fault"]
         );
+    }
+
+    #[test]
+    fn only_what_is_rounding_beside_its_scale_is_zero() {
+        assert_eq!(beside(1.007e-8, 360.0), 0.0);
+        assert_eq!(beside(2.16e-128, 1e-3), 0.0);
+        assert_eq!(beside(4e-8, 1e-3), 4e-8, "small, but a result");
+        assert_eq!(beside(1e-8, 0.0), 1e-8, "without a scale nothing is negligible");
+        assert!(beside(f64::NAN, 1.0).is_nan());
+    }
+
+    #[test]
+    fn a_probability_of_nothing_is_only_bounded() {
+        assert_eq!([0.0, 1e-300, 2e-12].map(probability), ["< 10⁻¹²", "< 10⁻¹²", "2.0×10⁻¹²"]);
+        assert_eq!(probability(f64::NAN), "–");
     }
 
     #[test]

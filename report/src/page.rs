@@ -105,6 +105,29 @@ impl Number {
     }
 }
 
+/// Preformatted text that breaks between its words only, so that an option is not separated from its value: `--target=-0.1,2` has places where a
+/// browser would break.
+fn command_box(text: &str) -> String {
+    let mut html = String::from("<pre>");
+    let mut word = String::new();
+    let mut is_quoted = false;
+    for letter in text.chars() {
+        is_quoted ^= letter == '\'';
+        if letter.is_whitespace() && !is_quoted {
+            html += &unbroken(&std::mem::take(&mut word));
+            html.push(letter);
+        } else {
+            word.push(letter);
+        }
+    }
+    html + &unbroken(&word) + "</pre>"
+}
+
+/// A word of a command that is not broken.
+fn unbroken(word: &str) -> String {
+    if word.is_empty() { String::new() } else { format!("<span>{}</span>", escape(word)) }
+}
+
 /// A page; elements appear in the order of addition. Elements before the first section form the
 /// first screen, and the first sheet of paper.
 #[derive(Debug, Clone)]
@@ -201,7 +224,7 @@ impl Page {
     /// The next step, with its command if there is one.
     #[must_use]
     pub fn next(self, text: &str, command: Option<&str>) -> Self {
-        let command = command.map_or(String::new(), |line| format!("<pre>{}</pre>", escape(line)));
+        let command = command.map_or(String::new(), |line| command_box(line) + "\n");
         self.with(&format!(
             "<div class=\"next\"><p><strong>Next:</strong> {}</p>{command}</div>\n",
             escape(text)
@@ -286,7 +309,7 @@ impl Page {
     /// Preformatted text: a command, a file.
     #[must_use]
     pub fn code(self, text: &str) -> Self {
-        self.with(&format!("<pre>{}</pre>\n", escape(text)))
+        self.with(&format!("{}\n", command_box(text)))
     }
 
     /// The footer of the page: further information.
@@ -364,5 +387,19 @@ impl Page {
     fn with(mut self, html: &str) -> Self {
         self.body += html;
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_of_a_command_stays_with_its_value_and_a_quoted_word_with_itself() {
+        let html = command_box("trued plan --target=-0.1,2.3 'my robot.toml'\n  <end>");
+        assert_eq!(
+            html,
+            "<pre><span>trued</span> <span>plan</span> <span>--target=-0.1,2.3</span> <span>&#39;my robot.toml&#39;</span>\n  <span>&lt;end&gt;</span></pre>"
+        );
     }
 }

@@ -4,7 +4,7 @@
 //! page needs no other file and no network for it.
 
 use crate::escape::escape;
-use crate::number::{common_decimals, fixed, significant};
+use crate::number::{beside, common_decimals, fixed, significant};
 use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 
 /// Up to this number of rows, a table is not split by a page break.
@@ -66,6 +66,15 @@ impl From<f64> for Cell {
     }
 }
 
+/// How the numbers of a column are written.
+#[derive(Debug, Clone, Copy)]
+struct NumberFormat {
+    /// Common decimals; `None`: each number has its own.
+    decimals: Option<usize>,
+    /// The largest magnitude.
+    largest: f64,
+}
+
 /// A table with a caption.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -93,7 +102,7 @@ impl Table {
     }
 
     pub(crate) fn html(&self) -> String {
-        let decimals: Vec<_> = (0..self.columns.len()).map(|i| self.decimals(i)).collect();
+        let decimals: Vec<_> = (0..self.columns.len()).map(|i| self.format(i)).collect();
         let head: String = (0..self.columns.len()).map(|i| self.head(i)).collect();
         let body: String = self.rows.iter().map(|row| self.html_row(row, &decimals)).collect();
         let caption = escape(&self.caption);
@@ -154,8 +163,8 @@ impl Table {
     }
 
     /// Each cell carries its column's head: on a phone a row becomes a list of them.
-    fn html_row(&self, row: &[Cell], decimals: &[Option<usize>]) -> String {
-        let cells = self.columns.iter().zip(decimals).enumerate().map(|(i, (column, decimals))| {
+    fn html_row(&self, row: &[Cell], formats: &[NumberFormat]) -> String {
+        let cells = self.columns.iter().zip(formats).enumerate().map(|(i, (column, format))| {
             let head = match (column.head.as_str(), self.class()) {
                 ("", _) | (_, "few") => String::new(),
                 (head, _) => format!(" data-head=\"{}\"", escape(head)),
@@ -167,8 +176,9 @@ impl Table {
                 }
                 Some(Cell::Text(text)) => format!("<td{head}>{}</td>", escape(text)),
                 Some(Cell::Number(value)) => {
-                    let each = || significant(*value, column.digits);
-                    let text = decimals.map_or_else(each, |decimals| fixed(*value, decimals));
+                    let value = beside(*value, format.largest);
+                    let each = || significant(value, column.digits);
+                    let text = format.decimals.map_or_else(each, |decimals| fixed(value, decimals));
                     format!("<td class=\"number\"{head}>{text}</td>")
                 }
             }
@@ -184,12 +194,15 @@ impl Table {
         self.rows.iter().filter_map(number).collect()
     }
 
-    fn decimals(&self, column: usize) -> Option<usize> {
-        let numbers = self.numbers(column);
-        if numbers.iter().all(|value| value.fract() == 0.0 && value.abs() < 1e9) {
-            return Some(0);
-        }
-        common_decimals(&numbers, self.columns[column].digits)
+    /// How the numbers of a column are written: those that are rounding beside the largest as 0, the others with common decimals.
+    fn format(&self, column: usize) -> NumberFormat {
+        let mut numbers = self.numbers(column);
+        let sizes = numbers.iter().map(|value| value.abs()).filter(|size| size.is_finite());
+        let largest = sizes.fold(0.0, f64::max);
+        numbers.iter_mut().for_each(|value| *value = beside(*value, largest));
+        let is_count = numbers.iter().all(|value| value.fract() == 0.0 && value.abs() < 1e9);
+        let common = || common_decimals(&numbers, self.columns[column].digits);
+        NumberFormat { decimals: if is_count { Some(0) } else { common() }, largest }
     }
 }
 
@@ -223,6 +236,16 @@ mod tests {
         assert!(html.contains("download=\"Errors--mm.csv\""), "{html}");
         let without_links = Table::new("Files", ["File"]).row(["a.csv".into()]).html();
         assert!(!without_links.contains("href"), "words alone stand in the page: {without_links}");
+    }
+
+    #[test]
+    fn what_is_rounding_beside_its_column_is_zero_in_the_page_and_kept_in_the_csv() {
+        let rows = [2.164e-128, 0.25, -0.5].map(Cell::from);
+        let table = rows.into_iter().fold(Table::new("", ["rad"]), |table, cell| table.row([cell]));
+        let html = table.html();
+        assert!(html.contains(">0.000<") && html.contains(">−0.500<"), "{html}");
+        assert!(!html.contains("10⁻¹²⁸"), "{html}");
+        assert!(table.csv().expect("csv").contains("2164"));
     }
 
     #[test]

@@ -45,6 +45,22 @@ impl AdviceInput<'_> {
     }
 }
 
+/// The recommended action against regenerative chatter at this frequency, where nothing else is known of the structure. `spindle_rpm`, `teeth`: 0 if
+/// unknown. The same that the monitor gives for a line that it classifies as chatter.
+#[must_use]
+pub fn against_chatter(frequency_hz: f64, spindle_rpm: f64, teeth: u32) -> Advice {
+    advise(&AdviceInput {
+        class: Class::Chatter,
+        frequency_hz,
+        suspect_alias: false,
+        near_mode_hz: None,
+        modes: &[],
+        spindle_rpm,
+        teeth,
+        gear: None,
+    })
+}
+
 /// The recommended action.
 pub(crate) fn advise(case: &AdviceInput<'_>) -> Advice {
     match case.class {

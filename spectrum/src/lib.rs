@@ -46,6 +46,7 @@ mod verdict;
 pub mod welch;
 mod window;
 
+pub use advice::against_chatter;
 pub use alias::folded_hz;
 pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
 pub use config::{

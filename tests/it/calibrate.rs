@@ -228,7 +228,7 @@ fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
         let mean = report::significant(of("mean"), 3);
         let tile = format!("<dt>Mean error, {model}</dt><dd class=\"value\">{mean}<");
         assert!(page.contains(&tile), "{tile}");
-        let within = report::significant(of("p95"), 2);
+        let within = report::significant(of("p95"), 3);
         assert!(page.contains(&format!("95 % within {within} mm")), "{within}");
     }
     assert!(text.trim_end().ends_with("page: c.html"), "{text}");

@@ -42,7 +42,7 @@ fn poses_that_were_filled_in_stay_as_they_are_and_nothing_is_written_beside_them
 
 #[test]
 fn every_command_refuses_an_output_that_is_there_before_it_begins() {
-    let commands: [(&str, &[&str]); 14] = [
+    let commands: [(&str, &[&str]); 15] = [
         ("o.toml", &["calibrate", "--model", MODEL, "--out", "o.toml", "path.csv"]),
         (
             "o.html",
@@ -59,6 +59,7 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
         ("o.urdf", &["model", "export", MODEL, "--urdf", "o.urdf"]),
         ("o.html", &["spectrum", "--report", "o.html", "path.csv"]),
         ("o.html", &["gears", "--model", MODEL, "--report", "o.html", "path.csv"]),
+        ("o.html", &["plan", "--check", "--model", MODEL, "--report", "o.html", "path.csv"]),
         ("o.json", &["model", "presets", "--json", "o.json"]),
     ];
     for (output, arguments) in commands {

@@ -216,9 +216,17 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
     )
     .expect("room");
     measure(&place, "d", &bent, false, 1.0);
-    let judged =
-        place.run(&["plan", "--check", "--model", CALIBRATED, "d/seen.csv", "--json", "j.json"]);
+    let judge = ["plan", "--check", "--model", CALIBRATED, "d/seen.csv"];
+    let judged = place.run(&[&judge[..], &["--json", "j.json", "--report", "check.html"]].concat());
     assert_eq!(judged.code, Some(1), "{judged:?}");
+    let page = place.read("check.html");
+    for part in [
+        "the model does not hold",
+        "Most likely joint 3 has a zero offset by 2",
+        "<b>Figure 1.</b>",
+    ] {
+        assert!(page.contains(part), "{part} in {page}");
+    }
     assert!(judged.out.contains("joint 3 has a zero offset by 2"), "{}", judged.out);
     assert_eq!(
         (&place.json("j.json")["holds"], &place.json("j.json")["is_explained"]),
@@ -290,7 +298,13 @@ fn iso_9283_is_planned_and_evaluated() {
         .expect("room");
     // The list states 0.05 mm: noise of 0.01 mm.
     measure(&place, "d", &truth, true, 0.2);
-    let found = plan(&place, &["--model", NOMINAL, "--iso9283", "d/seen.csv"]);
+    let evaluate = ["--model", NOMINAL, "--iso9283", "d/seen.csv", "--report", "iso.html"];
+    let found = plan(&place, &evaluate);
+    let page = place.read("iso.html");
+    assert!(
+        page.contains("evaluated by ISO 9283") && page.contains("Accuracy AP, worst"),
+        "{page}"
+    );
     let poses = found["poses"].as_array().expect("poses");
     assert_eq!(poses.len(), 5);
     for pose in poses {
@@ -317,10 +331,21 @@ fn the_command_on_the_page_names_a_folder_with_a_blank_as_one_word() {
     place.succeed(&[&["plan", "--seed", "1", "--model", NOMINAL], &to[..]].concat());
     let page = place.read("my poses/plan.html");
     assert!(
-        page.contains("--out calibrated.toml &#39;my poses/poses.csv&#39;")
-            || page.contains("--out calibrated.toml 'my poses/poses.csv'"),
+        page.contains("<span>&#39;my poses/poses.csv&#39;</span>")
+            || page.contains("<span>'my poses/poses.csv'</span>"),
         "{page}"
     );
+}
+
+#[test]
+fn the_page_of_an_evaluation_is_refused_where_poses_are_planned() {
+    let place = Place::new();
+    for also in [&["--check"][..], &["--iso9283"], &[]] {
+        let plan = ["plan", "--seed", "1", "--model", NOMINAL, "--report", "p.html"];
+        let done = place.run(&[&plan[..], also].concat());
+        assert_eq!(done.code, Some(2), "{also:?}: {done:?}");
+        assert!(!place.path("p.html").exists(), "{also:?}");
+    }
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 use clap::{Arg, Command};
 
+use crate::wrap::{columns_of_stdout, wrapped};
+
 /// Every command of the interface, grouped by task.
 const TASKS: [(&str, &[&str]); 8] = [
     ("Try trued and test the computer", &["demo", "bench", "doctor"]),
@@ -45,12 +47,21 @@ const EXIT_CODES: &str = "  0    success
 
 /// The command with its help laid out.
 pub(crate) fn with_help_sections(command: Command) -> Command {
-    let commands = tasks(&command) + &examples(&command);
+    let commands = fitted(tasks(&command) + &examples(&command), columns_of_stdout());
+    let exit_codes = fitted(EXIT_CODES.to_owned(), columns_of_stdout());
     let template = format!(
-        "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{EXIT_CODES}\n\n\
+        "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{exit_codes}\n\n\
          Run `trued COMMAND --help` for more about a command.\n"
     );
     with_negative_numbers(command.help_template(template))
+}
+
+/// The text with its descriptions wrapped under themselves; unchanged if standard output is no terminal, as for man pages.
+fn fitted(text: String, columns: Option<usize>) -> String {
+    match columns {
+        Some(columns) => wrapped(&text, columns),
+        None => text,
+    }
 }
 
 /// Lets every option take a negative number, so that the option's own check answers it and not the parser, which would take it for an option.
@@ -104,6 +115,16 @@ mod tests {
     fn every_command_has_its_place_in_the_help() {
         let placed = |name: &str| TASKS.iter().any(|(_, names)| names.contains(&name));
         assert!(Cli::command().get_subcommands().all(|command| placed(command.get_name())));
+    }
+
+    #[test]
+    fn no_word_of_the_help_is_broken_at_80_columns_and_descriptions_hang_under_themselves() {
+        let text = fitted(tasks(&Cli::command()), Some(80));
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        let demo = text.split("  demo ").nth(1).and_then(|rest| rest.lines().nth(1));
+        assert!(demo.is_some_and(|line| line.starts_with("              ")), "{text}");
+        let words = |text: &str| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
+        assert_eq!(words(&text), words(&tasks(&Cli::command())));
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! through a queue, so that a blocked reader blocks nothing else; lines beyond the queue's capacity
 //! are dropped, counted, and the count is reported when the reader is back.
 
+use std::borrow::Cow;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -20,6 +21,7 @@ use tracing_subscriber::layer::{Context, SubscriberExt};
 
 use crate::exit::Failure;
 use crate::output::Console;
+use crate::wrap::{columns_of_stderr, wrapped};
 
 /// Lines that wait for a reader at most.
 const WAITING_MAX: usize = 1024;
@@ -89,13 +91,24 @@ impl Write for LogWriter {
         match QUEUE.get() {
             Some(queue) => queue.push(text),
             // A write error cannot be reported.
-            None => drop(self.0.suspend(|| io::stderr().write_all(text))),
+            None => {
+                let text = on_terminal(text, columns_of_stderr());
+                drop(self.0.suspend(|| io::stderr().write_all(&text)));
+            }
         }
         Ok(text.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+/// A log line as it is written to a terminal of this width; unchanged where standard error is none.
+fn on_terminal(line: &[u8], columns: Option<usize>) -> Cow<'_, [u8]> {
+    match (columns, std::str::from_utf8(line)) {
+        (Some(columns), Ok(text)) => Cow::Owned(wrapped(text, columns).into_bytes()),
+        _ => Cow::Borrowed(line),
     }
 }
 

@@ -18,6 +18,11 @@ pub(crate) fn columns_of_stdout() -> Option<usize> {
     terminal_size_of(io::stdout()).map(|(Width(columns), _)| usize::from(columns))
 }
 
+/// The same of standard error.
+pub(crate) fn columns_of_stderr() -> Option<usize> {
+    terminal_size_of(io::stderr()).map(|(Width(columns), _)| usize::from(columns))
+}
+
 /// The text with lines of at most `columns`; longer words are kept whole.
 pub(crate) fn wrapped(text: &str, columns: usize) -> String {
     if columns < COLUMNS_MIN {
@@ -107,6 +112,14 @@ mod tests {
         let line = "sensor    a fault that is told in a sentence of more than fifty characters";
         let wrapped = wrapped(line, 50);
         assert!(wrapped.lines().skip(1).all(|line| line.starts_with("          ")), "{wrapped}");
+    }
+
+    #[test]
+    fn a_long_log_line_is_broken_between_its_words() {
+        let line = " WARN traj_A.csv: columns not in the mapping: act_vel_mot_deg_per_s_1, act_vel_mot_deg_per_s_2\n";
+        let wrapped = wrapped(line, 80);
+        let expected = " WARN traj_A.csv: columns not in the mapping: act_vel_mot_deg_per_s_1,\n   act_vel_mot_deg_per_s_2\n";
+        assert_eq!(wrapped, expected);
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The calibrated model as text.
 
 use recording::model::{ModelFile, RobotModel};
-use report::fixed;
+use report::{fixed, pluralise};
 
 use super::MODELS;
 use super::models::CalibrationResult;
@@ -42,9 +42,9 @@ fn add_origin(file: &mut ModelFile, found: &CalibrationResult) {
     say(
         "calibrated_from",
         format!(
-            "{}, {} poses; base model {}, {:016x}",
+            "{}, {}; base model {}, {:016x}",
             names.join(", "),
-            found.poses,
+            pluralise(found.poses, "pose"),
             found.base.file.name,
             found.base.hash
         ),

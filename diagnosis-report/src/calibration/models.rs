@@ -6,7 +6,6 @@
 use diagnosis::diagnose::{ScreeningReport, motion_over_time, screen_recordings, sentences};
 use diagnosis::hold_out::{self, Calibration, HoldOutSplit, PositionErrors};
 use diagnosis::progress::{Listener, Progress, Stage, ignore};
-use diagnosis::tool_displacement::tool_displacements;
 use diagnosis::{
     Campaign, ExtendedModel, Fit, Pose, UndeterminedParameter, campaign_import, gross_errors,
 };
@@ -18,6 +17,7 @@ use report::ToolError;
 use super::checks::{
     data_warnings, fit_warnings, is_along_axis, readback_warnings, rejection_reasons,
 };
+use super::registered_sizes::registered_sizes;
 use super::split::PoseSplit;
 use super::{Settings, SweepsAndLoads, Tolerance, mm, undetermined};
 use crate::drawings::tool_errors;
@@ -182,7 +182,7 @@ impl CalibrationResult {
         let held = split.held_out();
         let errors = fits(&calibration).map(|fit| PositionErrors::of(fit, &campaign, &held));
         let mut warnings = readback_warnings(recordings, &base, &campaign, &calibration, training);
-        let shares_m = tool_displacements(&fit.hypothesis, &campaign);
+        let shares_m = registered_sizes(&campaign, &fit, &used);
         let entries = fitted_effects(&base, &fit, &chosen, &shares_m)?;
         warnings.extend(data_warnings(recordings, &errors, &fit));
         warnings.extend(fit_warnings(&campaign, &fit, settings));

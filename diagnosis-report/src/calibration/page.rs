@@ -4,7 +4,8 @@ use std::path::Path;
 
 use diagnosis::hold_out::PositionErrors;
 use report::{
-    Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, pluralise, significant,
+    Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, pluralise, shell_word,
+    significant,
 };
 
 use super::fixed_objects::{lines, object_parameters as numbers_around};
@@ -22,6 +23,8 @@ const OUTLIERS: usize = 50;
 /// Caption of the distribution of errors.
 const SPREAD: &str =
     "Distance between measured and predicted points for each model, on held-out poses.";
+/// Meaning of the [`MODELS`].
+const MODELS_EXPLAINED: &str = "Nominal: the given model. Calibrated: with the fitted geometry of every joint. Advanced: with the geometry and all effects that the data support; this is the resulting model.";
 /// Roles of the [`MODELS`] in figures.
 const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
@@ -45,7 +48,10 @@ fn render(found: &CalibrationResult, written: Option<&Path>) -> Page {
         found,
         written,
     );
-    page = objections_and_warnings(page, found).section("Validation").table(&error_table(found));
+    page = objections_and_warnings(page, found)
+        .section("Validation")
+        .text(MODELS_EXPLAINED)
+        .table(&error_table(found));
     if !found.tool_errors.is_empty() {
         page = page.figure(SPREAD, &histogram(found));
     }
@@ -88,10 +94,10 @@ fn verdict(page: Page, found: &CalibrationResult, written: Option<&Path>) -> Pag
         "On {} not used in any fit, the mean tool error of the new model is {} mm, and 95 % of the errors are within {} mm; the mean was {} mm with the given \
          model, and {} mm with calibrated geometry alone.",
         pluralise(found.split.training.iter().filter(|trains| !**trains).count(), "pose"),
-        significant(advanced, 2),
-        significant(mm(found.errors[2].quantile(0.95)), 2),
-        significant(nominal, 2),
-        significant(calibrated, 2),
+        significant(advanced, 3),
+        significant(mm(found.errors[2].quantile(0.95)), 3),
+        significant(nominal, 3),
+        significant(calibrated, 3),
     );
     match found.rejection_reasons.as_slice() {
         [] => match found.tolerance() {
@@ -143,6 +149,12 @@ fn next_step(page: Page, found: &CalibrationResult, written: Option<&Path>) -> P
             None,
         );
     };
+    if found.tolerance().is_some_and(|tolerance| !tolerance.met) {
+        return page.next(
+            "The tolerance is not met. Measure more poses, spread over the whole workspace and approached from both sides, with firm targets and instrument, and calibrate with all recordings together; until then use the model only where its error is acceptable.",
+            Some(&format!("trued plan --model {} --out more-poses", shell_word(&model.display().to_string()))),
+        );
+    }
     page.next(
         "Plan a check of ten poses with the new model, and measure them after a collision or a repair.",
         Some(&format!("{} --out check", found.check_command(model))),
@@ -173,11 +185,12 @@ fn identified_effects(page: Page, found: &CalibrationResult) -> Page {
     let axis = Axis::new("Effect at the tool", "mm RMS");
     if let Some(bars) = ranking("Effect of each term at the tool", axis, ranked) {
         page = page.figure(
-            "RMS displacement of the tool by each effect over the measured poses, compared with the same model without it; largest first.",
+            "RMS displacement of the measured points by each effect: compared with the same model without it, with measuring frames and targets estimated again; largest first.",
             &bars,
         );
     }
-    let caption = "RMS displacement of the tool over the measured poses, mm";
+    let caption =
+        "RMS displacement of the measured points, after registration of frames and targets, mm";
     page = page.table(&effects_by_joint(
         caption,
         found.base.physics.arm.count(),
@@ -214,7 +227,7 @@ fn objections_and_warnings(mut page: Page, found: &CalibrationResult) -> Page {
 fn key_figures(found: &CalibrationResult) -> Vec<Number> {
     let figure = |k: usize| {
         let errors = &found.errors[k];
-        let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
+        let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 3));
         Number::new(format!("Mean error, {}", MODELS[k]), mm(errors.mean()), "mm").note(note)
     };
     let effects = found.entries.iter().filter(|entry| !entry.is_empty()).count();

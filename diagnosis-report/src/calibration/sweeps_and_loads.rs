@@ -166,7 +166,9 @@ impl SweepsAndLoads {
         let cases = link_targets::loaded_links(&model.arm, campaign, &on_links);
         let by_links = estimate_joint_by_joint(&model.arm, &cases, noise_m).ok();
         let by_links = by_links.filter(|_| !cases.is_empty());
-        let base_tilt = link_targets::base_tilt(&on_links, noise_m);
+        // Where targets on the base define the measuring frame row by row, their motion is its drift, which is reported and removed: it is no tilt.
+        let is_frame = campaign.recordings.iter().any(|source| source.frame_drift.is_some());
+        let base_tilt = link_targets::base_tilt(&on_links, noise_m).filter(|_| !is_frame);
         let load_effects = load_pairs::enhanced_effects(model, campaign);
         let rows = campaign.poses.iter().map(|pose| (pose.recording, pose.row + 1)).collect();
         let pairs = pairs.len();

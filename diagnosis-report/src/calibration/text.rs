@@ -1,7 +1,11 @@
 //! A calibration in lines of text.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use diagnosis::Reading;
+use diagnosis::campaign::ToolPoint;
+use glam::DVec3;
 use report::{TextTable, fixed, pluralise, significant};
 
 use super::fixed_objects::{lines, object_parameters};
@@ -35,7 +39,7 @@ impl CalibrationResult {
             self.split.description,
             table.render(width_max)
         );
-        text += "effects, RMS displacement at the tool, mm\n";
+        text += "effects, RMS displacement of the measured points after registration, mm\n";
         for line in effects_per_joint(self) {
             text += &format!("  {line}\n");
         }
@@ -84,15 +88,29 @@ impl CalibrationResult {
             "trued plan --check --model {out} --sigma-mm {:.4}",
             mm(axis_m).max(SIGMA_LEAST_MM)
         );
-        for target in &self.fit.surroundings.targets {
-            let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
+        let targets = self.tool_targets();
+        for target in &targets {
+            let [x, y, z] = (*target * 1e3).to_array().map(|mm| format!("{mm:.3}"));
             // An ASCII minus sign, as the option requires.
             text += &format!(" --target={x},{y},{z}");
         }
-        if !self.fit.surroundings.targets.is_empty() {
+        if !targets.is_empty() {
             text += " --targets-known";
         }
         text
+    }
+
+    /// Targets that were measured on the tool, tool frame, m; those on the base or on a link are numbered with them, but belong to no tool.
+    fn tool_targets(&self) -> Vec<DVec3> {
+        let readings = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let on_tool: BTreeSet<usize> = readings
+            .filter_map(|one| match one.reading {
+                Reading::Point { place: ToolPoint::Target(target), .. } => Some(target),
+                _ => None,
+            })
+            .collect();
+        let targets = &self.fit.surroundings.targets;
+        on_tool.into_iter().filter_map(|k| targets.get(k)).map(|target| target.value).collect()
     }
 }
 

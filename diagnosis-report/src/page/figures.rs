@@ -5,13 +5,17 @@
 use diagnosis::diagnose::{CovariatePlot, Diagnosis, ResidualSeries};
 use physics::Arm;
 use physics::JointKind;
-use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Role, Series, Svg, significant};
+use report::{
+    Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Role, Series, Svg, beside, significant,
+};
 
 use super::{Figure, tables};
 
 use crate::drawings::{arm_with_errors, dominant_joints, tool_errors};
 use crate::result::{MapCellReport, Report};
 
+/// Joint positions, speeds, torques and times below this are rounding: SI units, below the resolution of any sensor.
+const ROUNDING: f64 = 1e-9;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 /// Largest number of points of one series.
@@ -175,7 +179,10 @@ fn is_prismatic(diagnosis: &Diagnosis, covariate: &str) -> bool {
 
 /// The map: deviation of each joint where it is most significant.
 pub(crate) fn error_map(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
-    let clear = report.map.iter().filter(|place| place.ci95[0] * place.ci95[1] > 0.0);
+    let is_clear = |place: &&MapCellReport| place.ci95[0] * place.ci95[1] > 0.0;
+    // A covariate that is zero but for rounding, such as the torque of gravity on an axis through the centre of mass, is no operating condition.
+    let varies = |place: &&MapCellReport| place.from.abs().max(place.to.abs()) > ROUNDING;
+    let clear = report.map.iter().filter(is_clear).filter(varies);
     let mut cells: Vec<&MapCellReport> = Vec::new();
     for place in clear {
         // Of the cells of one joint and covariate only the most significant is shown.
@@ -213,7 +220,8 @@ fn cell_range(diagnosis: &Diagnosis, cell: &MapCellReport) -> String {
         return format!("joint {joint} {way}");
     }
     let (_, unit, factor) = covariate_label(covariate, is_prismatic(diagnosis, covariate));
-    let [from, to] = [cell.from, cell.to].map(|edge| significant(factor * edge, 2));
+    let scale = cell.from.abs().max(cell.to.abs());
+    let [from, to] = [cell.from, cell.to].map(|edge| significant(factor * beside(edge, scale), 2));
     let name = covariate.trim_end_matches("_C").trim_end_matches("_s").trim_end_matches("_rpm");
     format!("{name} {from} to {to} {unit}")
 }
@@ -227,7 +235,9 @@ pub(crate) fn findings_over_covariates(
     let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
     let mut first = true;
     for (finding, reported) in shown {
-        let Some(over) = diagnosis.over(finding) else { continue };
+        // A finding of the whole recording, such as a delay, has no covariate with readings over it.
+        let over = diagnosis.over(finding).filter(|over| !over.points.is_empty());
+        let Some(over) = over else { continue };
         if std::mem::take(&mut first) {
             page = page.section("Each finding over its input");
         }
@@ -237,16 +247,26 @@ pub(crate) fn findings_over_covariates(
             reported.says,
             omission_note(stride)
         );
-        page = page.figure(&caption, &over_covariate(diagnosis, &over, stride));
+        page = page.figure(&caption, &over_covariate(diagnosis, &over, stride, report));
     }
     page
 }
 
-fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) -> Svg {
+fn over_covariate(
+    diagnosis: &Diagnosis,
+    over: &CovariatePlot,
+    stride: usize,
+    report: &Report,
+) -> Svg {
     let (what, unit, factor) = covariate_label(&over.word, is_prismatic(diagnosis, &over.word));
     let joint = over.joint;
     let sliding = joint.is_some_and(|j| is_prismatic(diagnosis, &format!("q{}", j + 1)));
-    let error_unit = if joint.is_none() || sliding { "mm" } else { "mrad" };
+    // An error of the tool is in the unit of the readings.
+    let error_unit = match joint {
+        None => report.unit,
+        Some(_) if sliding => "mm",
+        Some(_) => "mrad",
+    };
     let y = match joint {
         Some(joint) => Axis::new(format!("Error of joint {}", joint + 1), error_unit),
         None => Axis::new("Error of the tool", error_unit),
@@ -263,7 +283,7 @@ fn over_covariate(diagnosis: &Diagnosis, over: &CovariatePlot, stride: usize) ->
         plot.series(Series::dots("measured, increasing", measured(Some(1.0))))
             .series(Series::dots("measured, decreasing", measured(Some(-1.0))))
     } else {
-        plot.series(Series::dots("seen", measured(None)))
+        plot.series(Series::dots("measured", measured(None)))
     };
     let explained = drawn().map(|p| (factor * p.at, MILLI * p.explained));
     plot.series(Series::dots("explained by the finding", explained).role(Role::After)).render()

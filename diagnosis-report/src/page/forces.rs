@@ -41,13 +41,7 @@ fn evaluated(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
             "Distance of the signal from its mean at rest: air and cut.",
             &level(diagnosis, report),
         );
-    page = page.next(
-        report
-            .next_experiment
-            .as_deref()
-            .unwrap_or("No action required. Record again if the cut sounds different."),
-        None,
-    );
+    page = next_step(page, report);
     let sentences: Vec<&str> =
         report.findings.iter().map(|reported| reported.says.as_str()).collect();
     if !sentences.is_empty() {
@@ -74,6 +68,21 @@ fn evaluated(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
             .table(&tones(report));
     }
     page
+}
+
+/// The step for what was found, or for what remains undecided; nothing is to be done only if nothing was found.
+fn next_step(page: Page, report: &Report) -> Page {
+    if let Some(action) = &report.action {
+        return page.next(&action.says, action.command.as_deref());
+    }
+    let otherwise = match report.verdict {
+        "consistent" => "No action required. Record again if the cut sounds different.",
+        "missing_physics" => "Use the resulting model: it contains what was found.",
+        _ => {
+            "Record again, with some seconds in air before and after the cut, and state the cut (`[cut]` in the recording's TOML)."
+        }
+    };
+    page.next(report.next_experiment.as_deref().unwrap_or(otherwise), None)
 }
 
 fn sentence(diagnosis: &Diagnosis, report: &Report) -> String {

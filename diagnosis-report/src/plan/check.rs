@@ -134,6 +134,7 @@ impl CheckPlan<'_> {
         let (detected, false_alarms) = self.rates();
         let not_checked = settings.not_checked(&start.task.measurement);
         let content = PageContent {
+            title: "Check poses",
             verdict: format!("{} for a check", pluralise(found.poses.len(), "pose")),
             sentence: format!(
                 "Damage of the size in the table is detected in {detected} of 100 cases, with {false_alarms} false alarms in 1000 undamaged robots."
@@ -144,7 +145,7 @@ impl CheckPlan<'_> {
             open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
             next: (
                 "Load the program and run it slowly first; measure, enter the readings in poses.csv, and evaluate them.",
-                settings.evaluation_command("plan --check", ""),
+                settings.evaluation_command("plan --check", "--report check.html "),
             ),
         };
         render(robot.model, &content)

@@ -42,9 +42,17 @@ pub struct Request {
     pub measured: MeasuredChannels,
 }
 
-/// The required keys of `diagnosis.json`.
+/// The required keys of `diagnosis.json`: of its only domain, or of each of its domains.
 #[derive(Deserialize)]
 struct DiagnosisFile {
+    #[serde(default)]
+    domains: Vec<DomainEntry>,
+    #[serde(flatten)]
+    only: DomainEntry,
+}
+
+#[derive(Deserialize)]
+struct DomainEntry {
     next_experiment: Option<String>,
     experiment: Option<ExperimentEntry>,
 }
@@ -68,7 +76,7 @@ pub enum NoRequest {
 }
 
 impl Request {
-    /// Parses the text of a `diagnosis.json`; `None` if it proposes no experiment.
+    /// Parses the text of a `diagnosis.json`; `None` if it proposes no experiment. Of several domains the first that proposes one counts.
     ///
     /// ```
     /// use diagnosis_report::plan::experiment::Request;
@@ -80,8 +88,9 @@ impl Request {
     /// # Errors
     /// See [`NoRequest`].
     pub fn parse(text: &str) -> Result<Option<Self>, NoRequest> {
-        let found: DiagnosisFile = serde_json::from_str(text)?;
-        let (Some(entry), Some(says)) = (found.experiment, found.next_experiment) else {
+        let DiagnosisFile { domains, only } = serde_json::from_str(text)?;
+        let proposal = |domain: DomainEntry| domain.experiment.zip(domain.next_experiment);
+        let Some((entry, says)) = domains.into_iter().chain([only]).find_map(proposal) else {
             return Ok(None);
         };
         let measured = measured(&entry.measure)?;
@@ -152,4 +161,25 @@ fn measured(names: &[String]) -> Result<MeasuredChannels, NoRequest> {
         found.ok_or_else(|| NoRequest::NotMeasured(name.clone()))
     };
     Ok(MeasuredChannels { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROPOSAL: &str = r#"{"next_experiment": "Move.", "experiment":
+        {"name": "joint 1 alone", "expected_separation": 35.0, "measure": ["ql1"]}}"#;
+
+    #[test]
+    fn an_experiment_is_found_in_whichever_domain_proposes_it() {
+        let alone = Request::parse(PROPOSAL).expect("a diagnosis").expect("an experiment");
+        assert_eq!((alone.name.as_str(), alone.says.as_str()), ("joint 1 alone", "Move."));
+        let none = r#"{"next_experiment": null, "experiment": null}"#;
+        for domains in [[PROPOSAL, none], [none, PROPOSAL]] {
+            let text = format!(r#"{{"domains": [{}]}}"#, domains.join(", "));
+            assert_eq!(Request::parse(&text).expect("a diagnosis"), Some(alone.clone()), "{text}");
+        }
+        let text = format!(r#"{{"domains": [{none}, {none}]}}"#);
+        assert_eq!(Request::parse(&text).expect("a diagnosis"), None);
+    }
 }

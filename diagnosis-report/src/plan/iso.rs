@@ -135,6 +135,7 @@ impl IsoPlan<'_> {
         let names = (1..).map(|place| format!("P{place}"));
         let not_checked = settings.not_checked(&start.task.measurement);
         let content = PageContent {
+            title: "Test poses of ISO 9283",
             verdict: format!("five poses, {}", pluralise(*cycles, "cycle")),
             sentence: format!(
                 "{} (base frame): the tool goes through P5, P4, P3, P2, P1, {}.",
@@ -150,7 +151,7 @@ impl IsoPlan<'_> {
             open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
             next: (
                 "Set rated load and rated speed, warm the robot up, run the program slowly first; then measure and evaluate.",
-                settings.evaluation_command("plan --iso9283", ""),
+                settings.evaluation_command("plan --iso9283", "--report iso9283.html "),
             ),
         };
         render(robot.model, &content)

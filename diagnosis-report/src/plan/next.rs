@@ -130,6 +130,7 @@ impl NextPlan<'_> {
         let open = improved.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
         let [before_m, after_m] = found.pose.tool_m;
         let content = PageContent {
+            title: "The next pose",
             verdict: if found.enough { "enough measured" } else { "continue with this pose" }
                 .to_owned(),
             sentence: format!("{}.", self.improvement()),

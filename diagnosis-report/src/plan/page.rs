@@ -4,7 +4,7 @@
 
 use physics::Joints;
 use recording::model::RobotModel;
-use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
+use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone, beside};
 
 use crate::drawings::joint_points;
 use crate::positions::columns;
@@ -12,8 +12,13 @@ use crate::positions::columns;
 /// Poses per drawing: as many as fit on one sheet of paper.
 const DRAWN: usize = 12;
 
+/// Scale of joint positions, deg (of linear joints as many mm): far smaller ones are rounding of the inverse kinematics.
+const WHOLE_TURN_DEG: f64 = 360.0;
+
 /// Content of the page about the poses.
 pub(super) struct PageContent<'a> {
+    /// What the poses are.
+    pub(super) title: &'static str,
     pub(super) verdict: String,
     pub(super) sentence: String,
     pub(super) numbers: Vec<Number>,
@@ -45,7 +50,7 @@ pub(super) fn render(model: &RobotModel, content: &PageContent<'_>) -> Page {
             content.poses.len()
         )
     };
-    let mut page = Page::new(format!("Poses for {}", model.file.name))
+    let mut page = Page::new(format!("{} for {}", content.title, model.file.name))
         .kicker("trued plan")
         .robot(model.file.identity().to_string())
         .verdict(Tone::Plain, &content.verdict, &content.sentence)
@@ -72,7 +77,7 @@ fn positions(model: &RobotModel, content: &PageContent<'_>) -> Table {
         });
         let heads = std::iter::once(Column::new("Pose")).chain(heads);
         let start = || Table::new("Joint positions, as the controller shows them", heads);
-        let cells = positions.values().map(|x| Cell::from(*x));
+        let cells = positions.values().map(|x| Cell::from(beside(*x, WHOLE_TURN_DEG)));
         let row = std::iter::once(Cell::from(name.as_str())).chain(cells);
         table = Some(table.take().unwrap_or_else(start).row(row));
     }

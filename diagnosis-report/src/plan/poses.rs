@@ -216,6 +216,7 @@ impl PosesPlan<'_> {
         let not_checked = settings.not_checked(&start.task.measurement);
         let open = open.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
         let content = PageContent {
+            title: "Measuring poses",
             verdict: format!("{} to measure", pluralise(found.poses.len(), "pose")),
             sentence: format!(
                 "{} of {} that pass, {}. With them the tool's expected error {region} falls from {} to {} mm.",

@@ -3,10 +3,15 @@
 use diagnosis::campaign_import;
 use diagnosis::plan::check::{self, CheckResult, DetectableDamage, ErrorRates, SuspectedDamage};
 use diagnosis::plan::setup::MeasuringSetup;
-use report::{TextLine, Tone, fixed, pluralise, significant};
+use report::{
+    Axis, Bar, Bars, Column, Number, Page, Table, TextLine, Tone, capitalised, fixed, pluralise,
+    probability, significant,
+};
 use serde::Serialize;
 
-use super::{DetectableReport, MILLI, Robot, assumptions, damage_unit, detectable_table};
+use super::{
+    DetectableReport, MILLI, Robot, assumptions, damage_unit, detectable_table, minimum_detectable,
+};
 use crate::error::Error;
 
 /// A judged model: `trued.plan/1` (docs/reference/results.md).
@@ -136,7 +141,7 @@ impl ValidityTest<'_> {
             pluralise(self.poses, "pose"),
             fixed(found.sum, 0),
             found.freedom,
-            significant(found.p, 2)
+            probability(found.p)
         );
         if found.holds { self.undamaged(sum, width_max) } else { self.damaged(sum) }
     }
@@ -174,22 +179,153 @@ impl ValidityTest<'_> {
             lines.push("no single joint or tool explains it: calibrate again".into());
         }
         for (place, suspect) in found.suspects.iter().enumerate() {
-            let size = suspect.size.iter().map(|size| size * size).sum::<f64>().sqrt();
             let or = if place == 0 { "" } else { "or: " };
-            let line = format!(
-                "{or}{} by {} ± {} {}",
-                suspect.damage.says(),
-                significant(MILLI * size, 3),
-                significant(MILLI * suspect.sigma, 2),
-                damage_unit(&self.robot.model.physics, &suspect.damage)
-            );
-            lines.push(line.into());
+            lines.push(format!("{or}{}", self.suspected(suspect)).into());
         }
         if !found.suspects.is_empty() && !found.is_explained {
             lines.push("this does not explain all of it: there is more than one cause".into());
         }
         lines
     }
+}
+
+impl ValidityTest<'_> {
+    /// The page.
+    #[must_use]
+    pub fn page(&self) -> Page {
+        let Self { robot: Robot { model, .. }, found, .. } = self;
+        let (tone, label) = match (found.holds, found.is_informative()) {
+            (true, true) => (Tone::Good, "the model still holds"),
+            (true, false) => (Tone::Caution, "not judged"),
+            (false, _) => (Tone::Bad, "the model does not hold"),
+        };
+        let mut page = Page::new(format!("Check of {}", model.file.name))
+            .kicker("trued plan --check")
+            .robot(model.file.identity().to_string())
+            .verdict(tone, label, &self.sentence())
+            .numbers(self.numbers());
+        if let Some(bars) = self.suspected_bars() {
+            page = page.figure(
+                "Damage that alone would explain the readings best, with 95 % intervals; the most likely first.",
+                &bars.render(),
+            );
+        }
+        let (says, command) = self.next();
+        page = page.next(says, command);
+        if let Some((first, others)) = self.warnings.split_first() {
+            page = page.note(Tone::Caution, "Warnings", &capitalised(first));
+            if !others.is_empty() {
+                page = page.list(others);
+            }
+        }
+        page.section("Detectable damage")
+            .text(&format!(
+                "The smallest damage that these poses reveal in {} of 100 cases, with {} false alarms in 1000 undamaged robots.",
+                fixed(100.0 * self.terms.power, 0),
+                significant(1e3 * self.terms.alarm, 2)
+            ))
+            .table(&self.detectable())
+    }
+
+    /// The verdict as sentences.
+    fn sentence(&self) -> String {
+        let found = &self.found;
+        let scatter = format!(
+            "The residuals of {} have a sum of squares of {}, {} expected of an undamaged robot",
+            pluralise(self.poses, "pose"),
+            fixed(found.sum, 0),
+            found.freedom
+        );
+        if found.holds && !found.is_informative() {
+            return format!("{scatter}, but these poses reveal no damage.");
+        }
+        if found.holds {
+            return format!("{scatter}: nothing has changed that these poses would reveal.");
+        }
+        let cause = match found.suspects.first() {
+            None => "No single joint or tool explains it.".to_owned(),
+            Some(suspect) => {
+                let all = if found.is_explained {
+                    ""
+                } else {
+                    " This does not explain all of it: there is more than one cause."
+                };
+                format!("Most likely {}.{all}", self.suspected(suspect))
+            }
+        };
+        format!("{scatter}. {cause}")
+    }
+
+    /// `joint 3 has a zero offset by 0.795 ± 0.021 mrad`.
+    fn suspected(&self, suspect: &SuspectedDamage) -> String {
+        format!(
+            "{} by {} ± {} {}",
+            suspect.damage.says(),
+            significant(MILLI * size(suspect), 3),
+            significant(MILLI * suspect.sigma, 2),
+            damage_unit(&self.robot.model.physics, &suspect.damage)
+        )
+    }
+
+    fn numbers(&self) -> Vec<Number> {
+        let found = &self.found;
+        let tone = if found.holds { Tone::Good } else { Tone::Bad };
+        let ratio = found.sum / found.freedom.max(1) as f64;
+        vec![
+            Number::text("Poses measured", self.poses.to_string()),
+            Number::new("Squared error over its expectation", ratio, "").tone(tone),
+            Number::text("Probability if undamaged", probability(found.p))
+                .note(format!("alarm below {}", significant(self.terms.alarm, 2))),
+        ]
+    }
+
+    /// Size of each suspected damage; none if the units differ, or nothing is suspected.
+    fn suspected_bars(&self) -> Option<Bars> {
+        let unit = |one: &SuspectedDamage| damage_unit(&self.robot.model.physics, &one.damage);
+        let first = unit(self.found.suspects.first()?);
+        let alike = self.found.suspects.iter().filter(|one| unit(one) == first);
+        let bars = Bars::new("Suspected damage", Axis::new("Size", first));
+        Some(alike.fold(bars, |bars, one| {
+            let (value, reach) = (MILLI * size(one), COVERAGE * MILLI * one.sigma);
+            let bar = Bar::new(value).between(value - reach, value + reach);
+            bars.row(one.damage.says(), [bar])
+        }))
+    }
+
+    fn next(&self) -> (&'static str, Option<&'static str>) {
+        match (self.found.holds, self.found.is_informative()) {
+            (true, true) => {
+                ("Nothing to change. Repeat the check after the next collision or repair.", None)
+            }
+            (true, false) => (
+                "Plan check poses for this set-up, and measure these.",
+                Some("trued plan --check --model MODEL.toml --out check"),
+            ),
+            (false, _) => (
+                "Repair the cause, or calibrate again with recordings of the robot as it is now; stop correcting with this model until then.",
+                Some("trued calibrate --model MODEL.toml --out calibrated.toml RECORDING.csv"),
+            ),
+        }
+    }
+
+    fn detectable(&self) -> Table {
+        let heads = ["Damage", "Minimum detectable change"].map(Column::new);
+        let model = &self.robot.model.physics;
+        self.found.detectable.iter().fold(
+            Table::new("Minimum detectable damage", heads),
+            |table, one| {
+                table.row([one.damage.says().into(), minimum_detectable(model, one).into()])
+            },
+        )
+    }
+}
+
+/// Coverage factor of a 95 % interval, in standard uncertainties.
+const COVERAGE: f64 = 1.96;
+
+/// Size of a suspected damage, rad or m.
+fn size(suspect: &SuspectedDamage) -> f64 {
+    suspect.size.iter().map(|size| size * size).sum::<f64>().sqrt()
 }
 
 /// Damage that these poses cannot detect, whatever its size.

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::{
     Alternative, FindingLocation, NINETY_FIVE, Report, ReportedFinding, UntestedEffect, Value,
+    force_action,
 };
 use crate::forces::ForceDiagnosis;
 
@@ -80,10 +81,12 @@ impl Report {
             notes: notes(diagnosis),
             ..empty
         };
-        match &diagnosis.cut_comparison {
+        let report = match &diagnosis.cut_comparison {
             Ok(compared) => alone.with_cut_comparison(&found.base, compared),
             Err(_) => alone,
-        }
+        };
+        let action = force_action::action(found, diagnosis, &report);
+        Self { action, ..report }
     }
 }
 

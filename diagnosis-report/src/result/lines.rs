@@ -28,7 +28,9 @@ pub fn lines(report: &Report) -> Vec<String> {
         lines.push(format!("  not reported as findings, with their probabilities: {names}"));
     }
     lines.extend(report.unexplained.as_ref().map(|rest| format!("  {}", rest.says)));
-    lines.extend(report.next_experiment.as_ref().map(|next| format!("  next: {next}")));
+    let next =
+        report.action.as_ref().map(|action| &action.says).or(report.next_experiment.as_ref());
+    lines.extend(next.map(|next| format!("  next: {next}")));
     lines.extend(report.notes.iter().map(|note| format!("  {note}")));
     lines
 }

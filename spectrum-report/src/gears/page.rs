@@ -1,6 +1,8 @@
 //! Gear shafts along a path as a page.
 
-use report::{Axis, Bars, Cell, Column, Page, Plot, Series, Svg, Table, Tone, significant};
+use report::{
+    Axis, Bars, Cell, Column, Page, Plot, Series, Svg, Table, Tone, fixed, pluralise, significant,
+};
 
 use super::analysis::Analysis;
 use super::matching::MatchedLine;
@@ -9,6 +11,8 @@ use super::trains::GearTrain;
 
 /// Shafts that are drawn.
 const SHAFTS: usize = 12;
+/// Lines that the verdict names.
+const NAMED: usize = 3;
 /// Alternatives that are listed for each line.
 const RIVALS_MAX: usize = 8;
 
@@ -28,13 +32,11 @@ fn render(analysis: &Analysis) -> Page {
         .robot(analysis.model.file.identity().to_string())
         .verdict(tone, label, &sentence);
     if let Some(bars) = teeth(analysis) {
-        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: possible causes of lines in a surface or a force.", &bars);
+        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage; only those of joints that turn evenly cause lines in a surface or a force.", &bars);
     }
+    let (says, command) = next(analysis);
     page = page
-        .next(
-            "Look for these lines in a recording of forces or in a surface profile.",
-            Some("trued spectrum RECORDING.csv --report spectrum.html"),
-        )
+        .next(says, Some(command))
         .section("Shafts and wheels")
         .table(&wheels(analysis))
         .text(&format!("{DEGREES}."))
@@ -61,19 +63,77 @@ fn render(analysis: &Analysis) -> Page {
 fn verdict(analysis: &Analysis) -> (Tone, &'static str, String) {
     let travelled = &analysis.travelled;
     let path = format!("{} mm of path by {}", significant(travelled.length_mm, 4), travelled.by);
-    let fits = analysis.lines.iter().filter(|matched| !matched.fits.is_empty()).count();
-    match analysis.lines.len() {
-        0 => (
-            Tone::Plain,
-            "gears along this path",
-            format!("{path}; no lines to compare were given."),
-        ),
-        all => (
-            Tone::Plain,
-            "lines compared with gears",
-            format!("{path}; {fits} of {all} lines fit a wheel."),
-        ),
+    let Some(evenest) = evenest(analysis) else {
+        let why = format!("{path}: no joint with gear_teeth turns along it.");
+        return (Tone::Caution, "no gear turns along this path", why);
+    };
+    let even = even_joints(analysis);
+    if even.is_empty() {
+        let why = format!(
+            "{path}: no joint turns evenly enough to cause a sharp line. The most even one, joint {}, changes its speed per mm by {} %; a line needs at most {} %.",
+            evenest.joint,
+            fixed(100.0 * evenest.drift(), 0),
+            fixed(100.0 * analysis.settings.drift_max, 0)
+        );
+        return (Tone::Caution, "no gear causes a line on this path", why);
     }
+    let joints: Vec<String> = even.iter().map(u8::to_string).collect();
+    let joints = format!(
+        "{} {} evenly enough to cause lines",
+        if even.len() == 1 { "joint" } else { "joints" },
+        joints.join(", ") + if even.len() == 1 { " turns" } else { " turn" }
+    );
+    let (fit, all): (Vec<_>, _) = (
+        analysis.lines.iter().filter(|matched| !matched.fits.is_empty()).collect(),
+        analysis.lines.len(),
+    );
+    if all == 0 {
+        return (Tone::Plain, "gears that can cause lines", format!("{path}: {joints}."));
+    }
+    let explained: Vec<String> = fit.iter().take(NAMED).filter_map(|one| explained(one)).collect();
+    let named =
+        if explained.is_empty() { String::new() } else { format!(": {}", explained.join("; ")) };
+    let count = pluralise(all, "line");
+    let label =
+        if fit.is_empty() { "no line is explained by a gear" } else { "lines explained by gears" };
+    (Tone::Plain, label, format!("{path}: {joints}. {} of {count} fit a wheel{named}.", fit.len()))
+}
+
+/// `0.344 per mm by joint 1, shaft 1`: a line with the wheel that fits best.
+fn explained(matched: &MatchedLine) -> Option<String> {
+    let best = matched.fits.first()?;
+    Some(format!("{} per mm by {}", significant(matched.line.cycles_per_mm, 3), best.text()))
+}
+
+/// The gear train whose speed per mm changes least.
+fn evenest(analysis: &Analysis) -> Option<&GearTrain> {
+    analysis.trains.iter().min_by(|a, b| a.drift().total_cmp(&b.drift()))
+}
+
+/// Joints that turn evenly enough to cause sharp lines.
+fn even_joints(analysis: &Analysis) -> Vec<u8> {
+    let is_even = |train: &&GearTrain| train.drift() <= analysis.settings.drift_max;
+    analysis.trains.iter().filter(is_even).map(|train| train.joint).collect()
+}
+
+/// What to do: where no gear can cause a line, another path comes first.
+fn next(analysis: &Analysis) -> (&'static str, &'static str) {
+    if even_joints(analysis).is_empty() {
+        return (
+            "Choose a shorter cut, or one along which a joint turns evenly, and compute it again; lines on this path have other causes.",
+            "trued gears --model ROBOT.toml --from Q1,… --cut X,Y,Z --report gears.html",
+        );
+    }
+    if analysis.lines.is_empty() {
+        return (
+            "Look for these lines in a recording of forces at constant feed, or in a surface profile.",
+            "trued spectrum --model ROBOT.toml --report spectrum.html RECORDING.csv",
+        );
+    }
+    (
+        "Check the gears that fit a line with a low random match; record at another feed: a line of a gear keeps its cycles per mm.",
+        "trued spectrum --model ROBOT.toml --report spectrum.html RECORDING.csv",
+    )
 }
 
 /// Tooth contacts per mm, the highest first.

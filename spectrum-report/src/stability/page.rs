@@ -1,11 +1,13 @@
 //! Stability of a cut as a page: the verdict, the stability chart, the limit over the direction of feed.
 
+use std::f64::consts::PI;
+
 use report::{Axis, Cell, Number, Page, Plot, Role, Series, Table, Tone, fixed, significant};
 use spectrum::stability::{FeedDirectionLimits, Limit};
 
 use super::analysis::{Analysis, signed_rad};
 use super::result::depth_mm;
-use super::text::{best_direction, cut, limit_text, mode_coupling, nearest, verdict};
+use super::text::{best_direction, cut, limit_text, mode_coupling, nearest, remedy, verdict};
 
 /// The charts extend this far above the deepest limit shown.
 const ROOM: f64 = 1.15;
@@ -21,9 +23,13 @@ impl Analysis {
 fn page(analysis: &Analysis) -> Page {
     let name = analysis.cut.path.file_name().unwrap_or_default().to_string_lossy();
     let (label, tone) = called(analysis);
+    let mut sentence = format!("{}: {}.", cut(analysis), verdict(analysis));
+    if !analysis.nearest.is_present {
+        sentence += &format!(" {}.", remedy(analysis));
+    }
     let mut page = Page::new("Stability of a cut")
         .kicker(format!("trued stability, {name}"))
-        .verdict(tone, label, &format!("{}: {}.", cut(analysis), verdict(analysis)))
+        .verdict(tone, label, &sentence)
         .numbers(numbers(analysis))
         .figure(
             "Axial depth from which chatter grows, over spindle speed: below the line the cut is stable.",
@@ -31,7 +37,7 @@ fn page(analysis: &Analysis) -> Page {
         );
     page = match analysis.nearest.is_present {
         true => page.next("Record the forces of the cut and compare them with the prediction.", Some("trued spectrum FORCES.csv --cut CUT.toml --report SPECTRUM.html")),
-        false => page.next("Take one of the nearest stable cuts below, or measure modes and coefficients anew where they are uncertain.", None),
+        false => page.next(&format!("{}. Set one of these cuts in the file and compute it again; measure modes and coefficients anew where they are uncertain.", remedy(analysis)), Some("trued stability CUT.toml --report STABILITY.html")),
     };
     if let Some((first, others)) = analysis.cut.warnings.split_first() {
         page = page.note(Tone::Caution, "Check", first);
@@ -147,7 +153,9 @@ fn directions(analysis: &Analysis) -> Plot {
     )
     .series(Series::dots("the cut", [(0.0, 1e3 * analysis.cut.file.cut.axial_depth_m)]));
     match analysis.nearest.best {
-        Some(best) => plot.mark_x(signed_rad(best.angle_rad).to_degrees(), "best"),
+        Some(best) => [0.0, PI].into_iter().fold(plot, |plot, more| {
+            plot.mark_x(signed_rad(best.angle_rad + more).to_degrees(), "best")
+        }),
         None => plot,
     }
 }

@@ -107,6 +107,18 @@ fn limit(analysis: &Analysis) -> String {
     )
 }
 
+/// The remedy in short: the nearest stable speed at this depth, or the depth at this speed.
+pub(super) fn remedy(analysis: &Analysis) -> String {
+    let nearest = &analysis.nearest;
+    let depth = format!("{} mm deep at this speed", significant(1e3 * nearest.depth_m, 3));
+    let margin = significant(100.0 * analysis.cut.file.margin, 2);
+    let way = match nearest.spindle_rpm {
+        Some(rpm) => format!("at {} rpm at this depth, or {depth}", fixed(rpm, 0)),
+        None => format!("{depth}; no speed of the chart at this depth"),
+    };
+    format!("Stable with a margin of {margin} % {way}")
+}
+
 /// The nearest cuts that are stable with the margin.
 pub(super) fn nearest(analysis: &Analysis) -> Vec<(&'static str, String)> {
     let (nearest, file) = (&analysis.nearest, &analysis.cut.file);
@@ -133,8 +145,13 @@ pub(super) fn nearest(analysis: &Analysis) -> Vec<(&'static str, String)> {
 
 /// `40° (along 0.77, 0.64, 0)`: the angle by which the feed is turned, and its new direction.
 fn turn(analysis: &Analysis, one: &FeedDirectionLimits) -> String {
-    let degrees = fixed(signed_rad(one.angle_rad).to_degrees(), 0);
-    format!("{degrees}° (along {})", direction(analysis.feed(one.angle_rad)))
+    let [degrees, opposite] = [0.0, std::f64::consts::PI]
+        .map(|more| fixed(signed_rad(one.angle_rad + more).to_degrees(), 0));
+    // Forward and backward feed along one line have the same limit: both turn the forces and the modes by half a revolution.
+    format!(
+        "{degrees}° or {opposite}° (along {}, forward or backward)",
+        direction(analysis.feed(one.angle_rad))
+    )
 }
 
 pub(super) fn best_direction(analysis: &Analysis) -> String {

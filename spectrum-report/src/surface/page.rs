@@ -4,6 +4,8 @@ use report::{
     Axis, Bars, Cell, Column, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,
 };
 
+use spectrum::surface::HeightParameters;
+
 use super::Settings;
 use super::analysis::{Analysis, ProfileAnalysis, Segments};
 use super::result::OF_SEGMENT;
@@ -274,20 +276,29 @@ fn lines(profile: &ProfileAnalysis) -> Table {
     })
 }
 
+/// A row of the table of parameters: suffix and unit of their names, value, meaning.
+type ParameterRow = (&'static str, &'static str, fn(&HeightParameters) -> f64, &'static str);
+
 fn parameters(profile: &ProfileAnalysis) -> Table {
-    let heads = ["", "a (µm)", "q (µm)", "t (µm)", "p (µm)", "v (µm)", "sk", "ku"];
-    let rows = [
-        ("Profile P", &profile.primary),
-        ("Waviness W", &profile.waviness),
-        ("Roughness R", &profile.roughness),
+    let heads = ["Parameter", "Profile P", "Waviness W", "Roughness R", "Meaning"];
+    let each = [&profile.primary, &profile.waviness, &profile.roughness];
+    let rows: [ParameterRow; 7] = [
+        ("a", "µm", |p| p.mean_deviation, "mean deviation"),
+        ("q", "µm", |p| p.rms, "root mean square"),
+        ("t", "µm", |p| p.total_height, "total height"),
+        ("p", "µm", |p| p.peak, "highest peak"),
+        ("v", "µm", |p| p.valley, "deepest valley"),
+        ("sk", "", |p| p.skewness, "skewness"),
+        ("ku", "", |p| p.kurtosis, "kurtosis"),
     ];
-    let caption = "Mean deviation, root mean square, total height, highest peak, deepest valley, skewness, kurtosis";
-    rows.into_iter().fold(Table::new(caption, heads), |table, (name, p)| {
-        let numbers =
-            [p.mean_deviation, p.rms, p.total_height, p.peak, p.valley, p.skewness, p.kurtosis];
-        let mut row: Vec<Cell> = vec![name.into()];
-        row.extend(numbers.map(Cell::from));
-        table.row(row)
+    let table = Table::new("Parameters of ISO 4287 of the three profiles", heads);
+    rows.into_iter().fold(table, |table, (suffix, unit, value, meaning)| {
+        let names: Vec<String> =
+            ["P", "W", "R"].map(|profile| format!("{profile}{suffix}")).to_vec();
+        let unit = if unit.is_empty() { String::new() } else { format!(" ({unit})") };
+        let values = each.map(|p| Cell::from(significant(value(p), 3)));
+        let name = Cell::from(format!("{}{unit}", names.join(", ")));
+        table.row([name].into_iter().chain(values).chain([meaning.into()]))
     })
 }
 

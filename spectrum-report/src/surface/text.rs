@@ -66,10 +66,18 @@ fn remarks(profile: &ProfileAnalysis) -> Vec<String> {
     }
     let rq = significant(profile.rq_by_spectrum_um(), 3);
     lines.push(format!(
-        "Rq from the spectrum (Parseval) is {rq} µm, equal to {:.0e}",
-        profile.parseval_gap().max(1e-16)
+        "Rq from the spectrum (Parseval) is {rq} µm, {}",
+        agreement(profile.parseval_gap())
     ));
     lines
+}
+
+/// How well the two values of Rq agree. `gap`: their difference, relative.
+fn agreement(gap: f64) -> String {
+    match report::beside(gap, 1.0) {
+        0.0 => "equal".to_owned(),
+        gap => format!("different by {} %", significant(100.0 * gap, 2)),
+    }
 }
 
 fn segments_text(segments: &Segments) -> String {

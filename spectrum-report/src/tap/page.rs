@@ -9,7 +9,7 @@ use spectrum::modal::MergedMode;
 
 use super::analysis::{Analysis, Function, Test};
 use super::model_file::UpdatedModel;
-use super::text::{decimals, verdict};
+use super::text::{decimals, decimals_of_damping, verdict};
 
 /// Modes named in the verdict.
 const NAMED: usize = 3;
@@ -57,7 +57,7 @@ fn render(analysis: &Analysis, renewed: Option<&UpdatedModel>) -> Page {
         )
         .numbers(numbers(analysis));
     page = picture(page, analysis);
-    page = next(page, renewed, verified);
+    page = next(page, analysis, renewed, verified);
     if let Some((first, others)) = analysis.warnings.split_first() {
         page = page.note(Tone::Caution, "Warnings", first);
         if !others.is_empty() {
@@ -86,7 +86,7 @@ fn render(analysis: &Analysis, renewed: Option<&UpdatedModel>) -> Page {
     page
 }
 
-/// Size, phase and coherence of the response functions.
+/// Magnitude, phase and coherence of the response functions.
 fn picture(page: Page, analysis: &Analysis) -> Page {
     let Some(first) = analysis.functions.first() else { return page };
     let shown = analysis.functions.len().min(FUNCTIONS_MAX);
@@ -96,7 +96,10 @@ fn picture(page: Page, analysis: &Analysis) -> Page {
         "its phase"
     };
     page.figure(
-        &format!("Size of the {}, with the natural frequencies; below, {below}.", first.kind().0),
+        &format!(
+            "Magnitude of the {}, with the natural frequencies; below, {below}.",
+            first.kind().0
+        ),
         &response(analysis, shown).render(),
     )
 }
@@ -110,7 +113,7 @@ fn sentence(analysis: &Analysis, how: &str) -> String {
             format!(
                 "{} Hz ({} % damping)",
                 fixed(mode.frequency_hz, digits),
-                significant(100.0 * mode.damping, 2)
+                fixed(100.0 * mode.damping, decimals_of_damping(mode))
             )
         })
         .take(NAMED)
@@ -124,9 +127,26 @@ fn sentence(analysis: &Analysis, how: &str) -> String {
     }
 }
 
-fn next(page: Page, renewed: Option<&UpdatedModel>, verified: usize) -> Page {
+/// Hits of a test whose coherence means something, with some to spare.
+const HITS_WANTED: usize = 5;
+
+/// How the test is repeated so that the modes can be verified: the tip follows from where the force is weak.
+fn repetition(analysis: &Analysis) -> String {
+    let highest_hz = analysis.modes.iter().map(|mode| mode.frequency_hz).fold(0.0, f64::max);
+    let excited_hz = analysis.test.as_ref().map(|test| test.tap.excited_to_hz(20.0));
+    let tip = match excited_hz.filter(|excited_hz| *excited_hz < highest_hz) {
+        Some(excited_hz) => format!(
+            ", and with a harder tip: above {} Hz the force is more than 20 dB below its maximum",
+            significant(excited_hz, 3)
+        ),
+        None => ", with the same tip: the force excites these frequencies".to_owned(),
+    };
+    format!("Repeat with {HITS_WANTED} or more hits{tip}.")
+}
+
+fn next(page: Page, analysis: &Analysis, renewed: Option<&UpdatedModel>, verified: usize) -> Page {
     if verified == 0 {
-        return page.next("Repeat with five or more hits, and a softer or harder tip so that the force excites the mode.", None);
+        return page.next(&repetition(analysis), None);
     }
     match renewed {
         Some(renewed) => page.next(
@@ -224,7 +244,7 @@ fn functions(page: Page, analysis: &Analysis) -> Page {
     page
 }
 
-/// Size, phase and coherence under each other, over one axis.
+/// Magnitude, phase and coherence under each other, over one axis.
 fn response(analysis: &Analysis, shown: usize) -> Multiples {
     let all = Multiples::new("Response function", 1)
         .own_y()
@@ -262,7 +282,7 @@ fn each(
 
 fn sizes(analysis: &Analysis, shown: usize) -> Plot {
     let (name, unit) = analysis.functions.first().map_or(("", ""), Function::kind);
-    let plot = Plot::new("Size", frequency(analysis), Axis::new(name, unit).log());
+    let plot = Plot::new("Magnitude", frequency(analysis), Axis::new(name, unit).log());
     let size =
         |one: &Function| one.within(analysis.band_hz).map(|(_, f, h)| (f, h.norm())).collect();
     marked(each(plot, analysis, shown, size), analysis, true)

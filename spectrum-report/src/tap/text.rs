@@ -80,7 +80,7 @@ fn table(analysis: &Analysis) -> TextTable {
     })
 }
 
-fn decimals_of_damping(mode: &MergedMode) -> usize {
+pub(super) fn decimals_of_damping(mode: &MergedMode) -> usize {
     decimals(100.0 * mode.damping_sigma)
 }
 

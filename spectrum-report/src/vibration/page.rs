@@ -9,7 +9,7 @@ use super::path::PathSpectra;
 use super::plots;
 use super::text::{self, class_and_rivals, hz};
 use crate::error::Error;
-use spectrum::{Advice, Class};
+use spectrum::Class;
 
 /// Maximum number of rows of a table.
 const ROWS: usize = 40;
@@ -47,7 +47,7 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
     }
     page = page.verdict(tone, label, &text::lead(analysis)).numbers(numbers(analysis));
     if let Some(map) = plots::waterfall(analysis, channel)? {
-        page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
+        page = page.figure(&format!("Amplitude of {name} over time and frequency. Framed: the most harmful lines, from their begin to their end."), &map);
     }
     page = next(page, analysis).section(if rings { "Vibration over time" } else { "Over time" });
     let drawn = match plots::thinned(&analysis.source) {
@@ -76,13 +76,12 @@ fn render(analysis: &Analysis) -> Result<Page, Error> {
 fn next(page: Page, analysis: &Analysis) -> Page {
     let worst = analysis.episodes.iter().find(|episode| episode.is_alarm());
     match worst {
-        Some(worst) if worst.verdict.advice != Advice::None => {
-            page.next(&format!("{}.", report::capitalised(&worst.verdict.advice.to_string())), None)
+        Some(worst) => {
+            let command = "trued spectrum --spindle-rpm RPM --teeth N RECORDING";
+            let command = text::needs_spindle_speed(&worst.verdict).then_some(command);
+            let advice = report::capitalised(&text::advice(&worst.verdict));
+            page.next(&format!("{advice}."), command)
         }
-        Some(_) => page.next(
-            "Record again with the spindle speed, so that forced vibration can be distinguished from chatter.",
-            Some("trued spectrum --spindle-rpm RPM --teeth N RECORDING"),
-        ),
         None => page.next("No change needed. Monitor the cut with the daemon.", None),
     }
 }
@@ -127,7 +126,7 @@ fn numbers(analysis: &Analysis) -> Vec<Number> {
         );
         numbers.push(
             Number::new("Its amplitude", worst.amplitude, &channel.unit)
-                .note(format!("on {}", channel.name)),
+                .note(format!("on {}, in its strongest quarter of a second", channel.name)),
         );
         let to_s = worst.to_s.unwrap_or_else(|| analysis.source.seconds());
         numbers.push(
@@ -179,7 +178,8 @@ fn seconds(t_s: f64) -> String {
 
 fn advice(source: &Source, episode: &Episode) -> String {
     let why = text::why(source, &episode.verdict, episode.frequency_hz);
-    format!("{}: {why} Advice: {}.", hz(episode.frequency_hz), episode.verdict.advice)
+    let advice = text::advice(&episode.verdict);
+    format!("{}: {why} Advice: {advice}.", hz(episode.frequency_hz))
 }
 
 /// The units of the channels, each once.

@@ -15,6 +15,8 @@ use crate::error::Error;
 
 /// Columns of a waterfall: as many as are drawn.
 const COLUMNS: usize = 208;
+/// A line's frame in the waterfall reaches this many rows of the picture to both sides of its frequency.
+const FRAME_BINS: f64 = 3.0;
 /// Multiples of the spindle's speed that are marked.
 const HARMONICS: u32 = 40;
 /// Lines that are named in a plot.
@@ -51,11 +53,11 @@ pub(super) fn top_hz(analysis: &Analysis) -> f64 {
     rounds.into_iter().find(|top| *top >= 1.12 * highest).unwrap_or(nyquist_hz).min(nyquist_hz)
 }
 
-/// The lines that are named in a plot over time, by their time.
+/// The lines that are named in a plot over time, by their begin: the time of the table, not that of the alarm.
 fn named(analysis: &Analysis) -> Vec<&Episode> {
     let mut named: Vec<&Episode> =
         analysis.episodes.iter().filter(|e| e.is_alarm()).take(NAMED).collect();
-    named.sort_by(|a, b| start(a).total_cmp(&start(b)));
+    named.sort_by(|a, b| a.from_s.total_cmp(&b.from_s));
     named
 }
 
@@ -112,10 +114,12 @@ pub(super) fn waterfall(analysis: &Analysis, channel: usize) -> Result<Option<Sv
         Axis::new("Amplitude", unit).log().range(largest * 10f64.powf(-DECADES), largest),
     )
     .cells(columns, cells);
-    let marked = named(analysis)
-        .into_iter()
-        .fold(map, |map, episode| map.mark_x(start(episode), label(episode)));
-    Ok(Some(marked.render()))
+    let framed = named(analysis).into_iter().fold(map, |map, episode| {
+        let beside_hz = FRAME_BINS * step_hz;
+        let band_hz = (episode.frequency_hz - beside_hz, episode.frequency_hz + beside_hz);
+        map.outline((episode.from_s, episode.to_s.unwrap_or(to_s)), band_hz, label(episode))
+    });
+    Ok(Some(framed.render()))
 }
 
 /// Columns without the centre of a segment take their neighbour's values; gaps of the recording stay empty.
@@ -142,10 +146,6 @@ fn span_s(source: &Source) -> Option<(f64, f64)> {
     let last = source.pieces.last()?;
     let end_s = last.at_s + last.len() as f64 / source.rate_hz;
     (end_s > first.at_s).then_some((first.at_s, end_s))
-}
-
-fn start(episode: &Episode) -> f64 {
-    episode.alarm_s.unwrap_or(episode.from_s)
 }
 
 fn label(episode: &Episode) -> String {
@@ -183,7 +183,7 @@ pub(super) fn signal(analysis: &Analysis, channel: usize) -> Result<Svg, Error> 
         .height(220.0);
     let marked = named(analysis)
         .into_iter()
-        .fold(plot, |plot, episode| plot.mark_x(start(episode), label(episode)));
+        .fold(plot, |plot, episode| plot.mark_x(episode.from_s, label(episode)));
     Ok(marked.render())
 }
 

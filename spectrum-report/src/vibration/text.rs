@@ -39,7 +39,7 @@ fn class(class: Class) -> &'static str {
         Class::Gear => "a gear's line",
         Class::Structural => "the structure's own motion",
         Class::Electrical => "mains hum",
-        Class::Unknown => "a line of unknown origin",
+        Class::Unknown => "of unknown cause",
     }
 }
 
@@ -87,13 +87,13 @@ pub(super) fn lead(analysis: &Analysis) -> String {
         when_and_what(&analysis.source, worst),
         why(&analysis.source, &worst.verdict, worst.frequency_hz),
     ];
-    if worst.verdict.advice != Advice::None {
-        sentences.push(format!("To do: {}.", worst.verdict.advice));
-    }
+    sentences.push(format!("To do: {}.", advice(&worst.verdict)));
     if worst.is_chatter() && !analysis.nearest_stable.is_empty() {
         sentences.push(format!("By modes and cutter: {}.", analysis.nearest_stable.join("; ")));
     }
-    if worst.verdict.alternatives.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
+    let is_advised = needs_spindle_speed(&worst.verdict);
+    let is_speed_known = worst.verdict.harmonic.is_some();
+    if worst.verdict.alternatives.contains(Class::Forced) && !is_speed_known && !is_advised {
         sentences.push("With the spindle speed (--spindle-rpm, --teeth) forced vibration could be distinguished.".to_owned());
     }
     if alarms.len() > 1 {
@@ -115,6 +115,24 @@ fn when_and_what(source: &Source, episode: &Episode) -> String {
         channel.name,
         quantity(episode.amplitude, &channel.unit),
     )
+}
+
+/// What to do about a line with an alarm. Where its class has no remedy, the next step is the recording that determines its cause.
+pub(super) fn advice(verdict: &Verdict) -> String {
+    if needs_spindle_speed(verdict) {
+        return "record again with the spindle speed (--spindle-rpm, --teeth), so that forced vibration can be distinguished from chatter; without a spindle, record once more with every machine nearby switched off".to_owned();
+    }
+    match (verdict.advice, verdict.class) {
+        (Advice::None, Class::Unknown) => "repeat the cut at another spindle speed: forced vibration follows it, chatter and the structure's own motion keep their frequency".to_owned(),
+        (Advice::None, Class::Forced) => "balance the spindle and check the runout of the cutter; no mode is near, so that another speed changes little".to_owned(),
+        (Advice::None, Class::Structural) => "record the same motion without cutting: what remains is not caused by the cut".to_owned(),
+        (advice, _) => advice.to_string(),
+    }
+}
+
+/// Whether the cause is unknown because the speed of the spindle is.
+pub(super) fn needs_spindle_speed(verdict: &Verdict) -> bool {
+    verdict.advice == Advice::None && verdict.class == Class::Unknown && verdict.harmonic.is_none()
 }
 
 /// The reason for a line's class, and alternatives.
@@ -150,6 +168,19 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
         });
     }
     let rivals: Vec<&str> = verdict.alternatives.iter().map(class).collect();
+    if verdict.class == Class::Unknown {
+        let possible = if rivals.is_empty() {
+            "none is more likely".to_owned()
+        } else {
+            format!("possible are {}", rivals.join(", "))
+        };
+        let seen = if reasons.is_empty() {
+            String::new()
+        } else {
+            format!("{}. ", capitalised(&reasons.join(", and ")))
+        };
+        return format!("{seen}Its cause cannot be determined from this recording: {possible}.");
+    }
     let called = class(verdict.class);
     let but = if rivals.is_empty() {
         String::new()
@@ -162,6 +193,11 @@ pub(super) fn why(source: &Source, verdict: &Verdict, frequency_hz: f64) -> Stri
         let text = capitalised(&reasons.join(", and "));
         format!("{text}: most likely {called}{but}.")
     }
+}
+
+/// Whether two frequencies belong to different lines of the text: they are written with one decimal.
+fn line_differs(one_hz: f64, other_hz: f64) -> bool {
+    hz(one_hz) != hz(other_hz)
 }
 
 fn no_vibration_text(analysis: &Analysis) -> String {
@@ -186,8 +222,15 @@ fn no_vibration_text(analysis: &Analysis) -> String {
         );
     };
     let channel = &analysis.source.channels[channel];
+    let other = match analysis.episodes.first() {
+        Some(first) if line_differs(first.frequency_hz, strongest.line.frequency) => format!(
+            " It is averaged over the whole time; the most harmful line, {}, was there for a part of it and is measured where it was strongest.",
+            hz(first.frequency_hz)
+        ),
+        _ => String::new(),
+    };
     format!(
-        "{reported} In the spectrum of the whole recording, the strongest line is at {} on {}, with an amplitude of {}: {}.",
+        "{reported} In the spectrum of the whole recording, the strongest line is at {} on {}, with an amplitude of {}: {}.{other}",
         hz(strongest.line.frequency),
         channel.name,
         quantity(strongest.line.amplitude, &channel.unit),

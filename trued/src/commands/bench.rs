@@ -9,7 +9,8 @@ use std::process::Command;
 use clap::Args;
 use harness::findings::Findings;
 use harness::plan::{Plan, Programs};
-use harness::{BenchError, page, tables};
+use harness::tables::{self, BenchTable, OMITTED_IF_NARROW, TextLayout};
+use harness::{BenchError, page};
 use report::TextTable;
 use tracing::info;
 
@@ -20,6 +21,7 @@ use crate::output::{Console, Emphasis};
 use crate::pages::Outputs;
 use crate::progress;
 use crate::table::on_stdout;
+use crate::wrap::columns_of_stdout;
 
 use options::BenchOptions;
 
@@ -96,8 +98,7 @@ impl Bench {
         }
         for table in tables::tables(findings) {
             let title = console.paint(Emphasis::Strong, &table.title);
-            let text = table.rows.into_iter().fold(TextTable::new(table.heads), TextTable::row);
-            console.say(format!("\n{title}\n{}", on_stdout(&text).trim_end()))?;
+            console.say(format!("\n{title}\n{}", text(&table).trim_end()))?;
         }
         if let Some(out) = &self.out {
             outputs.put_page(&out.join(PAGE), page::render(findings));
@@ -109,6 +110,28 @@ impl Bench {
         }
         console.write(outputs, "trued.bench/1", &findings.json())
     }
+}
+
+/// The rows of a table for standard output.
+fn text(table: &BenchTable) -> String {
+    let aligned = |table: &BenchTable| {
+        let rows = table.rows.iter().cloned();
+        rows.fold(TextTable::new(table.heads.iter().cloned()), TextTable::row)
+    };
+    match table.layout {
+        TextLayout::TitleOnly => String::new(),
+        TextLayout::Sentences => aligned(table).render(None),
+        TextLayout::Columns if is_too_wide(&aligned(table)) => {
+            on_stdout(&aligned(&table.without(&OMITTED_IF_NARROW)))
+        }
+        TextLayout::Columns => on_stdout(&aligned(table)),
+    }
+}
+
+/// Whether a table does not fit into the terminal.
+fn is_too_wide(table: &TextTable) -> bool {
+    let widest = table.render(None).lines().map(|line| line.chars().count()).max();
+    columns_of_stdout().is_some_and(|columns| widest.unwrap_or(0) > columns)
 }
 
 /// This program as further processes of a bench.

@@ -15,6 +15,7 @@ use std::time::Duration;
 use challenge::case::Tier;
 use challenge_report::{Case, ScoredChallenge, SealedTruth, case_name};
 use clap::{Args, ValueEnum};
+use report::pluralise;
 
 use self::inject::Injection;
 use self::solver::Solver;
@@ -199,7 +200,11 @@ impl Challenge {
         let truth = SealedTruth::of(&cases);
         let commitment = truth.commitment().map_err(Failure::system)?;
         write([(folder.path.join("commitment.json"), commitment)])?;
-        console.say(format!("{count} cases of seed {seed}, sealed      {}", truth.sha256))?;
+        console.say(format!(
+            "{} of seed {seed}, sealed      {}",
+            pluralise(count, "case"),
+            truth.sha256
+        ))?;
         let answers = work.map_cases(console, count, "solving", |index| {
             solver.answer(&folder.case(index), &folder.answer(index), &stop)
         })?;

@@ -97,15 +97,10 @@ fn list(console: &mut Console) -> Outcome {
             hash: format!("{:016x}", model.hash),
         });
     }
-    let mut table = TextTable::new(["preset", "robot", "joints", "effects"]);
-    for line in &lines {
-        table = table.row([
-            line.preset.to_owned(),
-            line.name.clone(),
-            line.joints.to_string(),
-            line.effects.to_string(),
-        ]);
-    }
+    // One line per robot in 80 columns; the rest of each is in the JSON and in `trued model show`.
+    let table = lines.iter().fold(TextTable::new(["preset", "effects", "robot"]), |table, line| {
+        table.row([line.preset.to_owned(), line.effects.to_string(), line.name.clone()])
+    });
     console.json("trued.model/1", &Presets { presets: lines })?;
     console.say(on_stdout(&table))?;
     Ok(Answer::Done)

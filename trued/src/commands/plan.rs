@@ -110,6 +110,9 @@ pub(crate) struct Plan {
     setup: Setup,
     #[command(flatten)]
     files: Files,
+    /// Write the evaluation of a recording (with `--check`, `--iso9283`) as an HTML page
+    #[arg(long, value_name = "FILE.html", requires = "recordings", conflicts_with = "next")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     seed: Seed,
     /// Existing measurements (with `--check`, `--iso9283`: the measurements to evaluate)
@@ -191,7 +194,16 @@ impl Plan {
         if is_judged {
             self.check_judged()?;
         }
-        let mut outputs = if is_judged { console.outputs() } else { self.files.outputs(console) };
+        if self.report.is_some() && !is_judged {
+            return Err(Failure::input(
+                "--report is the page of an evaluation: give --check or --iso9283 with a recording; the page of planned poses is written to --out",
+            ));
+        }
+        let mut outputs = if is_judged {
+            console.outputs().pages(&self.report)
+        } else {
+            self.files.outputs(console)
+        };
         outputs.check(self.recordings.iter().chain(&self.among).chain(self.reading.files()))?;
         let input = self.input()?;
         let robot = Robot { model: &input.model, recordings: &input.recordings };
@@ -269,23 +281,29 @@ impl Plan {
         self.put(console, outputs, &result, || plan.page(), || plan.files())
     }
 
-    fn judge(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
+    fn judge(&self, robot: Robot<'_>, console: &mut Console, mut outputs: Outputs) -> Outcome {
         let setup = self.setup.described(self.files.both_ways())?;
         let judged = plans::test_validity(robot, &setup, &self.terms())?;
         judged.warnings.iter().for_each(|warning| warn!("{warning}"));
+        if let Some(report) = &self.report {
+            outputs.put_page(report, judged.page());
+        }
         console.write(outputs, "trued.plan/1", &judged.report())?;
         console.say_lines(&judged.text(wrap::columns_of_stdout()))?;
         let is_sound = judged.found.holds && judged.found.is_informative();
         Ok(if is_sound { Answer::Done } else { Answer::No })
     }
 
-    fn evaluate(&self, robot: Robot<'_>, console: &mut Console, outputs: Outputs) -> Outcome {
+    fn evaluate(&self, robot: Robot<'_>, console: &mut Console, mut outputs: Outputs) -> Outcome {
         let Robot { model, recordings } = robot;
         let arm = &model.physics.arm;
         let setup = self.setup.described(self.files.both_ways())?;
         let mut campaign = campaign_import::campaign(arm, recordings).map_err(Failure::input)?;
         setup.add_to(&mut campaign);
         let evaluation = Evaluation::of(arm, &campaign).map_err(Failure::input)?;
+        if let Some(report) = &self.report {
+            outputs.put_page(report, iso9283::page(model, &evaluation));
+        }
         console.write(outputs, "trued.plan/1", &iso9283::report(model, &evaluation))?;
         let details = iso9283::details(model, &evaluation, wrap::columns_of_stdout());
         let head = iso9283::headline(&evaluation);

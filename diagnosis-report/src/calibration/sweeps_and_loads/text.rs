@@ -4,7 +4,12 @@
 
 use report::{fixed, pluralise, significant};
 
+use super::MILLI;
 use super::{AxesReport, CompliantJoint, StiffnessReport, SweepReport, TiltReport};
+
+/// A larger turn between two targets on the base is no tilt of a base, mrad; above 0. Origin: a choice, far above what a robot's base yields (below
+/// 1 mrad) and below what exchanged targets show.
+const TILT_MOST_MRAD: f64 = 50.0;
 
 impl SweepReport {
     pub(super) fn line(&self) -> String {
@@ -52,6 +57,14 @@ impl TiltReport {
     pub(super) fn line(&self) -> String {
         let [x, y, z] = self.turn_mrad;
         let turn = (x * x + y * y + z * z).sqrt();
+        if turn > TILT_MOST_MRAD {
+            return format!(
+                "the two targets on the base are turned by {} degrees against the first pose (row {}, of {}): they were exchanged or moved, so that no tilt of the base is known",
+                significant((turn / MILLI).to_degrees(), 2),
+                self.row,
+                pluralise(self.poses, "pose")
+            );
+        }
         format!(
             "the base tilted by up to {} ± {} mrad (row {}, of {}); a rotation about the line through its two targets is not observable",
             significant(turn, 2),

@@ -153,9 +153,17 @@ fn short(number: f64) -> String {
     f64::to_string(&rounded)
 }
 
+/// Zeros of a list from this many on are written as their number.
+const ZEROS_LEAST: usize = 4;
+
+/// A list; a run of zeros is written as `12 × 0`.
 fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().copied().map(short).collect();
-    format!("({})", values.join(", "))
+    let runs = values.chunk_by(|a, b| *a == 0.0 && *b == 0.0);
+    let runs = runs.flat_map(|run| match run {
+        [0.0, ..] if run.len() >= ZEROS_LEAST => vec![format!("{} × 0", run.len())],
+        run => run.iter().copied().map(short).collect(),
+    });
+    format!("({})", runs.collect::<Vec<String>>().join(", "))
 }
 
 fn shown(model: &RobotModel) -> Shown<'_> {
@@ -212,4 +220,16 @@ fn effect<'a>(model: &RobotModel, index: usize, entry: &'a EffectEntry) -> Effec
 #[cfg(feature = "schema")]
 pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
     crate::schemas::ResultSchema::of::<Shown<'_>>("model-show", "trued.model/1")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::list;
+
+    #[test]
+    fn a_long_run_of_zeros_is_counted_and_three_coordinates_are_not() {
+        assert_eq!(list(&[0.0, 0.0, 486.5]), "(0, 0, 486.5)");
+        assert_eq!(list(&[0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 0.0, 0.0]), "(0, 0, 0.25, 5 × 0)");
+        assert_eq!(list(&[0.0; 15]), "(15 × 0)");
+    }
 }
