@@ -17,7 +17,7 @@ pub const SCHEMA: &str = "trued.plant/1";
 pub struct Message {
     /// `trued.plant/1`.
     pub schema: &'static str,
-    /// Names the series of numbers; another one begins where the folder of the spool was lost.
+    /// Names the series of numbers; another one begins where the folder of the spool was lost, or its newest file was damaged.
     pub stream: u64,
     /// Number of the message in its series, from 1. A gap is a message that was missed.
     pub number: u64,

@@ -270,8 +270,10 @@ fn has_ending(path: &Path, ending: &str) -> bool {
 impl Target {
     fn of(out: &Path) -> Result<Self, Failure> {
         // `.`, `/`, a device: the files' names begin with NAME.
-        if out.file_name().is_none() || out.metadata().is_ok_and(|metadata| !metadata.is_file()) {
-            let what = format!("--out {}: not a valid file name", out.display());
+        let is_folder = out.is_dir();
+        if out.file_name().is_none() || (out.exists() && !out.is_file()) {
+            let found = if is_folder { "is a folder" } else { "not a valid file name" };
+            let what = format!("--out {}: {found}", out.display());
             return Err(Failure::input(format!("{what}; give one such as --out run.csv")));
         }
         let format = if has_ending(out, "parquet") { Format::Parquet } else { Format::Csv };

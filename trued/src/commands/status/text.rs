@@ -50,10 +50,14 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     let latency = &report.latency_us;
     put(
         "latency",
-        &format!(
-            "median {:.1} µs, 99 % {:.1} µs, 99.9 % {:.1} µs, largest {:.1} µs",
-            latency.p50, latency.p99, latency.p999, latency.max
-        ),
+        &if latency.max > 0.0 {
+            format!(
+                "median {:.1} µs, 99 % {:.1} µs, 99.9 % {:.1} µs, largest {:.1} µs",
+                latency.p50, latency.p99, latency.p999, latency.max
+            )
+        } else {
+            "unknown: no command so far".to_owned()
+        },
     );
     let force = &report.force;
     put(
