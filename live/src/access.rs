@@ -119,7 +119,8 @@ mod tests {
         for origin in ["http://localhost:9177", "https://127.0.0.1", "http://[::1]:1", "file://"] {
             assert!(allows(Some(origin)), "{origin}");
         }
-        for origin in ["https://evil.example", "http://localhost.evil.example", "null", "", "file://x"]
+        for origin in
+            ["https://evil.example", "http://localhost.evil.example", "null", "", "file://x"]
         {
             assert!(!allows(Some(origin)), "{origin}");
         }

@@ -157,7 +157,8 @@ fn negotiate(
     let (host, authorization) = (header("Host"), header("Authorization"));
     let origin = header("Origin");
     if !access.allows(AccessRequest { target: &target, host, origin, authorization }) {
-        let text = "a token is required: ?token=TOKEN; without one, pages of other servers are refused";
+        let text =
+            "a token is required: ?token=TOKEN; without one, pages of other servers are refused";
         return refused(StatusCode::UNAUTHORIZED, text);
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();

@@ -179,12 +179,7 @@ fn parse(bytes: &[u8]) -> Result<Option<Head>, Refusal> {
 }
 
 /// Sends an answer; then waits a moment for what the client still sends.
-fn send(
-    stream: &mut TcpStream,
-    code: u16,
-    headers: &[(&str, &str)],
-    body: &str,
-) -> io::Result<()> {
+fn send(stream: &mut TcpStream, code: u16, headers: &[(&str, &str)], body: &str) -> io::Result<()> {
     write_answer(stream, code, headers, body)?;
     stream.shutdown(Shutdown::Write)?;
     stream.set_read_timeout(Some(DRAIN_FOR))?;

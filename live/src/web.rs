@@ -10,8 +10,8 @@ use serde::Serialize;
 
 use crate::access::AccessRequest;
 use crate::cell_watch::{CellState, CellWatch, ReaderPosition, unix_ms};
-use crate::http::{self, Request};
 use crate::history::{Entries, HistoryPosition, SPAN_MS, STEP_MS};
+use crate::http::{self, Request};
 use crate::report::Report;
 use crate::snapshot::SnapshotPage;
 use crate::{Access, LiveError, metrics};
@@ -25,8 +25,7 @@ const EVENT_READERS_MAX: usize = 32;
 const HEARTBEAT_AFTER: Duration = Duration::from_secs(2);
 
 /// Answer to a request without access.
-const REFUSED: &str =
-    "a token is required (?token=TOKEN); without one, use the address 127.0.0.1 or localhost, and no page of another server\n";
+const REFUSED: &str = "a token is required (?token=TOKEN); without one, use the address 127.0.0.1 or localhost, and no page of another server\n";
 
 const HTML: &str = "text/html; charset=utf-8";
 const JSON: &str = "application/json";

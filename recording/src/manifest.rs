@@ -277,9 +277,8 @@ files = ["a.csv"]
         std::fs::create_dir_all(dir.join("sub")).unwrap();
         std::fs::write(dir.join("a.csv"), "t_s\n").unwrap();
         let write = |other: &str| {
-            let recording = |file: &str| {
-                format!("[[recording]]\nrobot = \"R07\"\nfiles = [\"{file}\"]\n")
-            };
+            let recording =
+                |file: &str| format!("[[recording]]\nrobot = \"R07\"\nfiles = [\"{file}\"]\n");
             let head = SHORT.split("[[recording]]").next().unwrap();
             let text = format!("{head}{}{}", recording("a.csv"), recording(other));
             std::fs::write(dir.join("m.toml"), text).unwrap();

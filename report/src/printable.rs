@@ -36,10 +36,10 @@ mod tests {
     fn no_control_character_of_a_name_reaches_the_terminal() {
         let name = "arm\u{1b}]0;owned\u{7}\u{9b}2J\r\u{8}\u{7f} näme\t1\n";
         let shown = printable(name, &[]);
+        assert_eq!(shown, "arm\\u{1b}]0;owned\\u{7}\\u{9b}2J\\r\\u{8}\\u{7f} näme\t1\n");
         assert_eq!(
-            shown,
-            "arm\\u{1b}]0;owned\\u{7}\\u{9b}2J\\r\\u{8}\\u{7f} näme\t1\n"
+            printable("\u{1b}[1mbold\u{1b}[0m\u{1b}[2J", &["\u{1b}[1m", "\u{1b}[0m"]),
+            "\u{1b}[1mbold\u{1b}[0m\\u{1b}[2J"
         );
-        assert_eq!(printable("\u{1b}[1mbold\u{1b}[0m\u{1b}[2J", &["\u{1b}[1m", "\u{1b}[0m"]), "\u{1b}[1mbold\u{1b}[0m\\u{1b}[2J");
     }
 }

@@ -320,12 +320,8 @@ struct Read {
 
 impl Read {
     fn all(folder: &Path) -> Result<Self, SpoolError> {
-        let mut all = Self {
-            segments: VecDeque::new(),
-            torn_bytes: 0,
-            is_newest_damaged: false,
-            next: 1,
-        };
+        let mut all =
+            Self { segments: VecDeque::new(), torn_bytes: 0, is_newest_damaged: false, next: 1 };
         let mut scanned = Vec::new();
         for path in files(folder)? {
             match Scanned::read(&path)? {
@@ -376,7 +372,8 @@ struct Stated {
 }
 
 fn stated(bytes: &[u8], place: Place) -> Option<Stated> {
-    let record = (place.offset + RECORD_HEADER_BYTES) as usize..(place.offset + place.size) as usize;
+    let record =
+        (place.offset + RECORD_HEADER_BYTES) as usize..(place.offset + place.size) as usize;
     serde_json::from_slice(bytes.get(record)?).ok()
 }
 
@@ -421,7 +418,8 @@ impl Scanned {
             }
             // Its length is right if a whole record, or the end, follows it.
             let behind = stated_size(&bytes, at).map(|size| at + size);
-            let is_framed = |behind: &u64| *behind == length || whole_record(&bytes, *behind).is_some();
+            let is_framed =
+                |behind: &u64| *behind == length || whole_record(&bytes, *behind).is_some();
             let next = match behind.filter(is_framed) {
                 Some(behind) => {
                     segment.next += u64::from(is_numbered);
@@ -452,9 +450,8 @@ impl Scanned {
         for (k, (place, stated)) in unnumbered.into_iter().enumerate() {
             let by_order = after.and_then(|after| (after + k as u64).checked_sub(count));
             // Neither is taken where it contradicts the order.
-            let fits = |number: &u64| {
-                *number >= segment.next && after.is_none_or(|after| *number < after)
-            };
+            let fits =
+                |number: &u64| *number >= segment.next && after.is_none_or(|after| *number < after);
             let Some(number) = stated.or(by_order).filter(fits) else { continue };
             segment.places.push(Place { number, ..place });
             segment.next = number + 1;

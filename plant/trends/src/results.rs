@@ -241,8 +241,7 @@ fn files(folders: &[PathBuf]) -> Result<Vec<String>, TrendsError> {
 
 /// Checks that there is a file with content behind a name.
 fn check_file(path: &Path) -> Result<(), TrendsError> {
-    let refused =
-        |what: &str| TrendsError::NoFile { file: path.to_owned(), what: what.to_owned() };
+    let refused = |what: &str| TrendsError::NoFile { file: path.to_owned(), what: what.to_owned() };
     let found = std::fs::metadata(path).map_err(|why| {
         let what = if path.is_symlink() { "a link to a file that is not there: " } else { "" };
         refused(&format!("{what}{why}"))

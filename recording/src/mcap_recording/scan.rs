@@ -270,7 +270,8 @@ impl<S: Read + Seek> Scan<'_, S> {
         })?;
         self.trusted = end;
         self.before = Before::Chunk;
-        let wrong_type = (opcode != op::CHUNK).then(|| "the type of the record is wrong".to_owned());
+        let wrong_type =
+            (opcode != op::CHUNK).then(|| "the type of the record is wrong".to_owned());
         // The message index says how many were not read.
         let messages = if why.is_none() { Some(0) } else { None };
         if let Some(why) = why.or(wrong_type) {

@@ -203,11 +203,17 @@ fn forces_that_began_later_than_the_cycles_count_from_the_first_cycle_too() {
     let start_ns = cycle(0).t_ns;
     let cycles = (0..3).map(|seq| Record::Cycle(Box::new(cycle(seq))));
     let forces = [late(start_ns + 3_167_000_000, 1), late(start_ns + 3_169_000_000, 2)];
-    let mut contents =
-        Contents { header: header(), records: cycles.chain(forces).collect(), ..Contents::default() };
+    let mut contents = Contents {
+        header: header(),
+        records: cycles.chain(forces).collect(),
+        ..Contents::default()
+    };
     let made = convert(&contents);
     let times: Vec<f64> = made.forces.unwrap().t_s.iter().map(|t_s| t_s * 1e3).collect();
-    assert_eq!(times.iter().map(|t| t.round()).collect::<Vec<_>>(), [3167.0, 3168.0, 3169.0, 3170.0]);
+    assert_eq!(
+        times.iter().map(|t| t.round()).collect::<Vec<_>>(),
+        [3167.0, 3168.0, 3169.0, 3170.0]
+    );
     assert!(!made.forces_by_own_clock);
     // Before the first cycle: negative. Without cycles: from the first sample.
     contents.records.insert(0, late(start_ns - 2_000_000_000, 0));

@@ -258,7 +258,8 @@ fn model(model: &ModelInfo) -> Model<'_> {
 fn ending(info: &Info) -> String {
     match (&info.end, &info.repaired) {
         (FileState::Closed, _) if !info.damage.is_empty() => {
-            "yes, with damage inside; `trued info --repair` makes a file that other programs read".to_owned()
+            "yes, with damage inside; `trued info --repair` makes a file that other programs read"
+                .to_owned()
         }
         (FileState::Closed, None) => "yes".to_owned(),
         (FileState::Closed, Some(was)) => format!("by a repair ({was})"),

@@ -130,10 +130,13 @@ fn message(number: u64) -> Vec<u8> {
     format!("{{\"stream\":7,\"number\":{number},\"body\":\"{filler}\"}}").into_bytes()
 }
 
-/// Forty messages in several files.
-fn forty(folder: &Folder) -> Vec<PathBuf> {
+/// Thirteen fit in a file: several in the newest one too.
+const MESSAGES: u64 = 46;
+
+/// Messages in several files.
+fn several(folder: &Folder) -> Vec<PathBuf> {
     let mut spool = Spool::open(&folder.0, BUDGET, 7).unwrap().0;
-    (1..=40).for_each(|number| assert_eq!(spool.append(&message(number)).unwrap(), number));
+    (1..=MESSAGES).for_each(|number| assert_eq!(spool.append(&message(number)).unwrap(), number));
     files(folder)
 }
 
@@ -151,15 +154,19 @@ fn damage_costs_the_damaged_record_alone_and_no_number_names_two() {
         ("content", |file, size| damage(file, 32 + size + 100, b"\0"), 1),
         ("length", |file, size| damage(file, 32 + size, &[0xff; 4]), 1),
         ("header", |file, _| damage(file, 3, b"?"), 0),
-        ("cut", |file, size| {
-            let file = OpenOptions::new().write(true).open(file).unwrap();
-            file.set_len(32 + size + 200).unwrap();
-        }, u64::MAX),
+        (
+            "cut",
+            |file, size| {
+                let file = OpenOptions::new().write(true).open(file).unwrap();
+                file.set_len(32 + size + 200).unwrap();
+            },
+            u64::MAX,
+        ),
     ];
     for (what, damaging, lost) in kinds {
         for is_newest in [false, true] {
             let folder = Folder::new();
-            let files = forty(&folder);
+            let files = several(&folder);
             assert!(files.len() >= 4);
             let place = if is_newest { files.len() - 1 } else { 1 };
             damaging(&files[place], size);
@@ -170,14 +177,17 @@ fn damage_costs_the_damaged_record_alone_and_no_number_names_two() {
             assert_eq!(kept.len() as u64, found.records, "{what}");
             assert!(kept.iter().all(|(number, record)| *record == message(*number)), "{what}");
             if lost != u64::MAX {
-                assert_eq!(found.records, 40 - lost, "{what} {is_newest}");
+                assert_eq!(found.records, MESSAGES - lost, "{what} {is_newest}");
             }
             let number = spool.append(b"new").unwrap();
             assert_eq!(spool.stream(), if is_newest { 8 } else { 7 }, "{what}");
             assert!(kept.iter().all(|(known, _)| *known < number), "{what}");
             drop(spool);
             let (spool, again) = Spool::open(&folder.0, BUDGET, 9).unwrap();
-            assert_eq!((all(&spool, 1).len() as u64, again.is_new_stream), (found.records + 1, false));
+            assert_eq!(
+                (all(&spool, 1).len() as u64, again.is_new_stream),
+                (found.records + 1, false)
+            );
         }
     }
 }

@@ -163,7 +163,10 @@ fn a_damaged_file_and_a_name_without_a_file_are_named_with_a_remedy() {
         }
     };
     let remedy = "--resume";
-    refused(&|dir| std::fs::write(dir.join("empty.parquet"), "").unwrap(), &["empty.parquet", remedy]);
+    refused(
+        &|dir| std::fs::write(dir.join("empty.parquet"), "").unwrap(),
+        &["empty.parquet", remedy],
+    );
     refused(&|dir| std::fs::write(dir.join("X.PARQUET"), "PAR1").unwrap(), &["X.PARQUET", remedy]);
     refused(&|dir| std::fs::create_dir(dir.join("d.parquet")).unwrap(), &["d.parquet", "a folder"]);
     refused(

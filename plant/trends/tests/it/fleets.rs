@@ -86,8 +86,9 @@ fn play_that_grows_from_nothing_is_reported_with_robot_joint_rate_and_onset() {
 fn the_onset_of_weak_wear_is_not_systematically_early() {
     let onsets: Vec<i64> = (0..15)
         .filter_map(|seed| {
-            let worn =
-                robot("B", seed, |day, noise| found(0.2 + 0.0008 * (day - 24).max(0) as f64, noise));
+            let worn = robot("B", seed, |day, noise| {
+                found(0.2 + 0.0008 * (day - 24).max(0) as f64, noise)
+            });
             let answer = reported(&worn, &Settings::default());
             answer.alerts.first().map(|alert| {
                 let [low, high] = alert.since.recording_ci95;
