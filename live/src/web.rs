@@ -84,33 +84,32 @@ impl Site {
             authorization: request.header("Authorization"),
         };
         if !self.access.allows(access) {
-            return respond(request, 401, TEXT, REFUSED.to_owned());
+            return respond(request, 401, TEXT, REFUSED);
         }
         if request.method != "GET" {
-            return respond(request, 405, TEXT, "only GET is supported\n".to_owned());
+            return respond(request, 405, TEXT, "only GET is supported\n");
         }
         let cell_state = self.watch.current();
         let report = cell_state.as_deref().map(|cell_state| &cell_state.report);
         let path = request.target.split('?').next().unwrap_or_default().to_owned();
         match path.as_str() {
-            "/" => respond(request, 200, HTML, PAGE.to_owned()),
+            "/" => respond(request, 200, HTML, PAGE),
             "/status" => match report.map(json) {
-                Some(text) => respond(request, 200, JSON, text),
-                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
+                Some(text) => respond(request, 200, JSON, &text),
+                None => respond(request, 503, TEXT, "no status received yet\n"),
             },
             "/metrics" => {
                 let cell = report.map_or("", |report| &report.cell);
                 let text = metrics::metrics_text(cell, report).unwrap_or_default();
-                respond(request, 200, OPEN_METRICS, text);
+                respond(request, 200, OPEN_METRICS, &text);
             }
             "/report" => match cell_state {
                 Some(cell_state) => send_report(request, &self.watch, cell_state),
-                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
+                None => respond(request, 503, TEXT, "no status received yet\n"),
             },
             "/events" => self.stream_events(request),
             _ => {
-                let places =
-                    "not found; available: /, /status, /events, /metrics, /report\n".to_owned();
+                let places = "not found; available: /, /status, /events, /metrics, /report\n";
                 respond(request, 404, TEXT, places);
             }
         }
@@ -121,7 +120,7 @@ impl Site {
         if self.followers.fetch_add(1, Relaxed) >= EVENT_READERS_MAX {
             self.followers.fetch_sub(1, Relaxed);
             let message = format!("{EVENT_READERS_MAX} browsers are connected already\n");
-            return respond(request, 503, TEXT, message);
+            return respond(request, 503, TEXT, &message);
         }
         // On an error the browser has disconnected.
         let _ = send_events(&mut request.into_stream(), &self.watch, &self.stop);
@@ -149,8 +148,8 @@ fn send_report(request: Request, watch: &CellWatch, cell_state: Arc<CellState>) 
     respond_as(request, 200, HTML, &moment.html(), Some(("Content-Disposition", &saved)));
 }
 
-fn respond(request: Request, code: u16, kind: &str, text: String) {
-    respond_as(request, code, kind, &text, None);
+fn respond(request: Request, code: u16, kind: &str, text: &str) {
+    respond_as(request, code, kind, text, None);
 }
 
 fn respond_as(request: Request, code: u16, kind: &str, text: &str, also: Option<(&str, &str)>) {

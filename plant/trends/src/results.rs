@@ -256,6 +256,11 @@ fn check_file(path: &Path) -> Result<(), TrendsError> {
     Ok(())
 }
 
+/// Options that accept `.PARQUET` too: the names are checked before.
+fn any_ending() -> ParquetReadOptions<'static> {
+    ParquetReadOptions::default().file_extension("")
+}
+
 struct Table(SessionContext);
 
 /// Where all recordings of each robot have one and the same time, nothing can grow.
@@ -278,7 +283,7 @@ pub(crate) fn has_one_time(recordings: &[Recording]) -> bool {
 async fn damaged(files: &[String]) -> Option<TrendsError> {
     for file in files {
         let context = SessionContext::new();
-        let rows = match context.read_parquet(file, ParquetReadOptions::default()).await {
+        let rows = match context.read_parquet(file, any_ending()).await {
             Ok(frame) => frame.collect().await.map(drop),
             Err(why) => Err(why),
         };
@@ -314,7 +319,7 @@ impl Table {
         for file in &files {
             check(&context, file).await?;
         }
-        let options = ParquetReadOptions::default();
+        let options = any_ending();
         let frame = context.read_parquet(files, options).await;
         let registered =
             frame.and_then(|frame| context.register_table("results", frame.into_view()));
@@ -431,7 +436,7 @@ fn check_unique(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError
 
 /// Checks that a file is a result.
 async fn check(context: &SessionContext, file: &str) -> Result<(), TrendsError> {
-    let frame = context.read_parquet(file, ParquetReadOptions::default()).await;
+    let frame = context.read_parquet(file, any_ending()).await;
     let frame = frame.map_err(|why| not_parquet(file, &why))?;
     for (column, is_text) in NEEDED {
         let fault = |what: String| TrendsError::Column { file: shown(file), column, what };

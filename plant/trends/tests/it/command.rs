@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use crate::written::{Folder, Recorded, backlash, write};
+use crate::written::{Folder, ONE_DAY, Recorded, backlash, write};
 
 fn trends(folder: &Folder, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trued-trends"))
@@ -138,7 +138,7 @@ fn the_page_overwrites_no_file_of_a_user_unless_it_is_permitted_and_never_a_resu
 #[test]
 fn of_recordings_with_one_time_nothing_is_said_to_grow_or_not_to() {
     let one_day: Vec<Recorded> =
-        days(0.02).into_iter().map(|one| Recorded { day: Some(3), ..one }).collect();
+        days(0.02).into_iter().map(|one| Recorded { day: Some(ONE_DAY), ..one }).collect();
     let output = trends(&Folder::with(&one_day), &[]);
     assert_eq!(output.status.code(), Some(2), "{output:?}");
     assert!(errors(&output).contains("one and the same time"), "{}", errors(&output));
@@ -157,7 +157,7 @@ fn a_damaged_file_and_a_name_without_a_file_are_named_with_a_remedy() {
         let folder = Folder::with(&days(0.0));
         prepare(&folder.0);
         let output = trends(&folder, &[]);
-        assert_eq!(output.status.code(), Some(2), "{output:?}");
+        assert_eq!(output.status.code(), Some(2), "{expected:?} {output:?}");
         for text in expected {
             assert!(errors(&output).contains(text), "{text}: {}", errors(&output));
         }
@@ -178,7 +178,7 @@ fn a_damaged_file_and_a_name_without_a_file_are_named_with_a_remedy() {
         &|dir| {
             let path = dir.join(format!("{:064x}.parquet", 7));
             let mut bytes = std::fs::read(&path).unwrap();
-            bytes[4..40].fill(0xff);
+            bytes[4..400].fill(0xff);
             std::fs::write(path, bytes).unwrap();
         },
         &[&format!("{:064x}.parquet", 7), remedy],

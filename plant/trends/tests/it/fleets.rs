@@ -84,7 +84,7 @@ fn play_that_grows_from_nothing_is_reported_with_robot_joint_rate_and_onset() {
 /// Median of the onsets over noise: weak wear, 0.1 of the scatter a day.
 #[test]
 fn the_onset_of_weak_wear_is_not_systematically_early() {
-    let onsets: Vec<i64> = (0..15)
+    let onsets: Vec<i64> = (0..7)
         .filter_map(|seed| {
             let worn = robot("B", seed, |day, noise| {
                 found(0.2 + 0.0008 * (day - 24).max(0) as f64, noise)
@@ -99,7 +99,7 @@ fn the_onset_of_weak_wear_is_not_systematically_early() {
         .collect();
     let mut sorted = onsets.clone();
     sorted.sort_unstable();
-    assert!(onsets.len() >= 5, "{onsets:?}");
+    assert!(onsets.len() >= 3, "{onsets:?}");
     assert!(sorted[sorted.len() / 2].abs() <= 6, "{onsets:?}");
 }
 
