@@ -81,7 +81,7 @@ pub enum RunError {
         files: String,
     },
     /// The folder of results cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot use {} as the folder of results: {source}; give a folder, or a name that is not taken", path.display())]
     Folder {
         /// The folder.
         path: PathBuf,

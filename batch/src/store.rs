@@ -50,6 +50,9 @@ impl Store {
     /// # Errors
     /// The folder cannot be made or listed.
     pub fn open(folder: &Path) -> io::Result<Self> {
+        if folder.exists() && !folder.is_dir() {
+            return Err(io::ErrorKind::NotADirectory.into());
+        }
         fs::create_dir_all(folder)?;
         let mut leftovers: BTreeMap<String, Vec<PathBuf>> = BTreeMap::new();
         for name in names(folder)? {

@@ -2,7 +2,7 @@
 //!
 //! Runs in a separate thread, which ends with the last file. The file that is being written and the
 //! files of other cells are not touched. A file that cannot be repaired is left unchanged, with a
-//! warning in the log. The recorder does not wait for this thread.
+//! warning in the log; of one that is damaged inside the original is kept, with a warning for each part. The recorder does not wait for this thread.
 
 use crate::{recording_log, retention};
 use recording::mcap_recording::{Repair, is_closed, repair};
@@ -26,8 +26,17 @@ pub fn repair_unclosed(dir: &Path, cell: &str, current: &Path) {
         }
         match repair(&path) {
             Ok(Repair::NotNeeded) => {}
-            Ok(Repair::Done { was, messages }) => {
+            Ok(Repair::Done { was, messages, loss: None }) => {
                 info!(%file, messages, was, "a recording that was not closed was repaired");
+            }
+            Ok(Repair::Done { was, messages, loss: Some(loss) }) => {
+                for damage in &loss.damage {
+                    warn!(%file, "{damage}");
+                }
+                let lost =
+                    loss.messages.map_or_else(|| "unknown".to_owned(), |lost| lost.to_string());
+                let original = loss.original.display();
+                warn!(%file, messages, lost, was, %original, "a recording that was not closed was repaired with loss; the original is kept");
             }
             Err(why) => warn!(%why, "a recording that was not closed could not be repaired"),
         }
@@ -61,6 +70,32 @@ pub fn start(dir: PathBuf, cell: String, current: PathBuf) -> Option<JoinHandle<
 mod tests {
     use super::*;
     use recording::mcap_recording::{Clocks, CycleRecord, Header, McapWriter, read};
+
+    #[test]
+    fn of_a_damaged_recording_the_original_is_kept_and_not_repaired_again() {
+        let dir = std::env::temp_dir().join(format!("trued-repair-bit-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let path = dir.join("a-0000000001-0001.mcap");
+        let mut made = McapWriter::create(&path, &Header::default(), Clocks::default()).unwrap();
+        let mut ends = Vec::new();
+        for _ in 0..3 {
+            (0..10).for_each(|_| made.write_cycle(&CycleRecord::default()).unwrap());
+            made.flush().unwrap();
+            ends.push(made.bytes() as usize);
+        }
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[ends[0] + 200] ^= 1;
+        drop(made);
+        fs::write(&path, &bytes).unwrap();
+        for _ in 0..2 {
+            repair_unclosed(&dir, "a", Path::new(""));
+            assert_eq!(read(&path).unwrap().records.len(), 20);
+            let original = dir.join("a-0000000001-0001.damaged.mcap");
+            assert_eq!(fs::read(original).unwrap(), bytes);
+            assert_eq!(fs::read_dir(&dir).unwrap().count(), 2);
+        }
+        fs::remove_dir_all(&dir).unwrap();
+    }
 
     #[test]
     fn what_a_kill_left_is_whole_again_and_what_is_written_now_is_not_touched() {

@@ -2,9 +2,10 @@
 //!
 //! A kept file is called `CELL-SECONDS-COUNT.kept.mcap` and is never removed. Names sort by time
 //! even if the system's clock was set back; the file being written and files of other cells are
-//! never removed. This module does not write files.
+//! never removed. The original of a damaged recording (`….damaged.mcap`) goes with its recording. This
+//! module does not write files.
 
-use recording::mcap_recording::UNFINISHED;
+use recording::mcap_recording::{UNFINISHED, original_path};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -71,6 +72,13 @@ pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
     for (_, file) in files.into_iter().take(surplus).filter(|(_, file)| file != current) {
         if let Err(why) = fs::remove_file(&file) {
             warn!(%why, file = %file.display(), "an old recording could not be removed");
+            continue;
+        }
+        for original in (1..).map(|count| original_path(&file, count)) {
+            // The numbers have no gap: the first that is missing is the end.
+            if fs::remove_file(original).is_err() {
+                break;
+            }
         }
     }
 }
@@ -148,13 +156,17 @@ mod tests {
         fs::create_dir_all(&dir).unwrap();
         let file = |seconds: u64, count: u32| dir.join(format!("a-{seconds:010}-{count:04}.mcap"));
         let other = dir.join("a-b-0000000001-0001.mcap");
-        for path in [file(5, 1), file(5, 2), file(7, 1), other.clone()] {
+        let gone = [1, 2].map(|count| original_path(&file(5, 2), count));
+        let kept_original = original_path(&file(7, 1), 1);
+        let paths = [file(5, 1), file(5, 2), file(7, 1), other.clone()];
+        for path in paths.iter().chain(&gone).chain([&kept_original]) {
             fs::write(path, "").unwrap();
         }
         remove_oldest(&dir, "a", 1, &file(5, 1));
         let kept: Vec<_> = files(&dir, "a").into_iter().map(|(number, _)| number).collect();
         assert_eq!(kept, [(5, 1), (7, 1)]);
-        assert!(other.exists());
+        assert!(other.exists() && kept_original.exists());
+        assert!(!gone.iter().any(|original| original.exists()));
         fs::remove_dir_all(&dir).unwrap();
     }
 }

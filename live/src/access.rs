@@ -7,7 +7,8 @@ use std::net::IpAddr;
 pub enum Access {
     /// Every program of this machine whose request names the loopback interface in the header
     /// `Host`. A web page whose server resolves to 127.0.0.1 (DNS rebinding) sends its own name
-    /// there, and is refused.
+    /// there, and is refused. So is a page of another server that a browser names in `Origin`: it
+    /// could read a WebSocket otherwise.
     ThisMachine,
     /// Clients with this token: in the header `Authorization: Bearer TOKEN`, or as `?token=TOKEN`
     /// of the address.
@@ -21,6 +22,8 @@ pub(crate) struct AccessRequest<'a> {
     pub(crate) target: &'a str,
     /// The header `Host`.
     pub(crate) host: Option<&'a str>,
+    /// The header `Origin`: the page that sends the request, if a browser sends it.
+    pub(crate) origin: Option<&'a str>,
     /// The header `Authorization`.
     pub(crate) authorization: Option<&'a str>,
 }
@@ -28,7 +31,9 @@ pub(crate) struct AccessRequest<'a> {
 impl Access {
     /// Whether a request may be answered.
     pub(crate) fn allows(&self, request: AccessRequest<'_>) -> bool {
-        let Self::Token(token) = self else { return request.host.is_none_or(is_loopback) };
+        let Self::Token(token) = self else {
+            return request.host.is_none_or(is_loopback) && request.origin.is_none_or(is_local);
+        };
         let bearer = request.authorization.and_then(|header| header.strip_prefix("Bearer "));
         let query = request.target.split_once('?').map_or("", |(_, query)| query);
         let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
@@ -47,6 +52,17 @@ fn is_loopback(host: &str) -> bool {
         || name.parse().is_ok_and(|address: IpAddr| address.is_loopback())
 }
 
+/// Whether `Origin` names a page of this machine: served by the loopback interface, or a file, as
+/// desktop programs built on a browser send.
+fn is_local(origin: &str) -> bool {
+    let (scheme, host) = origin.split_once("://").unwrap_or_default();
+    match scheme {
+        "http" | "https" => is_loopback(host),
+        "file" => host.is_empty(),
+        _ => false,
+    }
+}
+
 /// Compares in constant time, so that timing reveals nothing about the token.
 fn is_same(given: &str, token: &str) -> bool {
     let differ = given.bytes().zip(token.bytes()).fold(0, |differ, (a, b)| differ | (a ^ b));
@@ -60,7 +76,12 @@ mod tests {
     #[test]
     fn a_token_opens_by_header_or_address_and_nothing_else_does() {
         let access = Access::Token("secret".to_owned());
-        let request = |target, authorization| AccessRequest { target, host: None, authorization };
+        let request = |target, authorization| AccessRequest {
+            target,
+            origin: Some("https://app.example"),
+            authorization,
+            ..AccessRequest::default()
+        };
         assert!(access.allows(request("/metrics", Some("Bearer secret"))));
         assert!(access.allows(request("/?x=1&token=secret", None)));
         for (target, header) in [
@@ -86,5 +107,23 @@ mod tests {
             assert!(!allows(Some(host)), "{host}");
         }
         assert!(allows(None), "no browser leaves it out");
+    }
+
+    #[test]
+    fn without_a_token_no_page_of_another_server_reads_the_cell() {
+        let allows = |origin| {
+            let host = Some("127.0.0.1:8765");
+            let request = AccessRequest { host, origin, ..AccessRequest::default() };
+            Access::ThisMachine.allows(request)
+        };
+        for origin in ["http://localhost:9177", "https://127.0.0.1", "http://[::1]:1", "file://"] {
+            assert!(allows(Some(origin)), "{origin}");
+        }
+        for origin in
+            ["https://evil.example", "http://localhost.evil.example", "null", "", "file://x"]
+        {
+            assert!(!allows(Some(origin)), "{origin}");
+        }
+        assert!(allows(None), "not sent by a page");
     }
 }

@@ -155,8 +155,11 @@ fn negotiate(
     let header = |name: &str| request.headers().get(name).and_then(|value| value.to_str().ok());
     let target = request.uri().to_string();
     let (host, authorization) = (header("Host"), header("Authorization"));
-    if !access.allows(AccessRequest { target: &target, host, authorization }) {
-        return refused(StatusCode::UNAUTHORIZED, "a token is required: ?token=TOKEN");
+    let origin = header("Origin");
+    if !access.allows(AccessRequest { target: &target, host, origin, authorization }) {
+        let text =
+            "a token is required: ?token=TOKEN; without one, pages of other servers are refused";
+        return refused(StatusCode::UNAUTHORIZED, text);
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();
     let offers = |name: &&str| offered.split(',').any(|one| one.trim() == *name);

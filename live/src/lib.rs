@@ -24,6 +24,8 @@ mod foxglove;
 #[cfg(feature = "views")]
 mod history;
 #[cfg(feature = "views")]
+mod http;
+#[cfg(feature = "views")]
 mod metrics;
 pub mod report;
 #[cfg(feature = "views")]

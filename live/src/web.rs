@@ -1,35 +1,31 @@
 //! Page, status, events and metrics over HTTP. Read-only: requests other than `GET` are refused.
 
 use std::io::{self, Write};
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
-use std::thread;
 use std::time::Duration;
 
 use serde::Serialize;
-use tiny_http::{Header, Method, Request, Response, StatusCode};
 
 use crate::access::AccessRequest;
 use crate::cell_watch::{CellState, CellWatch, ReaderPosition, unix_ms};
 use crate::history::{Entries, HistoryPosition, SPAN_MS, STEP_MS};
+use crate::http::{self, Request};
 use crate::report::Report;
 use crate::snapshot::SnapshotPage;
 use crate::{Access, LiveError, metrics};
 
 /// The page: self-contained, without other files or servers.
 const PAGE: &str = include_str!("page.html");
-/// How often `stop` is polled.
-const POLL_EVERY: Duration = Duration::from_millis(100);
-/// Limit on browsers that receive events; each takes a thread.
+/// Limit on browsers that receive events; each takes a connection and its thread.
 const EVENT_READERS_MAX: usize = 32;
 /// Interval at which a comment is sent if there are no events, so that a closed connection is
 /// detected.
 const HEARTBEAT_AFTER: Duration = Duration::from_secs(2);
 
 /// Answer to a request without access.
-const REFUSED: &str =
-    "a token is required (?token=TOKEN); without one, use the address 127.0.0.1 or localhost\n";
+const REFUSED: &str = "a token is required (?token=TOKEN); without one, use the address 127.0.0.1 or localhost, and no page of another server\n";
 
 const HTML: &str = "text/html; charset=utf-8";
 const JSON: &str = "application/json";
@@ -40,7 +36,7 @@ const EVENTS: &str = "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\
 
 /// Answers browsers and Prometheus.
 pub(crate) struct Server {
-    http: tiny_http::Server,
+    listener: TcpListener,
     address: SocketAddr,
     access: Access,
 }
@@ -48,10 +44,10 @@ pub(crate) struct Server {
 impl Server {
     /// Binds the address.
     pub(crate) fn listen(address: SocketAddr, access: Access) -> Result<Self, LiveError> {
-        let http = tiny_http::Server::http(address)
-            .map_err(|why| LiveError::Listen { address, why: why.to_string() })?;
-        let address = http.server_addr().to_ip().unwrap_or(address);
-        Ok(Self { http, address, access })
+        let refused = |why: io::Error| LiveError::Listen { address, why: why.to_string() };
+        let listener = http::listen(address).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        Ok(Self { listener, address, access })
     }
 
     /// The address bound.
@@ -61,58 +57,74 @@ impl Server {
 
     /// Answers requests until `stop` is set.
     pub(crate) fn run(self, watch: &Arc<CellWatch>, stop: &Arc<AtomicBool>) {
-        let followers = Arc::new(AtomicUsize::new(0));
-        while !stop.load(Relaxed) {
-            // An error here concerns one connection only.
-            if let Ok(Some(request)) = self.http.recv_timeout(POLL_EVERY) {
-                self.answer(request, watch, &followers, stop);
-            }
-        }
-    }
-
-    fn answer(
-        &self,
-        request: Request,
-        watch: &Arc<CellWatch>,
-        followers: &Arc<AtomicUsize>,
-        stop: &Arc<AtomicBool>,
-    ) {
-        let header = |name: &'static str| {
-            let found = request.headers().iter().find(|header| header.field.equiv(name));
-            found.map(|header| header.value.as_str())
+        let site = Site {
+            access: self.access,
+            watch: Arc::clone(watch),
+            stop: Arc::clone(stop),
+            followers: AtomicUsize::new(0),
         };
-        let (host, authorization) = (header("Host"), header("Authorization"));
-        if !self.access.allows(AccessRequest { target: request.url(), host, authorization }) {
-            return respond(request, 401, TEXT, REFUSED.to_owned());
+        http::serve(&self.listener, stop, move |request| site.answer(request));
+    }
+}
+
+/// What requests are answered from.
+struct Site {
+    access: Access,
+    watch: Arc<CellWatch>,
+    stop: Arc<AtomicBool>,
+    followers: AtomicUsize,
+}
+
+impl Site {
+    fn answer(&self, request: Request) {
+        let access = AccessRequest {
+            target: &request.target,
+            host: request.header("Host"),
+            origin: request.header("Origin"),
+            authorization: request.header("Authorization"),
+        };
+        if !self.access.allows(access) {
+            return respond(request, 401, TEXT, REFUSED);
         }
-        if *request.method() != Method::Get {
-            return respond(request, 405, TEXT, "only GET is supported\n".to_owned());
+        if request.method != "GET" {
+            return respond(request, 405, TEXT, "only GET is supported\n");
         }
-        let cell_state = watch.current();
+        let cell_state = self.watch.current();
         let report = cell_state.as_deref().map(|cell_state| &cell_state.report);
-        let path = request.url().split('?').next().unwrap_or_default();
-        match path {
-            "/" => respond(request, 200, HTML, PAGE.to_owned()),
+        let path = request.target.split('?').next().unwrap_or_default().to_owned();
+        match path.as_str() {
+            "/" => respond(request, 200, HTML, PAGE),
             "/status" => match report.map(json) {
-                Some(text) => respond(request, 200, JSON, text),
-                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
+                Some(text) => respond(request, 200, JSON, &text),
+                None => respond(request, 503, TEXT, "no status received yet\n"),
             },
             "/metrics" => {
                 let cell = report.map_or("", |report| &report.cell);
                 let text = metrics::metrics_text(cell, report).unwrap_or_default();
-                respond(request, 200, OPEN_METRICS, text);
+                respond(request, 200, OPEN_METRICS, &text);
             }
             "/report" => match cell_state {
-                Some(cell_state) => send_report(request, watch, cell_state),
-                None => respond(request, 503, TEXT, "no status received yet\n".to_owned()),
+                Some(cell_state) => send_report(request, &self.watch, cell_state),
+                None => respond(request, 503, TEXT, "no status received yet\n"),
             },
-            "/events" => stream_events(request, watch, followers, stop),
+            "/events" => self.stream_events(request),
             _ => {
-                let places =
-                    "not found; available: /, /status, /events, /metrics, /report\n".to_owned();
+                let places = "not found; available: /, /status, /events, /metrics, /report\n";
                 respond(request, 404, TEXT, places);
             }
         }
+    }
+
+    /// Sends each change of the status until the browser disconnects.
+    fn stream_events(&self, request: Request) {
+        if self.followers.fetch_add(1, Relaxed) >= EVENT_READERS_MAX {
+            self.followers.fetch_sub(1, Relaxed);
+            let message = format!("{EVENT_READERS_MAX} browsers are connected already\n");
+            return respond(request, 503, TEXT, &message);
+        }
+        // On an error the browser has disconnected.
+        let _ = send_events(&mut request.into_stream(), &self.watch, &self.stop);
+        self.followers.fetch_sub(1, Relaxed);
     }
 }
 
@@ -133,53 +145,22 @@ fn send_report(request: Request, watch: &CellWatch, cell_state: Arc<CellState>) 
     let entries = watch.history(&mut HistoryPosition::default());
     let moment = SnapshotPage { cell_state, entries, now_ms: unix_ms() };
     let saved = format!("attachment; filename=\"{}\"", moment.file_name());
-    respond_as(request, 200, HTML, moment.html(), Some(("Content-Disposition", &saved)));
+    respond_as(request, 200, HTML, &moment.html(), Some(("Content-Disposition", &saved)));
 }
 
-fn respond(request: Request, code: u16, kind: &str, text: String) {
+fn respond(request: Request, code: u16, kind: &str, text: &str) {
     respond_as(request, code, kind, text, None);
 }
 
-fn respond_as(request: Request, code: u16, kind: &str, text: String, also: Option<(&str, &str)>) {
-    let header = |name: &str, value: &str| Header::from_bytes(name, value).ok();
+fn respond_as(request: Request, code: u16, kind: &str, text: &str, also: Option<(&str, &str)>) {
     let headers = [
-        header("Content-Type", kind),
-        header("Cache-Control", "no-store"),
-        header("X-Content-Type-Options", "nosniff"),
-        header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
-        also.and_then(|(name, value)| header(name, value)),
+        ("Content-Type", kind),
+        ("Cache-Control", "no-store"),
+        ("X-Content-Type-Options", "nosniff"),
+        ("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
     ];
-    // Sent with a stated length, so that a browser can show the progress of a download.
-    let response = Response::from_string(text).with_chunked_threshold(usize::MAX);
-    let mut response = response.with_status_code(StatusCode(code));
-    headers.into_iter().flatten().for_each(|header| response.add_header(header));
-    // A client that has left needs no answer.
-    let _ = request.respond(response);
-}
-
-/// Sends each change of the status, in a separate thread, until the browser disconnects.
-fn stream_events(
-    request: Request,
-    watch: &Arc<CellWatch>,
-    followers: &Arc<AtomicUsize>,
-    stop: &Arc<AtomicBool>,
-) {
-    if followers.fetch_add(1, Relaxed) >= EVENT_READERS_MAX {
-        followers.fetch_sub(1, Relaxed);
-        let message = format!("{EVENT_READERS_MAX} browsers are connected already\n");
-        return respond(request, 503, TEXT, message);
-    }
-    let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(followers));
-    let thread = thread::Builder::new().name("events".to_owned());
-    let spawned = thread.spawn(move || {
-        let mut to = request.into_writer();
-        // On an error the browser has disconnected.
-        let _ = send_events(&mut to, &watch, &stop);
-        count.fetch_sub(1, Relaxed);
-    });
-    if spawned.is_err() {
-        followers.fetch_sub(1, Relaxed);
-    }
+    let headers: Vec<_> = headers.into_iter().chain(also).collect();
+    request.respond(code, &headers, text);
 }
 
 fn send_events(to: &mut impl Write, watch: &CellWatch, stop: &AtomicBool) -> io::Result<()> {

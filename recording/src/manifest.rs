@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use crate::faults::{Faults, nearest};
+use crate::faults::{Fault, Faults, nearest};
 use crate::files::{FileError, read_text};
 use crate::series::instant_us;
 use crate::toml_reader::{Document, POSITIVE, Table};
@@ -59,7 +59,28 @@ impl Manifest {
     /// # Errors
     /// The file cannot be read, or all its faults.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        Ok(Self::parse(&path.display().to_string(), &read_text(path)?)?)
+        let name = path.display().to_string();
+        let manifest = Self::parse(&name, &read_text(path)?)?;
+        let faults = manifest.same_files(path.parent().unwrap_or(Path::new("")), &name);
+        if faults.is_empty() { Ok(manifest) } else { Err(faults.into()) }
+    }
+
+    /// Files of one robot that are one file under two names (`a.csv`, `./a.csv`, a link): diagnosed twice, they would count twice.
+    fn same_files(&self, base: &Path, name: &str) -> Faults {
+        let mut faults = Faults::new(name);
+        let mut known: BTreeMap<(usize, PathBuf), &str> = BTreeMap::new();
+        for recording in &self.recordings {
+            for file in &recording.files {
+                // A file that does not exist is reported elsewhere.
+                let Ok(place) = base.join(file).canonicalize() else { continue };
+                if let Some(other) = known.insert((recording.robot, place), file) {
+                    let message = format!("\"{file}\" is the same file as \"{other}\"");
+                    let fault = Fault::new("recording.files", message);
+                    faults.push(fault.expected("each file once per robot"));
+                }
+            }
+        }
+        faults
     }
 
     /// Reads a text.
@@ -248,5 +269,27 @@ files = ["a.csv"]
             .assert_say("is \"R07\", which is used already");
         let none = SHORT.split("[[recording]]").next().unwrap();
         Manifest::parse("m.toml", none).unwrap_err().assert_say("`recording`: is missing");
+    }
+
+    #[test]
+    fn one_file_under_two_names_is_found_and_that_of_another_robot_is_not() {
+        let dir = std::env::temp_dir().join(format!("trued-manifest-{}", std::process::id()));
+        std::fs::create_dir_all(dir.join("sub")).unwrap();
+        std::fs::write(dir.join("a.csv"), "t_s\n").unwrap();
+        let write = |other: &str| {
+            let recording =
+                |file: &str| format!("[[recording]]\nrobot = \"R07\"\nfiles = [\"{file}\"]\n");
+            let head = SHORT.split("[[recording]]").next().unwrap();
+            let text = format!("{head}{}{}", recording("a.csv"), recording(other));
+            std::fs::write(dir.join("m.toml"), text).unwrap();
+            Manifest::read(&dir.join("m.toml"))
+        };
+        for other in ["./a.csv", "sub/../a.csv", ".//a.csv"] {
+            let why = write(other).unwrap_err().to_string();
+            assert!(why.contains(&format!("\"{other}\" is the same file as \"a.csv\"")), "{why}");
+        }
+        std::fs::write(dir.join("b.csv"), "t_s\n").unwrap();
+        assert!(write("b.csv").is_ok());
+        std::fs::remove_dir_all(&dir).unwrap();
     }
 }

@@ -268,8 +268,13 @@ fn state(path: &Path) -> io::Result<TargetState> {
     }
 }
 
-/// An input, its companion files by name, and the models that these TOML files name.
+/// An input, its companion files by name, and the models that these TOML files name. A recording of
+/// the daemon has no companions.
 fn with_companions(input: &Path) -> Vec<PathBuf> {
+    if input.extension().is_some_and(|end| end.eq_ignore_ascii_case("mcap")) {
+        // A recording of the daemon stands alone: what is called like it may be made from it.
+        return vec![place(input)];
+    }
     let mut all = vec![input.to_owned(), metadata_path(input), mapping_path(input)];
     let models: Vec<PathBuf> = all.iter().filter_map(|path| referenced_model(path)).collect();
     all.extend(models);

@@ -34,6 +34,7 @@ mod multiples;
 mod number;
 mod page;
 mod plot;
+mod printable;
 mod provenance;
 mod role;
 mod scale;
@@ -60,6 +61,7 @@ pub use number::{
 };
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
+pub use printable::printable;
 pub use provenance::{InputFile, Provenance};
 pub use role::Role;
 pub use series::Series;

@@ -246,7 +246,7 @@ fn a_table_becomes_standard_ros_2_messages_and_columns_without_one_are_named() {
     let joints = "sensor_msgs/msg/JointState";
     assert_eq!(types, [joints, "geometry_msgs/msg/PoseStamped", joints]);
     assert_eq!(messages[1]["message"]["pose"]["orientation"]["w"], 1.0);
-    assert_eq!(messages[2]["log_time_ns"], 1_000_000_000);
+    assert_eq!(messages[2]["log_time_ns"], 6_000_000_000_i64, "its t_s");
     place.file("spectrum.csv", "t_s,spindle_rpm\n0,600\n1,600\n");
     let refused = place.run(&["convert", "--out", "none.mcap", "spectrum.csv"]);
     assert_eq!(refused.code, Some(2), "{refused:?}");

@@ -439,6 +439,19 @@ fn an_address_that_others_reach_needs_a_token() {
 }
 
 #[test]
+fn the_alerts_fire_for_each_cell_whose_daemon_or_view_is_gone() {
+    let folder = crate::program::workspace().join("deploy/prometheus");
+    let tested = std::process::Command::new("promtool")
+        .args(["test", "rules", "alerts.test.yml"])
+        .current_dir(folder)
+        .output();
+    match tested {
+        Ok(tested) => assert!(tested.status.success(), "{tested:?}"),
+        Err(why) => eprintln!("SKIPPED: promtool: {why}"),
+    }
+}
+
+#[test]
 fn alerts_and_the_grafana_board_name_metrics_that_exist() {
     let read =
         |file: &str| std::fs::read_to_string(crate::program::workspace().join(file)).unwrap();

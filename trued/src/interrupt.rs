@@ -1,7 +1,8 @@
 //! Ctrl-C and SIGTERM as a flag that long commands check, so that they end cleanly.
 //!
 //! The first signal only sets the flag; a second Ctrl-C ends the program at once with 130, in case
-//! a command hangs. `signal-hook` was chosen because it sets an atomic from the handler itself;
+//! a command hangs. The daemon and the bridges always end in order ([`flag_of_service`]): a second Ctrl-C,
+//! as two quick ones of a person, would leave a recording unclosed. `signal-hook` was chosen because it sets an atomic from the handler itself;
 //! `ctrlc` starts a thread for it, which is undesirable in a program with real-time threads.
 //!
 //! iceoryx2 would install handlers of its own: create its nodes with `SignalHandlingMode::Disabled`.
@@ -25,6 +26,22 @@ pub const EXIT_CODE: u8 = 130;
 ///
 /// [`Failure::System`] if the system rejects a handler.
 pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
+    flag_with(install)
+}
+
+/// The same for a program that must end in order: no number of signals ends it at once, except those
+/// that no program can handle.
+///
+/// # Errors
+///
+/// As [`flag`].
+pub fn flag_of_service() -> Result<Arc<AtomicBool>, Failure> {
+    flag_with(install_flag)
+}
+
+fn flag_with(
+    install: fn(&Arc<AtomicBool>) -> std::io::Result<()>,
+) -> Result<Arc<AtomicBool>, Failure> {
     static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     if let Some(flag) = FLAG.get() {
         return Ok(Arc::clone(flag));
@@ -57,6 +74,10 @@ pub fn check(flag: &AtomicBool) -> Result<(), Failure> {
 fn install(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     // The order matters: the first handler checks whether an earlier signal has set the flag.
     flag::register_conditional_shutdown(SIGINT, i32::from(EXIT_CODE), Arc::clone(stop))?;
+    install_flag(stop)
+}
+
+fn install_flag(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
     flag::register(SIGINT, Arc::clone(stop))?;
     flag::register(SIGTERM, Arc::clone(stop))?;
     Ok(())

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use recording::program;
-use report::{TextLine, Tone};
+use report::{TextLine, Tone, printable};
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
@@ -91,7 +91,7 @@ impl Console {
     ///
     /// [`Failure::System`] where the stream cannot be written, e.g. a full disk behind it.
     pub fn say(&mut self, text: impl AsRef<str>) -> Result<(), Failure> {
-        let text = text.as_ref();
+        let text = &printable(text.as_ref(), &PAINTS);
         if self.text_to_stderr() {
             return self.write_line(io::stderr(), &for_stream(&io::stderr(), text));
         }
@@ -231,6 +231,7 @@ impl Console {
             message = cause_text;
             cause = error.source();
         }
+        let text = printable(&text, &PAINTS);
         let text = for_stream(&io::stderr(), &text).into_owned();
         logs::write(&self.progress, text.as_bytes());
     }
@@ -284,15 +285,20 @@ fn for_stream<'a>(stream: &impl AsFd, text: &'a str) -> Cow<'a, str> {
     }
 }
 
+/// The escape sequences of [`painted`]; no other one reaches the terminal.
+const PAINTS: [&str; 6] =
+    ["\u{1b}[1m", "\u{1b}[2m", "\u{1b}[32m", "\u{1b}[33m", "\u{1b}[1;31m", "\u{1b}[0m"];
+
 fn painted(paint: Emphasis, text: &str) -> String {
-    let code = match paint {
-        Emphasis::Strong => "1",
-        Emphasis::Faint => "2",
-        Emphasis::Good => "32",
-        Emphasis::Caution => "33",
-        Emphasis::Bad => "1;31",
+    let [strong, faint, good, caution, bad, end] = PAINTS;
+    let begin = match paint {
+        Emphasis::Strong => strong,
+        Emphasis::Faint => faint,
+        Emphasis::Good => good,
+        Emphasis::Caution => caution,
+        Emphasis::Bad => bad,
     };
-    format!("\u{1b}[{code}m{text}\u{1b}[0m")
+    format!("{begin}{text}{end}")
 }
 
 #[cfg(test)]

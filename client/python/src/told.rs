@@ -371,6 +371,13 @@ pub(crate) struct Answer {
     message: String,
 }
 
+#[pymethods]
+impl Answer {
+    fn __repr__(&self) -> String {
+        format!("Answer(message={:?})", self.message)
+    }
+}
+
 impl From<&Response> for Answer {
     fn from(from: &Response) -> Self {
         Self { t_ns: from.t_ns, message: from.message.to_string() }

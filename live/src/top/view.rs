@@ -5,7 +5,7 @@ use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
 use shm_schema::FeedState;
 
@@ -22,12 +22,17 @@ const BAR_COLUMNS: usize = 10;
 const NARROW_COLUMNS: u16 = 70;
 /// Rows of title, state and keys.
 const FIXED_ROWS: u16 = 6;
+/// Rows of the cycle with its border.
+const CYCLE_ROWS: u16 = 7;
+/// Events that a long message leaves on the screen, if there are so many.
+const EVENT_ROWS_MIN: usize = 2;
 
 /// Draws the screen.
 pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
+    let state_rows = state_rows(frame.area(), screen);
     let [title, state, rest, keys] = Layout::vertical([
         Constraint::Length(1),
-        Constraint::Length(FIXED_ROWS - 2),
+        Constraint::Length(state_rows),
         Constraint::Min(0),
         Constraint::Length(1),
     ])
@@ -41,13 +46,13 @@ pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     };
     let report = &cell_state.report;
     draw_state(frame, state, report, screen.frozen);
-    let joints = u16::try_from(report.joints.len()).unwrap_or(u16::MAX).saturating_add(2);
-    let (joint_rows, cycle_rows) = (joints.max(3), 7);
+    let joint_rows = joint_rows(report);
+    let cycle_rows = CYCLE_ROWS;
     if rest.width < NARROW_COLUMNS {
         let rows = [Constraint::Length(joint_rows), Constraint::Length(cycle_rows)];
         let [corrections, cycle, events] =
             Layout::vertical([rows[0], rows[1], Constraint::Min(0)]).areas(rest);
-        draw_joints(frame, corrections, &report.joints);
+        draw_joints(frame, corrections, report);
         draw_cycle(frame, cycle, report, screen.rate_hz);
         draw_events(frame, events, screen);
     } else {
@@ -55,10 +60,70 @@ pub(super) fn draw(frame: &mut Frame<'_>, screen: &Screen) {
         let [above, events] = Layout::vertical([rows, Constraint::Min(0)]).areas(rest);
         let columns = [Constraint::Length(44), Constraint::Min(0)];
         let [corrections, cycle] = Layout::horizontal(columns).areas(above);
-        draw_joints(frame, corrections, &report.joints);
+        draw_joints(frame, corrections, report);
         draw_cycle(frame, cycle, report, screen.rate_hz);
         draw_events(frame, events, screen);
     }
+}
+
+/// Rows of the joints with their border.
+fn joint_rows(report: &Report) -> u16 {
+    u16::try_from(report.joints.len()).unwrap_or(u16::MAX).saturating_add(2).max(3)
+}
+
+/// Rows of the state: more than usual if its message is long and the sections below leave rows free.
+fn state_rows(area: Rect, screen: &Screen) -> u16 {
+    let usual = FIXED_ROWS - 2;
+    let Some(report) = screen.cell_state.as_ref().map(|cell_state| &cell_state.report) else {
+        return usual;
+    };
+    let below = if area.width < NARROW_COLUMNS {
+        joint_rows(report).saturating_add(CYCLE_ROWS)
+    } else {
+        joint_rows(report).max(CYCLE_ROWS)
+    };
+    let events = screen.events.len().min(EVENT_ROWS_MIN);
+    let events = u16::try_from(events).unwrap_or(0) + 2;
+    let free = area.height.saturating_sub(FIXED_ROWS).saturating_sub(below).saturating_sub(events);
+    let wanted = wrapped(message(report), usize::from(area.width)).len();
+    u16::try_from(wanted).unwrap_or(u16::MAX).saturating_add(2).clamp(usual, usual + free)
+}
+
+/// Why the cell is in its state.
+fn message(report: &Report) -> &str {
+    report.away.as_deref().unwrap_or(&report.message)
+}
+
+/// Lines of at most `columns`, broken between words.
+fn wrapped(text: &str, columns: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        match lines.last_mut() {
+            Some(last) if last.chars().count() + 1 + word.chars().count() <= columns => {
+                last.push(' ');
+                last.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// As many lines as there are rows; the last one ends with an ellipsis if something is missing.
+fn cut(mut lines: Vec<String>, rows: usize, columns: usize) -> Vec<String> {
+    if lines.len() > rows {
+        lines.truncate(rows);
+        if let Some(last) = lines.last_mut() {
+            let kept: String = last.chars().take(columns.saturating_sub(1)).collect();
+            *last = kept + "…";
+        }
+    }
+    lines
+}
+
+/// Whether the daemon's numbers are of the past.
+fn is_outdated(report: &Report) -> bool {
+    report.away.is_some() || report.age_s > STATUS_AGE_MAX_S
 }
 
 fn draw_title(frame: &mut Frame<'_>, area: Rect, screen: &Screen) {
@@ -100,12 +165,15 @@ fn draw_state(frame: &mut Frame<'_>, area: Rect, report: &Report, frozen: bool) 
     if frozen {
         first.push(Span::styled("  display frozen", Style::new().add_modifier(Modifier::BOLD)));
     }
-    let why = report.away.as_deref().unwrap_or(&report.message);
     let model = &report.model;
     let holds = if model.holds { "" } else { ", outdated by measurements" };
-    let lines = vec![Line::from(first), Line::from(why.to_owned())];
     let [state, about] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(area);
-    frame.render_widget(Paragraph::new(lines).wrap(Wrap { trim: true }), state);
+    let columns = usize::from(state.width);
+    let why = wrapped(message(report), columns);
+    let rows = usize::from(state.height).saturating_sub(1);
+    let why = cut(why, rows, columns).into_iter().map(Line::from);
+    let lines: Vec<Line<'_>> = std::iter::once(Line::from(first)).chain(why).collect();
+    frame.render_widget(Paragraph::new(lines), state);
     let about_text = format!(
         "model {} epoch {}{holds}; recorder {}; up {:.0} s",
         &model.hash[..8.min(model.hash.len())],
@@ -124,21 +192,25 @@ fn bar(share: f64) -> String {
     if share < 0.0 { format!("{empty}{full}|{none}") } else { format!("{none}|{full}{empty}") }
 }
 
-fn draw_joints(frame: &mut Frame<'_>, area: Rect, joints: &[Joint]) {
+fn draw_joints(frame: &mut Frame<'_>, area: Rect, report: &Report) {
+    let is_outdated = is_outdated(report);
     let line = |(k, joint): (usize, &Joint)| {
+        if is_outdated {
+            return Line::from(format!("{:>2} [{}] unknown", k + 1, bar(0.0)));
+        }
         let is_near = joint.share.abs() >= NEAR_LIMIT;
         let style = if is_near { Style::new().fg(Color::Yellow) } else { Style::new() };
         let text = format!("{:>2} [{}] {:>7.1} %", k + 1, bar(joint.share), 100.0 * joint.share);
         Line::styled(format!("{text}{}", if is_near { " near" } else { "" }), style)
     };
-    let lines: Vec<Line<'_>> = joints.iter().enumerate().map(line).collect();
+    let lines: Vec<Line<'_>> = report.joints.iter().enumerate().map(line).collect();
     let block = Block::new().borders(Borders::ALL).title(" correction relative to its limit ");
     frame.render_widget(Paragraph::new(lines).block(block), area);
 }
 
 fn draw_cycle(frame: &mut Frame<'_>, area: Rect, report: &Report, rate_hz: Option<f64>) {
     let (latency, counts) = (&report.latency_us, &report.counts);
-    let (rate, share) = match rate_hz {
+    let (rate, share) = match rate_hz.filter(|_| !is_outdated(report)) {
         Some(rate) => {
             let period_us = 1e6 / rate;
             let percent = 100.0 * latency.p999 / period_us;
@@ -149,15 +221,20 @@ fn draw_cycle(frame: &mut Frame<'_>, area: Rect, report: &Report, rate_hz: Optio
     let lost = counts.commands_lost + counts.corrected_lost;
     let lines = [
         rate,
-        format!("median {:.1} us", latency.p50),
-        format!("99.9 % {:.1} us{share}", latency.p999),
-        format!("largest {:.1} us, missed {}", latency.max, counts.missed_cycles),
+        format!("median {}", microseconds(latency.p50)),
+        format!("99.9 % {}{share}", microseconds(latency.p999)),
+        format!("largest {}, missed {}", microseconds(latency.max), counts.missed_cycles),
         format!("rejected {}, held {}, lost {lost}", counts.rejected, counts.held),
         format!("wrench gate {}{}", report.force.wrench_gate, feed(report)),
     ];
     let lines: Vec<Line<'_>> = lines.into_iter().map(Line::from).collect();
     let block = Block::new().borders(Borders::ALL).title(" cycle ");
     frame.render_widget(Paragraph::new(lines).block(block), area);
+}
+
+/// A latency; `unknown` before the first command.
+fn microseconds(us: f64) -> String {
+    if us > 0.0 { format!("{us:.1} us") } else { "unknown".to_owned() }
 }
 
 /// The feed override after the wrench gate; empty if the cell does not adapt its feed.
@@ -264,6 +341,40 @@ mod tests {
                 assert!(rows[usize::from(height) - 1].contains("quit  bypass"), "{rows:?}");
             }
         }
+    }
+
+    fn drawn(change: impl Fn(&mut Report), width: u16, height: u16) -> String {
+        let mut screen = Screen::new("cell");
+        let mut report = Report { age_s: 0.0, ..Report::new("cell", &running(), None) };
+        change(&mut report);
+        let cell_state = Arc::new(CellState { report, status: running(), robot: None });
+        screen.update(CellUpdate { cell_state: Some(cell_state), verdicts: Vec::new() });
+        let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a terminal");
+        terminal.draw(|frame| draw(frame, &screen)).expect("drawn");
+        let buffer = terminal.backend().buffer();
+        let row = |y: u16| (0..width).map(|x| buffer[(x, y)].symbol()).collect::<String>();
+        (0..height).map(row).collect::<Vec<_>>().join("\n")
+    }
+
+    #[test]
+    fn a_long_message_takes_free_rows_and_ends_with_an_ellipsis_where_it_is_cut() {
+        let words: Vec<String> = (0..90).map(|word| format!("word{word}")).collect();
+        let long = words.join(" ");
+        for (width, height) in [(60, 20), (80, 24), (120, 50)] {
+            let text = drawn(|report| report.message = long.clone(), width, height);
+            assert!(text.contains("word89") || text.contains('…'), "{width}x{height}\n{text}");
+        }
+        let text = drawn(|report| report.message = words[..40].join(" "), 80, 24);
+        assert!(text.contains("word39") && !text.contains('…'), "{text}");
+    }
+
+    #[test]
+    fn without_a_daemon_no_correction_is_shown_and_without_commands_no_latency() {
+        let text = drawn(|_| {}, 80, 24);
+        assert!(text.contains("median unknown") && text.contains("50.0 %"), "{text}");
+        let text = drawn(|report| report.away = Some("it ended".to_owned()), 80, 24);
+        assert!(text.contains("2 [          |          ] unknown"), "{text}");
+        assert!(!text.contains("50.0 %"), "{text}");
     }
 
     #[test]

@@ -33,15 +33,16 @@ def catch_up(session):
     """Asks for all that was missed, page by page."""
     global stream, following
     while True:
-        for reply in session.get(f"{prefix}/history?from={following}", timeout=2.0):
+        of = "" if stream is None else f";stream={stream}"
+        for reply in session.get(f"{prefix}/history?from={following}{of}", timeout=2.0):
             if reply.ok is not None:
                 history = json.loads(bytes(reply.ok.payload))
                 break
         else:
             return  # nobody answers; the next message tries again
         if history["stream"] != stream:
-            stream, following = history["stream"], history["first"]
-            continue
+            # The spool was lost, or damaged at its end; what is kept of the former stream was received.
+            stream, following = history["stream"], history["from"]
         if history["from"] > following:
             print(f"lost: {following} to {history['from'] - 1}, fell out of the budget", flush=True)
         for message in history["messages"]:

@@ -235,8 +235,9 @@ fn bridge(options: BridgeOf) -> Result<u8, Failure> {
     if found.torn_bytes > 0 {
         writeln!(
             out,
-            "spool: {} bytes were incomplete or damaged and were removed",
-            found.torn_bytes
+            "spool: {} bytes were incomplete or damaged and cannot be read{}",
+            found.torn_bytes,
+            if found.is_new_stream { "; another stream of numbers begins" } else { "" }
         )?;
     }
     let node = options

@@ -17,7 +17,7 @@ pub const SCHEMA: &str = "trued.plant/1";
 pub struct Message {
     /// `trued.plant/1`.
     pub schema: &'static str,
-    /// Names the series of numbers; another one begins where the folder of the spool was lost.
+    /// Names the series of numbers; another one begins where the folder of the spool was lost, or its newest file was damaged.
     pub stream: u64,
     /// Number of the message in its series, from 1. A gap is a message that was missed.
     pub number: u64,
@@ -270,7 +270,7 @@ pub enum Event {
 /// Kept messages from one number on, as an answer to a query.
 #[derive(Debug, Serialize, Deserialize, JsonSchema)]
 pub struct History {
-    /// Names the series of numbers.
+    /// Names the series of numbers that the messages below belong to.
     pub stream: u64,
     /// Number of the oldest message that is kept.
     pub first: u64,
@@ -278,7 +278,7 @@ pub struct History {
     pub from: u64,
     /// Number of the next message that will be made: the series is complete when `from` plus the messages reaches it.
     pub next: u64,
-    /// The messages, in order, without gaps.
+    /// The messages, in order, without gaps, of one stream.
     #[schemars(with = "Vec<Message>")]
     pub messages: Vec<Box<RawValue>>,
 }

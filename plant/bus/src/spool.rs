@@ -2,13 +2,14 @@
 //!
 //! Files `NUMBER.spool`, named by the number of their first record, each at most an eighth of the budget. A file begins with 16 fixed bytes, the stream (u64, little
 //! endian) and the number of its first record (u64); a record is its length (u32), its CRC-32 (u32) and its bytes. Promises: a record is on disk when
-//! [`Spool::append`] returns, so that a number never names two records; the files never exceed the budget: the oldest file makes room, and
-//! [`Spool::first`] is the oldest record left; an incomplete record is removed and reported when the spool is opened. If a file in between is lost,
-//! older records are removed as well, because readers rely on consecutive numbers.
+//! [`Spool::append`] returns; no number is given twice within a stream; the files never exceed the budget: the oldest file makes room, and
+//! [`Spool::first`] is the oldest record left. What is damaged is reported when the spool is opened, and every record that can still be read is kept under its number.
+//! Where the newest file is damaged, or ends in an incomplete record, nobody knows which numbers were given: another stream begins then, in a file of its own, with higher
+//! numbers. Numbers therefore increase over all files, with gaps where records were lost.
 
 use std::collections::VecDeque;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
@@ -55,33 +56,44 @@ pub enum SpoolError {
 pub struct Found {
     /// Records that can be read.
     pub records: u64,
-    /// Bytes removed because they were not written whole, or were damaged.
+    /// Bytes that were not written whole, or are damaged.
     pub torn_bytes: u64,
+    /// Whether another stream begins because of them.
+    pub is_new_stream: bool,
 }
 
 /// Records read at once.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Page {
+    /// The stream that all of them belong to.
+    pub stream: u64,
     /// Number of the first of them.
     pub from: u64,
-    /// The records, in order.
+    /// The records, in order, without gaps.
     pub records: Vec<Vec<u8>>,
+}
+
+/// A record in a file.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    number: u64,
+    /// Where it begins, with its header.
+    offset: u64,
+    /// Length with its header.
+    size: u64,
 }
 
 /// One file.
 #[derive(Debug)]
 struct Segment {
     path: PathBuf,
+    stream: u64,
     first: u64,
-    /// Where each record begins.
-    offsets: Vec<u64>,
+    /// Its records, by number.
+    places: Vec<Place>,
+    /// Number after the last one.
+    next: u64,
     bytes: u64,
-}
-
-impl Segment {
-    fn next(&self) -> u64 {
-        self.first + self.offsets.len() as u64
-    }
 }
 
 /// The log.
@@ -118,34 +130,29 @@ impl Spool {
         let lock_path = folder.join("lock");
         let lock = File::create(&lock_path).map_err(io_error("write", &lock_path))?;
         lock.try_lock().map_err(|_| SpoolError::Taken(folder.to_owned()))?;
-        let mut torn_bytes = 0;
-        let (mut stream, mut segments) = (new_stream, VecDeque::<Segment>::new());
-        for path in files(folder)? {
-            let read = scan(&path, &mut torn_bytes)?;
-            let Some((its_stream, segment)) = read else { continue };
-            let fits = segments.back().is_none_or(|last| last.next() == segment.first);
-            if !fits || (!segments.is_empty() && its_stream != stream) {
-                for older in segments.drain(..) {
-                    torn_bytes += older.bytes;
-                    remove(&older.path)?;
-                }
+        let Read { mut segments, torn_bytes, is_newest_damaged, next } = Read::all(folder)?;
+        let is_new_stream = is_newest_damaged && torn_bytes > 0;
+        if segments.is_empty() || is_newest_damaged {
+            let used = segments.iter().map(|segment| segment.stream).max().unwrap_or(0);
+            // A clock that was set back names no stream a second time.
+            let stream = new_stream.max(used + 1);
+            let mut first = next;
+            while segment_path(folder, first).exists() {
+                first += 1;
             }
-            stream = its_stream;
-            segments.push_back(segment);
+            segments.push_back(create(folder, stream, first)?);
         }
-        if segments.is_empty() {
-            segments.push_back(create(folder, new_stream, 1)?);
-            stream = new_stream;
-        }
-        let records = segments.iter().map(|segment| segment.offsets.len() as u64).sum();
+        let stream = segments.back().map_or(new_stream, |segment| segment.stream);
         let path = segments.back().map(|last| last.path.clone()).unwrap_or_default();
         let active = open_to_append(&path)?;
         let folder = folder.to_owned();
-        let spool = Self { folder, budget_bytes, stream, segments, active, _lock: lock };
-        Ok((spool, Found { records, torn_bytes }))
+        let mut spool = Self { folder, budget_bytes, stream, segments, active, _lock: lock };
+        spool.make_room(0)?;
+        let records = spool.segments.iter().map(|segment| segment.places.len() as u64).sum();
+        Ok((spool, Found { records, torn_bytes, is_new_stream }))
     }
 
-    /// Names the series of numbers; another one begins where the folder was lost.
+    /// Names the series of numbers; another one begins where the folder was lost, or its newest file was damaged.
     #[must_use]
     pub fn stream(&self) -> u64 {
         self.stream
@@ -154,13 +161,25 @@ impl Spool {
     /// Number of the oldest record that is kept; [`Spool::next`] where there is none. All older ones fell out.
     #[must_use]
     pub fn first(&self) -> u64 {
-        self.segments.front().map_or(1, |segment| segment.first)
+        let mut records = self.segments.iter().flat_map(|segment| &segment.places);
+        records.next().map_or(self.next(), |oldest| oldest.number)
     }
 
     /// Number of the next record. The first one has 1.
     #[must_use]
     pub fn next(&self) -> u64 {
-        self.segments.back().map_or(1, Segment::next)
+        self.segments.back().map_or(1, |last| last.next)
+    }
+
+    /// Where a reader goes on that has received everything of `stream` before `number`: at the first record of the next stream where that one ended earlier, at the oldest
+    /// record where nothing of it is kept.
+    #[must_use]
+    pub fn position(&self, stream: u64, number: u64) -> u64 {
+        let Some(last) = self.segments.iter().rposition(|segment| segment.stream == stream) else {
+            return self.first();
+        };
+        let after = self.segments.get(last + 1).map(|segment| segment.first);
+        after.map_or(number, |after| number.min(after))
     }
 
     /// Size of all files, bytes.
@@ -203,7 +222,8 @@ impl Spool {
             let _ = self.active.set_len(last.bytes);
             return Err(io_error("write", &last.path)(why));
         }
-        last.offsets.push(last.bytes);
+        last.places.push(Place { number, offset: last.bytes, size });
+        last.next = number + 1;
         last.bytes += size;
         Ok(number)
     }
@@ -218,25 +238,31 @@ impl Spool {
         Ok(())
     }
 
-    /// The records from number `from` on, or from the oldest one that is kept, in order: at most `bytes_max`, but one at least where there is one.
+    /// The records from number `from` on, or from the next one that is kept, in order, up to the next gap or the end of a stream: at most `bytes_max`, but one at least where
+    /// there is one.
     ///
     /// # Errors
     /// See [`SpoolError`].
     pub fn page(&self, from: u64, bytes_max: usize) -> Result<Page, SpoolError> {
-        let from = from.clamp(self.first(), self.next());
-        let mut page = Page { from, records: Vec::new() };
+        let mut page = Page { stream: self.stream, from: self.next(), records: Vec::new() };
         let mut bytes = 0;
-        for segment in self.segments.iter().filter(|segment| segment.next() > from) {
+        for segment in self.segments.iter().filter(|segment| segment.next > from) {
+            if !page.records.is_empty() && segment.stream != page.stream {
+                return Ok(page);
+            }
             let file = File::open(&segment.path).map_err(io_error("read", &segment.path))?;
-            let skipped = from.saturating_sub(segment.first) as usize;
-            for (k, offset) in segment.offsets.iter().enumerate().skip(skipped) {
-                let end = segment.offsets.get(k + 1).copied().unwrap_or(segment.bytes);
-                let mut record = vec![0; (end - offset - RECORD_HEADER_BYTES) as usize];
+            for place in segment.places.iter().filter(|place| place.number >= from) {
+                if page.records.is_empty() {
+                    (page.stream, page.from) = (segment.stream, place.number);
+                } else if place.number != page.from + page.records.len() as u64 {
+                    return Ok(page);
+                }
+                let mut record = vec![0; (place.size - RECORD_HEADER_BYTES) as usize];
                 bytes += record.len();
                 if bytes > bytes_max && !page.records.is_empty() {
                     return Ok(page);
                 }
-                let read = file.read_exact_at(&mut record, offset + RECORD_HEADER_BYTES);
+                let read = file.read_exact_at(&mut record, place.offset + RECORD_HEADER_BYTES);
                 read.map_err(io_error("read", &segment.path))?;
                 page.records.push(record);
             }
@@ -263,8 +289,12 @@ fn open_to_append(path: &Path) -> Result<File, SpoolError> {
     OpenOptions::new().append(true).open(path).map_err(io_error("write", path))
 }
 
+fn segment_path(folder: &Path, first: u64) -> PathBuf {
+    folder.join(format!("{first:020}.spool"))
+}
+
 fn create(folder: &Path, stream: u64, first: u64) -> Result<Segment, SpoolError> {
-    let path = folder.join(format!("{first:020}.spool"));
+    let path = segment_path(folder, first);
     let mut bytes = HEADER.to_vec();
     bytes.extend_from_slice(&stream.to_le_bytes());
     bytes.extend_from_slice(&first.to_le_bytes());
@@ -275,53 +305,179 @@ fn create(folder: &Path, stream: u64, first: u64) -> Result<Segment, SpoolError>
         File::open(folder)?.sync_all()
     });
     written.map_err(io_error("write", &path))?;
-    Ok(Segment { path, first, offsets: Vec::new(), bytes: HEADER_BYTES })
+    Ok(Segment { path, stream, first, places: Vec::new(), next: first, bytes: HEADER_BYTES })
 }
 
-/// Reads the stream and the places of all whole records of a file, and cuts off what follows them. A file without a whole header is removed.
-fn scan(path: &Path, torn_bytes: &mut u64) -> Result<Option<(u64, Segment)>, SpoolError> {
-    let error = |why| io_error("read", path)(why);
-    let mut file = OpenOptions::new().read(true).write(true).open(path).map_err(error)?;
-    let length = file.metadata().map_err(error)?.len();
-    let mut header = [0; HEADER_BYTES as usize];
-    let is_whole = length >= HEADER_BYTES && file.read_exact(&mut header).is_ok();
-    let number_at =
-        |offset: usize| header.get(offset..offset + 8).and_then(|bytes| bytes.try_into().ok());
-    let numbers = number_at(16).map(u64::from_le_bytes).zip(number_at(24).map(u64::from_le_bytes));
-    let named = path.file_stem().and_then(|stem| stem.to_str()?.parse().ok());
-    let valid = numbers
-        .filter(|numbers| is_whole && header.starts_with(HEADER) && Some(numbers.1) == named);
-    let Some((stream, first)) = valid else {
-        *torn_bytes += length;
-        remove(path)?;
-        return Ok(None);
-    };
-    let mut segment =
-        Segment { path: path.to_owned(), first, offsets: Vec::new(), bytes: HEADER_BYTES };
-    file.seek(SeekFrom::Start(HEADER_BYTES)).map_err(error)?;
-    let mut reader = io::BufReader::new(&file);
-    while let Some(size) = whole_record(&mut reader, length - segment.bytes) {
-        segment.offsets.push(segment.bytes);
-        segment.bytes += size;
-    }
-    if segment.bytes < length {
-        *torn_bytes += length - segment.bytes;
-        file.set_len(segment.bytes).map_err(error)?;
-    }
-    Ok(Some((stream, segment)))
+/// What is in the folder.
+struct Read {
+    segments: VecDeque<Segment>,
+    torn_bytes: u64,
+    /// Whether the newest file is damaged: which numbers were given is not known.
+    is_newest_damaged: bool,
+    /// A number above all that are known.
+    next: u64,
 }
 
-/// Size of the next record with its header; none where it is not whole within the `left` bytes.
-fn whole_record(reader: &mut impl io::Read, left: u64) -> Option<u64> {
-    let (mut length, mut crc) = ([0; 4], [0; 4]);
-    reader.read_exact(&mut length).ok()?;
-    reader.read_exact(&mut crc).ok()?;
-    let length = u64::from(u32::from_le_bytes(length));
-    let size = RECORD_HEADER_BYTES + length;
-    if size > left {
-        return None;
+impl Read {
+    fn all(folder: &Path) -> Result<Self, SpoolError> {
+        let mut all =
+            Self { segments: VecDeque::new(), torn_bytes: 0, is_newest_damaged: false, next: 1 };
+        let mut scanned = Vec::new();
+        for path in files(folder)? {
+            match Scanned::read(&path)? {
+                Some(file) => {
+                    all.is_newest_damaged = file.torn_bytes > 0;
+                    scanned.push(file);
+                }
+                // A file without a header, or one that holds nothing that can be read.
+                None => {
+                    let length = fs::metadata(&path).map_or(0, |file| file.len());
+                    (all.torn_bytes, all.is_newest_damaged) = (all.torn_bytes + length, true);
+                    all.next = all.next.max(number_of(&path).unwrap_or(1) + 1);
+                    remove(&path)?;
+                }
+            }
+        }
+        // A file is made for a record. Without one, it ended before that was written, or lost it.
+        if let Some(empty) = scanned.pop_if(|file| file.segment.bytes == HEADER_BYTES) {
+            (all.next, all.is_newest_damaged) = (all.next.max(empty.segment.first), true);
+            remove(&empty.segment.path)?;
+        }
+        let mut after = None;
+        for file in scanned.into_iter().rev() {
+            all.torn_bytes += file.torn_bytes;
+            let stream = file.segment.stream;
+            let segment = file.numbered(after);
+            after = Some((stream, segment.first));
+            all.next = all.next.max(segment.next);
+            all.segments.push_front(segment);
+        }
+        Ok(all)
     }
-    let mut record = vec![0; length as usize];
-    reader.read_exact(&mut record).ok()?;
-    (crc32fast::hash(&record) == u32::from_le_bytes(crc)).then_some(size)
+}
+
+/// A file with its records, those behind a damaged length not numbered yet.
+struct Scanned {
+    segment: Segment,
+    /// Records behind a damaged length: their numbers are not known from their order alone.
+    unnumbered: Vec<(Place, Option<u64>)>,
+    torn_bytes: u64,
+}
+
+/// Stream and number that a message states.
+#[derive(serde::Deserialize)]
+struct Stated {
+    stream: u64,
+    number: u64,
+}
+
+fn stated(bytes: &[u8], place: Place) -> Option<Stated> {
+    let record =
+        (place.offset + RECORD_HEADER_BYTES) as usize..(place.offset + place.size) as usize;
+    serde_json::from_slice(bytes.get(record)?).ok()
+}
+
+fn number_of(path: &Path) -> Option<u64> {
+    path.file_stem()?.to_str()?.parse().ok()
+}
+
+impl Scanned {
+    /// Reads the places of all whole records of a file; `None` where there is none that could be placed.
+    fn read(path: &Path) -> Result<Option<Self>, SpoolError> {
+        let bytes = fs::read(path).map_err(io_error("read", path))?;
+        let Some(first) = number_of(path).filter(|_| bytes.len() as u64 >= HEADER_BYTES) else {
+            return Ok(None);
+        };
+        let number_at = |offset: usize| {
+            bytes.get(offset..)?.first_chunk().map(|bytes| u64::from_le_bytes(*bytes))
+        };
+        let header = number_at(16).filter(|_| bytes.starts_with(HEADER));
+        let header = header.filter(|_| number_at(24) == Some(first));
+        let length = bytes.len() as u64;
+        let mut segment = Segment {
+            path: path.to_owned(),
+            stream: header.unwrap_or(0),
+            first,
+            places: Vec::new(),
+            next: first,
+            bytes: length,
+        };
+        let (mut unnumbered, mut torn_bytes) = (Vec::new(), 0);
+        let (mut at, mut is_numbered) = (HEADER_BYTES, true);
+        while at < length {
+            if let Some(size) = whole_record(&bytes, at) {
+                let place = Place { number: segment.next, offset: at, size };
+                if is_numbered {
+                    segment.places.push(place);
+                    segment.next += 1;
+                } else {
+                    unnumbered.push((place, stated(&bytes, place).map(|stated| stated.number)));
+                }
+                at += size;
+                continue;
+            }
+            // Its length is right if a whole record, or the end, follows it.
+            let behind = stated_size(&bytes, at).map(|size| at + size);
+            let is_framed =
+                |behind: &u64| *behind == length || whole_record(&bytes, *behind).is_some();
+            let next = match behind.filter(is_framed) {
+                Some(behind) => {
+                    segment.next += u64::from(is_numbered);
+                    behind
+                }
+                None => {
+                    is_numbered = false;
+                    (at + 1..length).find(|at| is_filled_record(&bytes, *at)).unwrap_or(length)
+                }
+            };
+            torn_bytes += next - at;
+            at = next;
+        }
+        if header.is_none() {
+            let mut known = segment.places.iter().chain(unnumbered.iter().map(|(place, _)| place));
+            let Some(one) = known.find_map(|place| stated(&bytes, *place)) else { return Ok(None) };
+            segment.stream = one.stream;
+            torn_bytes += HEADER_BYTES;
+        }
+        Ok(Some(Self { segment, unnumbered, torn_bytes }))
+    }
+
+    /// Gives numbers to the records behind a damaged length: those that they state, or by the first number of the file `after` it, of the same stream.
+    fn numbered(self, after: Option<(u64, u64)>) -> Segment {
+        let Self { mut segment, unnumbered, .. } = self;
+        let after = after.filter(|(stream, _)| *stream == segment.stream).map(|(_, first)| first);
+        let count = unnumbered.len() as u64;
+        for (k, (place, stated)) in unnumbered.into_iter().enumerate() {
+            let by_order = after.and_then(|after| (after + k as u64).checked_sub(count));
+            // Neither is taken where it contradicts the order.
+            let fits =
+                |number: &u64| *number >= segment.next && after.is_none_or(|after| *number < after);
+            let Some(number) = stated.or(by_order).filter(fits) else { continue };
+            segment.places.push(Place { number, ..place });
+            segment.next = number + 1;
+        }
+        segment
+    }
+}
+
+/// Length of the record at this place with its header, as it states it, within the file.
+fn stated_size(bytes: &[u8], at: u64) -> Option<u64> {
+    let length = bytes.get(usize::try_from(at).ok()?..)?.first_chunk()?;
+    let size = RECORD_HEADER_BYTES + u64::from(u32::from_le_bytes(*length));
+    (at + size <= bytes.len() as u64).then_some(size)
+}
+
+/// Size of the record at this place with its header; none where it is not whole.
+fn whole_record(bytes: &[u8], at: u64) -> Option<u64> {
+    let size = stated_size(bytes, at)?;
+    let record = bytes.get(at as usize..(at + size) as usize)?;
+    let (header, content) = record.split_at_checked(RECORD_HEADER_BYTES as usize)?;
+    let crc = u32::from_le_bytes(*header.get(4..)?.first_chunk()?);
+    (crc32fast::hash(content) == crc).then_some(size)
+}
+
+/// Whether a whole record with content begins here: zeros alone would be an empty one.
+fn is_filled_record(bytes: &[u8], at: u64) -> bool {
+    stated_size(bytes, at).is_some_and(|size| size > RECORD_HEADER_BYTES)
+        && whole_record(bytes, at).is_some()
 }

@@ -126,13 +126,17 @@ impl Kept {
         lock(&self.last)[kind as usize].clone()
     }
 
-    /// The kept messages from a number on, as JSON; an error in words.
-    fn history(&self, from: Option<&str>) -> Result<Vec<u8>, String> {
+    /// The kept messages from a number on, of a stream if it is given, as JSON; an error in words.
+    fn history(&self, from: Option<&str>, stream: Option<&str>) -> Result<Vec<u8>, String> {
         let from = from.map_or(Ok(0), str::parse);
         let from = from.map_err(|_| "from: expected the number of a message".to_owned())?;
+        let stream = stream.map(str::parse).transpose();
+        let stream = stream.map_err(|_| "stream: expected the stream of a message".to_owned())?;
         let spool = self.spool();
+        let from = stream.map_or(from, |stream| spool.position(stream, from));
         let page = spool.page(from, self.page_bytes).map_err(|why| why.to_string())?;
-        let (stream, first, next) = (spool.stream(), spool.first(), spool.next());
+        let (first, next) = (spool.first(), spool.next());
+        let stream = page.stream;
         drop(spool);
         let raw = |bytes| RawValue::from_string(String::from_utf8(bytes).ok()?).ok();
         let messages = page.records.into_iter().map_while(raw).collect();
@@ -252,7 +256,8 @@ fn answer(query: &Query, keys: &Keys, kept: &Kept) {
     }
     let key = keys.history();
     if is_asked(&key) {
-        match kept.history(query.parameters().get("from")) {
+        let asked = query.parameters();
+        match kept.history(asked.get("from"), asked.get("stream")) {
             Ok(history) => json(key, history),
             Err(why) => {
                 let _ = query.reply_err(why).encoding(Encoding::TEXT_PLAIN).wait();

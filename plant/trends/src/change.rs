@@ -48,7 +48,8 @@ pub struct Change {
     pub kind: ChangeKind,
     /// Probability of that kind among the two.
     pub kind_probability: f64,
-    /// The first recording that is changed, as an index of observations: most probable, and the ends of an interval of 95 %.
+    /// The first recording that is changed, as an index of observations: median of its probability, and the ends of an interval of 95 %. (The most probable one lies at an
+    /// end of the interval where a growth begins slowly.)
     pub first: [usize; 3],
     /// The number before the change.
     pub before: Estimate,
@@ -71,12 +72,17 @@ struct CandidateChange {
     reach: f64,
 }
 
-/// The change of a series; none where it has too few recordings for one.
+/// The change of a series; none where it has too few recordings for one, or all of one time.
 #[must_use]
 pub fn most_probable_change(series: &Series, settings: &Settings) -> Option<Change> {
     let observations = &series.observations;
     let count = observations.len();
     if series.found() < settings.least_found || count < 2 * settings.least_after {
+        return None;
+    }
+    let first_us = observations.first()?.at_us;
+    if observations.iter().all(|one| one.at_us == first_us) {
+        // Their order is none of time.
         return None;
     }
     let kelvins = centred_temperatures(observations, settings);
@@ -232,9 +238,8 @@ impl<'a> WeightedSummary<'a> {
             });
             beyond.map_or(best.first, |(one, _)| one.first)
         };
-        let first = [best.first, quantile(0.025), quantile(0.975)];
         Some(Self {
-            first: [first[0], first[1].min(first[0]), first[2].max(first[0])],
+            first: [quantile(0.5), quantile(0.025), quantile(0.975)],
             tried: weighted,
             best,
         })

@@ -41,6 +41,14 @@ pub enum TrendsError {
         /// Message of the library.
         why: String,
     },
+    /// A name without a file that can be read.
+    #[error("{}: {what}; expected a result of `trued diagnose --batch`: remove it, or give it another name", file.display())]
+    NoFile {
+        /// Where.
+        file: PathBuf,
+        /// What is there.
+        what: String,
+    },
     /// A query failed.
     #[error("the query `{query}` failed: {why}; please report it")]
     Query {
@@ -51,8 +59,8 @@ pub enum TrendsError {
     },
     /// A recording has two results.
     #[error(
-        "robot {robot}: {files} of {recorded_at} was diagnosed twice (results {first} and {second}); the model or the version of trued differs: keep the results \
-         of one model and version in a folder, and give that"
+        "robot {robot}: {files} of {recorded_at} was diagnosed twice (results {first} and {second}); the files' content, the model, an option or the version of trued differs: keep the \
+         results of one state in a folder, and give that"
     )]
     DiagnosedTwice {
         /// Robot.
@@ -73,5 +81,16 @@ pub enum TrendsError {
     NoTime {
         /// How many were read.
         recordings: usize,
+    },
+    /// All recordings have one time.
+    #[error(
+        "all {recordings} recordings have one and the same time ({day}): nothing can be said about growth; state the time of each as `recorded_at` in the manifest and \
+         diagnose again"
+    )]
+    OneTime {
+        /// How many.
+        recordings: usize,
+        /// Their day.
+        day: String,
     },
 }

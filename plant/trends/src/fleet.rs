@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::change::{Change, ChangeKind, Estimate, most_probable_change};
-use crate::results::{Results, RobotCounts};
+use crate::results::{Results, RobotCounts, has_one_time};
 use crate::series::{self, Series};
 use crate::settings::Settings;
 use crate::time::{after, day};
@@ -52,6 +52,8 @@ pub struct RobotSummary {
     pub refused: usize,
     /// Recordings without a time, which are left out.
     pub without_time: usize,
+    /// Whether all its recordings of a domain have one and the same time, so that nothing can be said about them.
+    pub has_one_time: bool,
     /// Day of the first recording with a time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub from: Option<String>,
@@ -138,7 +140,7 @@ pub struct Interval {
 /// The first recording that is changed.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Onset {
-    /// Its day, most probably.
+    /// Its day: the median of its probability.
     pub day: String,
     /// Days between which it lies with 95 %.
     pub day_ci95: [String; 2],
@@ -258,14 +260,15 @@ fn summary(
     searched: &[SearchedSeries],
     alerts: &[Alert],
 ) -> RobotSummary {
-    let of_robot = results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
+    let of_robot = || results.recordings.iter().filter(|(robot, _)| robot.name == count.robot);
     let times: Vec<i64> =
-        of_robot.flat_map(|(_, recordings)| recordings.iter().map(|one| one.at_us)).collect();
+        of_robot().flat_map(|(_, recordings)| recordings.iter().map(|one| one.at_us)).collect();
     RobotSummary {
         robot: count.robot.clone(),
         recordings: count.recordings,
         refused: count.refused,
         without_time: count.without_time,
+        has_one_time: of_robot().any(|(_, recordings)| has_one_time(recordings)),
         from: times.iter().min().map(|time| day(*time)),
         to: times.iter().max().map(|time| day(*time)),
         series: searched.iter().filter(|one| one.series.number.robot == count.robot).count(),

@@ -18,5 +18,5 @@ pub mod time;
 
 pub use error::TrendsError;
 pub use fleet::{Alert, Answer, evaluate};
-pub use results::{Results, read};
+pub use results::{Results, is_result_name, read};
 pub use settings::Settings;

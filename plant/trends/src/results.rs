@@ -183,6 +183,13 @@ pub struct Results {
     pub numbers: BTreeMap<ParameterKey, BTreeMap<String, Finding>>,
 }
 
+/// Whether a file of this name is read as a result.
+#[must_use]
+pub fn is_result_name(path: &Path) -> bool {
+    let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    !is_hidden && path.extension().is_some_and(|end| end.eq_ignore_ascii_case("parquet"))
+}
+
 /// Reads all results in the folders.
 ///
 /// # Errors
@@ -194,12 +201,14 @@ pub fn read(folders: &[PathBuf], settings: &Settings) -> Result<Results, TrendsE
     let runtime =
         runtime.map_err(|why| TrendsError::Query { query: "start", why: why.to_string() })?;
     runtime.block_on(async {
-        let table = Table::open(files).await?;
-        let results = Results {
-            counts: table.counts().await?,
-            recordings: table.recordings().await?,
-            numbers: table.numbers(settings.least_found).await?,
+        let results = match Table::results(files.clone(), settings).await {
+            // A query fails where a file is damaged inside: which one?
+            Err(failed @ TrendsError::Query { .. }) => {
+                return Err(damaged(&files).await.unwrap_or(failed));
+            }
+            results => results?,
         };
+        one_time(&results)?;
         if results.recordings.is_empty() {
             let recordings = results.counts.iter().map(|count| count.recordings).sum();
             return Err(TrendsError::NoTime { recordings });
@@ -216,10 +225,8 @@ fn files(folders: &[PathBuf]) -> Result<Vec<String>, TrendsError> {
         let before = all.len();
         for entry in std::fs::read_dir(folder).map_err(fault)? {
             let path = entry.map_err(fault)?.path();
-            let is_hidden =
-                path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-            if !is_hidden && path.extension().is_some_and(|end| end == "parquet") && path.is_file()
-            {
+            if is_result_name(&path) {
+                check_file(&path)?;
                 all.push(path.canonicalize().map_err(fault)?.to_string_lossy().into_owned());
             }
         }
@@ -232,9 +239,76 @@ fn files(folders: &[PathBuf]) -> Result<Vec<String>, TrendsError> {
     Ok(all)
 }
 
+/// Checks that there is a file with content behind a name.
+fn check_file(path: &Path) -> Result<(), TrendsError> {
+    let refused = |what: &str| TrendsError::NoFile { file: path.to_owned(), what: what.to_owned() };
+    let found = std::fs::metadata(path).map_err(|why| {
+        let what = if path.is_symlink() { "a link to a file that is not there: " } else { "" };
+        refused(&format!("{what}{why}"))
+    })?;
+    if !found.is_file() {
+        return Err(refused(if found.is_dir() { "a folder" } else { "no regular file" }));
+    }
+    if found.len() == 0 {
+        let (file, why) = (path.display().to_string(), "the file is empty".to_owned());
+        return Err(TrendsError::NotParquet { file, why });
+    }
+    Ok(())
+}
+
+/// Options that accept `.PARQUET` too: the names are checked before.
+fn any_ending() -> ParquetReadOptions<'static> {
+    ParquetReadOptions::default().file_extension("")
+}
+
 struct Table(SessionContext);
 
+/// Where all recordings of each robot have one and the same time, nothing can grow.
+fn one_time(results: &Results) -> Result<(), TrendsError> {
+    let series = || results.recordings.values().filter(|recordings| recordings.len() > 1);
+    if series().next().is_some() && series().all(|recordings| has_one_time(recordings)) {
+        let recordings = series().map(Vec::len).sum();
+        let at_us = series().next().and_then(|all| all.first()).map_or(0, |one| one.at_us);
+        return Err(TrendsError::OneTime { recordings, day: day(at_us) });
+    }
+    Ok(())
+}
+
+/// Whether there are several recordings, all of one time.
+pub(crate) fn has_one_time(recordings: &[Recording]) -> bool {
+    recordings.len() > 1 && recordings.windows(2).all(|pair| pair[0].at_us == pair[1].at_us)
+}
+
+/// The first file that cannot be read to its end.
+async fn damaged(files: &[String]) -> Option<TrendsError> {
+    for file in files {
+        let context = SessionContext::new();
+        let rows = match context.read_parquet(file, any_ending()).await {
+            Ok(frame) => frame.collect().await.map(drop),
+            Err(why) => Err(why),
+        };
+        if let Err(why) = rows {
+            return Some(not_parquet(file, &why));
+        }
+    }
+    None
+}
+
+fn not_parquet(file: &str, why: &datafusion::error::DataFusionError) -> TrendsError {
+    let why = why.strip_backtrace().lines().next().unwrap_or_default().to_owned();
+    TrendsError::NotParquet { file: file.to_owned(), why }
+}
+
 impl Table {
+    async fn results(files: Vec<String>, settings: &Settings) -> Result<Results, TrendsError> {
+        let table = Self::open(files).await?;
+        Ok(Results {
+            counts: table.counts().await?,
+            recordings: table.recordings().await?,
+            numbers: table.numbers(settings.least_found).await?,
+        })
+    }
+
     async fn open(files: Vec<String>) -> Result<Self, TrendsError> {
         let config = SessionConfig::new()
             .with_target_partitions(1)
@@ -245,7 +319,7 @@ impl Table {
         for file in &files {
             check(&context, file).await?;
         }
-        let options = ParquetReadOptions::default();
+        let options = any_ending();
         let frame = context.read_parquet(files, options).await;
         let registered =
             frame.and_then(|frame| context.register_table("results", frame.into_view()));
@@ -362,11 +436,8 @@ fn check_unique(robot: &str, recordings: &[Recording]) -> Result<(), TrendsError
 
 /// Checks that a file is a result.
 async fn check(context: &SessionContext, file: &str) -> Result<(), TrendsError> {
-    let torn = |why: datafusion::error::DataFusionError| TrendsError::NotParquet {
-        file: file.to_owned(),
-        why: why.strip_backtrace().lines().next().unwrap_or_default().to_owned(),
-    };
-    let frame = context.read_parquet(file, ParquetReadOptions::default()).await.map_err(torn)?;
+    let frame = context.read_parquet(file, any_ending()).await;
+    let frame = frame.map_err(|why| not_parquet(file, &why))?;
     for (column, is_text) in NEEDED {
         let fault = |what: String| TrendsError::Column { file: shown(file), column, what };
         let field = frame.schema().fields().iter().find(|field| field.name() == column);

@@ -172,6 +172,9 @@ fn robot(robot: &RobotSummary) -> String {
             let _ = write!(text, ", {count} {what}");
         }
     }
+    if robot.has_one_time {
+        text += "; its recordings have one and the same time, which says nothing about growth";
+    }
     match robot.alerts {
         0 => text + "; no alert",
         alerts => format!("{text}; {}", counted(alerts, "alert", "alerts")),

@@ -1,8 +1,9 @@
 //! Converts an MCAP recording to `trued.recording/1`, without loss.
 //!
 //! Fields with a column in `trued.recording/1` are written there; the rest of each cycle gets columns with
-//! other names, as text that reads back to the same bits. Times count from the first cycle;
-//! `command_ns` keeps the absolute time. Each model gets a separate recording, and so do force blocks.
+//! other names, as text that reads back to the same bits. Times of all tables count from the first cycle, or,
+//! without cycles, from the first force sample; `command_ns` keeps the absolute time. Each model gets a
+//! separate recording, and so do force blocks.
 
 use super::records::{CycleRecord, ForceRecord, Record};
 use super::{Contents, Header};
@@ -28,6 +29,22 @@ pub struct Conversion {
     pub forces: Option<Recording>,
     /// Number of infinite values, which were replaced by missing samples.
     pub not_finite: usize,
+    /// Whether the times of the force samples are of another clock than those of the cycles
+    /// ([`OTHER_CLOCK_S`]), and count from the first sample instead.
+    pub forces_by_own_clock: bool,
+}
+
+/// First force sample and first cycle that are further apart, s, were stamped by different clocks: no
+/// machine runs for three years between them.
+pub const OTHER_CLOCK_S: f64 = 1e8;
+
+/// What the times of the force samples count from, and whether that is another clock's time than
+/// `start_ns` of the cycles.
+fn force_origin(cycles: &[&CycleRecord], forces: &[&ForceRecord]) -> (u64, bool) {
+    let own_ns = forces.first().map_or(0, |block| block.t_ns);
+    let Some(start_ns) = cycles.first().map(|cycle| cycle.t_ns) else { return (own_ns, false) };
+    let is_other = !forces.is_empty() && seconds(own_ns, start_ns).abs() > OTHER_CLOCK_S;
+    (if is_other { own_ns } else { start_ns }, is_other)
 }
 
 /// Converts the contents of an MCAP recording.
@@ -45,10 +62,12 @@ pub fn convert(contents: &Contents) -> Conversion {
         header: cycles.first().and_then(|cycle| models(cycle)).cloned(),
         cycles: cycles_of(contents, cycles, start_ns),
     };
+    let (forces_ns, forces_by_own_clock) = force_origin(&cycles, &forces);
     let mut made = Conversion {
         runs: runs.map(run).collect(),
-        forces: (!forces.is_empty()).then(|| forces_of(&forces)),
+        forces: (!forces.is_empty()).then(|| forces_of(&forces, forces_ns)),
         not_finite: 0,
+        forces_by_own_clock,
     };
     let tables = made.runs.iter_mut().map(|run| &mut run.cycles).chain(&mut made.forces);
     made.not_finite = tables.map(drop_infinite).sum();
@@ -223,8 +242,7 @@ fn trim_columns(cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
     columns
 }
 
-fn forces_of(blocks: &[&ForceRecord]) -> Recording {
-    let start = blocks.first().map_or(0, |block| block.t_ns);
+fn forces_of(blocks: &[&ForceRecord], start_ns: u64) -> Recording {
     let (mut t_s, mut segment) = (Vec::new(), Vec::new());
     let mut channels: [Vec<f64>; 6] = Default::default();
     let mut run = 0;
@@ -238,7 +256,7 @@ fn forces_of(blocks: &[&ForceRecord]) -> Recording {
         let count = usize::try_from(block.channels).unwrap_or(6).clamp(1, 6);
         let samples = block.data.len() / count;
         for sample in 0..samples {
-            t_s.push(seconds(block.t_ns, start) + sample as f64 / block.rate_hz);
+            t_s.push(seconds(block.t_ns, start_ns) + sample as f64 / block.rate_hz);
             segment.push(run);
             for (channel_index, channel) in channels.iter_mut().enumerate() {
                 let value = (channel_index < count)

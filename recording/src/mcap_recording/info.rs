@@ -12,7 +12,7 @@ use super::read::{
     CLOCKS, METADATA, MODEL_CHANGE, ModelChange, REPAIRED, clocks, header, model_change,
 };
 use super::records::Record;
-use super::scan::scan;
+use super::scan::{Damage, scan};
 use super::{Header, McapRecordingError};
 
 /// State of a file.
@@ -69,6 +69,10 @@ pub struct Info {
     pub bytes: u64,
     /// State of the file.
     pub end: FileState,
+    /// Parts before the end that cannot be read.
+    pub damage: Vec<Damage>,
+    /// Whether it ends in a part of a chunk, which cannot be read.
+    pub ends_in_chunk: bool,
     /// Why it was repaired, if it was.
     pub repaired: Option<String>,
 }
@@ -111,7 +115,8 @@ pub(super) fn info_of(path: &Path, mut file: &File) -> Result<Info, McapRecordin
         None if !tally.index_is_right(file).map_err(refused)? => FileState::WrongIndex,
         None => FileState::Closed,
     };
-    Ok(tally.into_info(bytes, end))
+    let info = tally.into_info(bytes, end);
+    Ok(Info { damage: scanned.damage, ends_in_chunk: scanned.ends_in_chunk, ..info })
 }
 
 /// Whether the file ends with the magic bytes of a closed file.
@@ -207,6 +212,8 @@ impl Tally {
             channels,
             bytes,
             end,
+            damage: Vec::new(),
+            ends_in_chunk: false,
             repaired: self.repaired,
         }
     }

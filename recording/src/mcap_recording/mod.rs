@@ -2,7 +2,7 @@
 //!
 //! Contract: encoding `cdr` with `ros2msg` definitions of our own flat messages; chunks without
 //! compression, each written completely: a kill loses at most the last chunk, earlier data
-//! remains readable, and [`repair`] adds the index. Log times are wall-clock times; messages
+//! remains readable, and [`repair`] adds the index. A damaged chunk is skipped and named ([`Damage`]). Log times are wall-clock times; messages
 //! also contain monotonic times. No threads here; called by the daemon's recorder thread. Unlike all other
 //! files, a recording is written directly under its final name, because it must survive its writer.
 
@@ -22,13 +22,14 @@ use std::path::PathBuf;
 
 pub use cdr::InlineVec;
 pub use clock::{Clocks, Utc};
-pub use convert::{Conversion, Run, convert};
+pub use convert::{Conversion, OTHER_CLOCK_S, Run, convert};
 pub use info::{ChannelInfo, FileState, Info, ModelInfo, info};
 pub use read::{Contents, ModelChange, read, read_bytes};
 pub use records::{
     CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, Topic, VerdictRecord,
 };
-pub use repair::{Repair, UNFINISHED, is_closed, repair};
+pub use repair::{Loss, Repair, UNFINISHED, is_closed, original_path, repair};
+pub use scan::{Damage, messages_lost};
 pub use write::McapWriter;
 
 use physics::JointKind;

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Cursor, Read, Seek};
 use std::path::Path;
 
 use mcap::records::Record as McapRecord;
 
 use super::clock::Clocks;
 use super::records::{CycleRecord, Record};
-use super::scan::{ScanResult, scan};
+use super::scan::{Damage, ScanResult, scan};
 use super::{Header, McapRecordingError};
 use physics::JointKind;
 
@@ -45,6 +45,8 @@ pub struct Contents {
     pub records: Vec<Record>,
     /// Why the file is truncated, if it is; the records before are complete.
     pub cut: Option<String>,
+    /// Parts before the end that cannot be read.
+    pub damage: Vec<Damage>,
     /// Number of messages of other topics, or of a form unknown to this version.
     pub unknown: usize,
 }
@@ -67,7 +69,7 @@ impl Contents {
 /// Reads a recording. Besides the result only the current record is in memory.
 ///
 /// # Errors
-/// The file cannot be read, or is not an MCAP recording. A truncated one is read as far as
+/// The file cannot be read, or is not an MCAP recording. A truncated or damaged one is read as far as
 /// possible.
 pub fn read(path: &Path) -> Result<Contents, McapRecordingError> {
     let refused = |source| McapRecordingError::Io { action: "read", path: path.to_owned(), source };
@@ -89,17 +91,22 @@ pub fn read(path: &Path) -> Result<Contents, McapRecordingError> {
 /// # Errors
 /// The bytes are not an MCAP recording of the daemon.
 pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, McapRecordingError> {
-    read_from(name, bytes, bytes.len())
+    read_from(name, Cursor::new(bytes), bytes.len())
 }
 
 /// Reads a recording from a source of `bytes` bytes.
-fn read_from(name: &str, source: impl Read, bytes: usize) -> Result<Contents, McapRecordingError> {
+fn read_from(
+    name: &str,
+    source: impl Read + Seek,
+    bytes: usize,
+) -> Result<Contents, McapRecordingError> {
     let mut gathered = ContentsBuilder::default();
     let scanned = scan(name, source, bytes, &mut |record| {
         gathered.take(record);
         Ok(())
     })?;
-    let ScanResult { cut, has_footer } = scanned;
+    let ScanResult { cut, has_footer, damage, .. } = scanned;
+    gathered.contents.damage = damage;
     let ends = "no footer: the file was not closed".to_owned();
     gathered.contents.cut = cut.or_else(|| (!has_footer).then_some(ends));
     if gathered.has_header {

@@ -281,6 +281,12 @@ impl Topic {
     pub fn verdict() -> Self {
         Self::of::<VerdictRecord>()
     }
+
+    /// The topic of the daemon's log.
+    #[must_use]
+    pub fn log() -> Self {
+        Self::of::<LogRecord>()
+    }
 }
 
 impl StatusRecord {

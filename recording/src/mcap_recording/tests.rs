@@ -193,6 +193,40 @@ fn a_black_box_becomes_a_recording_without_loss() {
 }
 
 #[test]
+fn forces_that_began_later_than_the_cycles_count_from_the_first_cycle_too() {
+    let late = |t_ns: u64, seq: u64| {
+        let data = vec![1.0, 2.0];
+        let block =
+            ForceRecord { seq, rate_hz: 1000.0, channels: 1, t_ns, data, ..Default::default() };
+        Record::Force(block)
+    };
+    let start_ns = cycle(0).t_ns;
+    let cycles = (0..3).map(|seq| Record::Cycle(Box::new(cycle(seq))));
+    let forces = [late(start_ns + 3_167_000_000, 1), late(start_ns + 3_169_000_000, 2)];
+    let mut contents = Contents {
+        header: header(),
+        records: cycles.chain(forces).collect(),
+        ..Contents::default()
+    };
+    let made = convert(&contents);
+    let times: Vec<f64> = made.forces.unwrap().t_s.iter().map(|t_s| t_s * 1e3).collect();
+    assert_eq!(
+        times.iter().map(|t| t.round()).collect::<Vec<_>>(),
+        [3167.0, 3168.0, 3169.0, 3170.0]
+    );
+    assert!(!made.forces_by_own_clock);
+    // Before the first cycle: negative. Without cycles: from the first sample.
+    contents.records.insert(0, late(start_ns - 2_000_000_000, 0));
+    assert_eq!(convert(&contents).forces.unwrap().t_s[0], -2.0);
+    contents.records.retain(|record| matches!(record, Record::Force(_)));
+    assert_eq!(convert(&contents).forces.unwrap().t_s[0], 0.0);
+    // The clock of another machine.
+    contents.records = vec![Record::Cycle(Box::new(cycle(0))), late(5, 1)];
+    let made = convert(&contents);
+    assert!(made.forces_by_own_clock && made.forces.unwrap().t_s[0] == 0.0);
+}
+
+#[test]
 fn a_file_of_a_version_without_epochs_gives_each_cycle_the_last_model_before_it() {
     let scratch = Scratch::new("older");
     let none = |header: Header| Header { model_epoch: 0, ..header };
@@ -321,6 +355,139 @@ fn other_files_are_no_black_box() {
     for bytes in [&b""[..], b"t_s,q1_deg\n", mcap::MAGIC] {
         assert!(read_bytes("x", bytes).is_err());
     }
+}
+
+/// Where the chunk records begin, and their lengths.
+fn chunks(bytes: &[u8]) -> Vec<(usize, usize)> {
+    let (mut at, mut found) = (mcap::MAGIC.len(), Vec::new());
+    while let Some(length) = bytes.get(at + 1..at + 9) {
+        let length = 9 + u64::from_le_bytes(length.try_into().unwrap()) as usize;
+        if bytes[at] == mcap::records::op::CHUNK {
+            found.push((at, length));
+        }
+        at += length;
+    }
+    found
+}
+
+/// A recording of three chunks of 20 cycles each after the chunk of the definitions, closed or not.
+fn three_chunks(path: &Path, is_closed: bool) -> Vec<u8> {
+    let _ = std::fs::remove_file(path);
+    let mut black_box = McapWriter::create(path, &header(), NOW).unwrap();
+    for seq in 0..60 {
+        black_box.write_cycle(&cycle(seq)).unwrap();
+        if seq % 20 == 19 {
+            black_box.flush().unwrap();
+        }
+    }
+    let cut = std::fs::read(path).unwrap();
+    black_box.finish().unwrap();
+    if is_closed { std::fs::read(path).unwrap() } else { cut }
+}
+
+fn seqs(contents: &Contents) -> Vec<u64> {
+    let seq = |record: &Record| match record {
+        Record::Cycle(cycle) => Some(cycle.seq),
+        _ => None,
+    };
+    contents.records.iter().filter_map(seq).collect()
+}
+
+#[test]
+fn a_damaged_chunk_is_named_counted_and_skipped_and_the_original_stays_beside_the_repaired_file() {
+    for is_closed in [true, false] {
+        let scratch = Scratch::new("damaged");
+        let path = scratch.file();
+        let mut bytes = three_chunks(&path, is_closed);
+        let (at, length) = chunks(&bytes)[2];
+        bytes[at + length / 2] ^= 4;
+        std::fs::write(&path, &bytes).unwrap();
+        let contents = read(&path).unwrap();
+        let rest: Vec<u64> = (0..20).chain(40..60).collect();
+        assert_eq!(seqs(&contents), rest);
+        let [damage] = contents.damage.as_slice() else { panic!("{:?}", contents.damage) };
+        assert_eq!((damage.at_byte, damage.bytes), (at as u64, length as u64));
+        assert_eq!(damage.messages, Some(20), "by the message index");
+        assert!(damage.to_string().contains("20 messages lost"), "{damage}");
+        assert_eq!(info(&path).unwrap().damage, contents.damage);
+        let Repair::Done { messages: 40, loss: Some(loss), .. } = repair(&path).unwrap() else {
+            panic!("not repaired")
+        };
+        assert_eq!((loss.messages, &loss.original), (Some(20), &original_path(&path, 1)));
+        assert_eq!(std::fs::read(&loss.original).unwrap(), bytes, "the original");
+        let repaired = read(&path).unwrap();
+        assert_eq!((seqs(&repaired), repaired.cut, repaired.damage), (rest, None, Vec::new()));
+        assert_eq!(repair(&path).unwrap(), Repair::NotNeeded);
+        // Another file of that name: the first original is not overwritten.
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(matches!(repair(&path).unwrap(), Repair::Done { loss: Some(second), .. }
+            if second.original == original_path(&path, 2)));
+        assert_eq!(std::fs::read(&loss.original).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn a_bit_flipped_anywhere_in_the_head_of_a_chunk_costs_no_other_chunk_and_no_loss_is_silent() {
+    let scratch = Scratch::new("heads");
+    for is_closed in [true, false] {
+        let whole = three_chunks(&scratch.file(), is_closed);
+        let (at, _) = chunks(&whole)[2];
+        for (place, bit) in (at..at + 49).flat_map(|place| [0, 3, 7].map(|bit| (place, bit))) {
+            let mut bytes = whole.clone();
+            bytes[place] ^= 1 << bit;
+            let contents = read_bytes("x", &bytes).unwrap();
+            let found = seqs(&contents);
+            let others = (0..20).chain(40..60).filter(|seq| found.contains(seq)).count();
+            assert_eq!(others, 40, "byte {} bit {bit}: {:?}", place - at, contents.damage);
+            let is_named = !contents.damage.is_empty();
+            assert!(found.len() == 60 || is_named, "byte {} bit {bit}", place - at);
+        }
+    }
+}
+
+#[test]
+fn where_the_chunk_of_the_definitions_is_damaged_the_messages_are_read_nevertheless() {
+    let scratch = Scratch::new("definitions");
+    for is_closed in [true, false] {
+        let mut bytes = three_chunks(&scratch.file(), is_closed);
+        let (at, length) = chunks(&bytes)[0];
+        bytes[at + length / 2] ^= 1;
+        let contents = read_bytes("x", &bytes).unwrap();
+        assert_eq!((seqs(&contents).len(), contents.damage.len()), (60, 1));
+    }
+}
+
+#[test]
+fn a_file_that_ends_within_a_chunk_is_kept_beside_its_repaired_one() {
+    let scratch = Scratch::new("partial");
+    let path = scratch.file();
+    let bytes = three_chunks(&path, false);
+    let (at, length) = chunks(&bytes)[3];
+    let cut = &bytes[..at + length - 10];
+    std::fs::write(&path, cut).unwrap();
+    let done = repair(&path).unwrap();
+    let Repair::Done { messages: 40, loss: Some(loss), .. } = done else { panic!("{done:?}") };
+    assert_eq!(loss.messages, None);
+    assert_eq!(std::fs::read(loss.original).unwrap(), cut);
+}
+
+#[test]
+fn compressed_chunks_are_no_damage_and_such_a_file_is_not_repaired() {
+    let scratch = Scratch::new("compressed");
+    let whole = three_chunks(&scratch.file(), false);
+    let (at, _) = chunks(&whole)[0];
+    let mut chunk = [0; 28].to_vec();
+    chunk.extend([4, 0, 0, 0]);
+    chunk.extend(b"zstd");
+    chunk.extend([0; 8]);
+    let mut bytes = whole[..at].to_vec();
+    bytes.push(mcap::records::op::CHUNK);
+    bytes.extend((chunk.len() as u64).to_le_bytes());
+    bytes.extend(chunk);
+    std::fs::write(scratch.file(), &bytes).unwrap();
+    let why = repair(&scratch.file()).unwrap_err().to_string();
+    assert!(why.contains("compressed (zstd)"), "{why}");
+    assert_eq!(std::fs::read(scratch.file()).unwrap(), bytes);
 }
 
 proptest! {

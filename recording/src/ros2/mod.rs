@@ -1,7 +1,8 @@
 //! Recordings as MCAP files of standard ROS 2 messages, which `ros2 bag`, Foxglove and the `mcap` packages read without message packages of trued.
 //!
 //! Format: docs/reference/recording.md, "ROS 2". The messages of a recording of the daemon have its
-//! wall-clock times; those of a table count from its first row, in 1970. Columns of a table without
+//! wall-clock times; those of a table are its `t_s` after the beginning of 1970, so that tables of one recording keep
+//! their relation; where `t_s` is negative, the first row is at 0, which is reported. Columns of a table without
 //! a standard message are left out and listed.
 
 mod messages;
@@ -41,6 +42,8 @@ pub struct Bag {
     pub topics: BTreeMap<String, usize>,
     /// Columns that no standard message carries, by their names in the file.
     pub left_out: Vec<String>,
+    /// What was added to the times of a table that begins before 0, s: the format has no negative times.
+    pub shifted_s: f64,
 }
 
 /// A recording of the daemon as ROS 2 messages.
@@ -77,14 +80,14 @@ pub fn from_table(recording: &Recording) -> Result<Bag, McapError> {
     let mut bag = BagWriter::new()?;
     let joints = recording.joint_count();
     let names = joint_names(joints);
-    let first_s = recording.t_s.iter().copied().fold(f64::INFINITY, f64::min);
+    let shifted_s = -recording.t_s.iter().copied().fold(0.0, f64::min);
     let frame = match recording.metadata.wrench_frame {
         Some(CoordinateFrame::Base) => BASE,
         _ => TOOL,
     };
     let measuring = if recording.metadata.measured_in_base { BASE } else { "measuring" };
     for (row, t_s) in recording.t_s.iter().enumerate() {
-        let stamp = Time(((t_s - first_s) * 1e9).round() as u64);
+        let stamp = Time(((t_s + shifted_s) * 1e9).round() as u64);
         let value = |channel| recording.column(channel).map_or(f64::NAN, |column| column[row]);
         let all = |channel: fn(usize) -> Channel| -> Vec<f64> {
             let numbers: Vec<f64> = (0..joints).map(|joint| value(channel(joint))).collect();
@@ -106,7 +109,7 @@ pub fn from_table(recording: &Recording) -> Result<Bag, McapError> {
         bag.temperatures(stamp, value(Channel::Ambient), &all(Channel::JointTemperature))?;
         bag.measured(Header { stamp, frame: measuring }, recording.target_count(), &value)?;
     }
-    bag.end(left_out(recording))
+    Ok(Bag { shifted_s, ..bag.end(left_out(recording))? })
 }
 
 /// The columns that [`from_table`] has no message for.
@@ -190,7 +193,8 @@ impl BagWriter {
         self.writer.finish()?;
         let topics = self.channels.iter();
         let topics = topics.map(|(topic, (_, count))| (topic.clone(), *count as usize)).collect();
-        Ok(Bag { bytes: self.writer.into_inner().into_inner(), topics, left_out })
+        let bytes = self.writer.into_inner().into_inner();
+        Ok(Bag { bytes, topics, left_out, shifted_s: 0.0 })
     }
 
     /// All messages of a cycle have the time at which the command was received, except the measured

@@ -44,7 +44,16 @@ fn a_table_becomes_messages_from_its_first_row_on_and_what_has_none_is_named() {
         .filter(|(topic, ..)| topic == "/joint_states")
         .map(|(_, t_ns, _)| *t_ns)
         .collect();
-    assert_eq!(times, [0, 1_500_000_000]);
+    assert_eq!((times, bag.shifted_s), (vec![0, 1_500_000_000], 1.0));
+}
+
+#[test]
+fn tables_of_one_recording_keep_their_relation_in_time() {
+    let text = "t_s,fx_N\n3.167,1\n3.168,2\n";
+    let late = read_text("forces.csv", text, None, None, RequiredData::Samples).expect("a table");
+    let bag = from_table(&late).expect("a bag");
+    let times: Vec<u64> = messages(&bag).iter().map(|(_, t_ns, _)| *t_ns).collect();
+    assert_eq!((times, bag.shifted_s), (vec![3_167_000_000, 3_168_000_000], 0.0));
 }
 
 #[test]

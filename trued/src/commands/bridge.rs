@@ -45,7 +45,7 @@ struct BridgeOptions {
 
 impl Bridge {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let options = Options { stop: interrupt::flag()?, ..Options::default() };
+        let options = Options { stop: interrupt::flag_of_service()?, ..Options::default() };
         let mut printed = Ok(None);
         let mut ready = |address| {
             printed = console

@@ -1,20 +1,21 @@
 //! `trued convert`: converts a recording of the daemon (MCAP), or a table, to a table (CSV or Parquet) or to ROS 2 messages (MCAP).
 //!
-//! No data of a row is lost; a truncated MCAP file is read as far as possible, and this is
-//! reported. The input is never overwritten.
+//! No data of a row is lost; a truncated MCAP file is read as far as possible, damaged chunks are
+//! skipped, and this is reported. The input is never overwritten.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recording::mcap_recording::{self, Contents, Record, Run};
+use recording::mcap_recording::{self, Contents, Damage, OTHER_CLOCK_S, Record, Run, Topic};
 use recording::ros2;
 use recording::series::{self, Recording, RequiredData};
 use report::pluralise;
 use serde::Serialize;
 use tracing::warn;
 
+use super::info::DamagedPart;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 use crate::pages::Outputs;
@@ -26,7 +27,8 @@ use crate::progress;
 /// `status`, `reason`). Force samples are written to NAME-forces, the model of the rows to NAME-model.toml, to which NAME.toml refers. If another model was
 /// loaded during the recording, its rows become a separate recording, NAME-2 with NAME-2-model.toml, and so on. The columns of another program's table are renamed
 /// by its mapping to those of `trued.recording/1`. With `--out NAME.mcap`, standard ROS 2 messages are written instead: `sensor_msgs/JointState`,
-/// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, Foxglove and plotting tools.
+/// `geometry_msgs/WrenchStamped`, `diagnostic_msgs/DiagnosticArray` and others, for `ros2 bag`, Foxglove and plotting tools. The times of all tables of one recording
+/// count from its first cycle. Damaged chunks are skipped and named; the exit code is 1 then.
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
     /// Output files: NAME.csv and NAME.toml. If NAME ends in `.parquet`: NAME.parquet and NAME.toml; if it ends in `.mcap`: ROS 2 messages
@@ -53,11 +55,13 @@ struct Report {
     recordings: usize,
     /// Why the MCAP file is truncated; `None` if it is complete.
     cut: Option<String>,
+    /// Parts of the MCAP file that cannot be read; what follows them was read.
+    damaged: Vec<DamagedPart>,
     /// Number of messages unknown to this version.
     unknown: usize,
     /// ROS 2 messages that were written, by topic; none where the output is a table.
     topics: BTreeMap<String, usize>,
-    /// Columns of a table that no standard ROS 2 message carries.
+    /// Columns of a table that no standard ROS 2 message carries; topics of an MCAP file that a table does not hold.
     left_out: Vec<String>,
     files: Vec<String>,
 }
@@ -109,15 +113,23 @@ impl Convert {
     ) -> Result<Report, Failure> {
         let mut contents = mcap_recording::read(&self.input).map_err(Failure::input)?;
         let mut made = mcap_recording::convert(&contents);
+        let left_out = topics_without_table(&contents.records);
         // In a long run the records are most of the memory.
         contents.records = Vec::new();
         if made.runs.is_empty() && made.forces.is_none() {
-            return Err(Failure::input(empty_file_message(&self.input, contents.cut.as_deref())));
+            let damage = contents.damage.first().map(ToString::to_string);
+            let cut = damage.or(contents.cut);
+            return Err(Failure::input(empty_file_message(&self.input, cut.as_deref())));
         }
         if made.not_finite > 0 {
             let values = pluralise(made.not_finite, "value");
             warn!(
                 "{values} of forces, joints or temperatures are not finite and are written as missing"
+            );
+        }
+        if made.forces_by_own_clock {
+            warn!(
+                "cycles and forces are more than {OTHER_CLOCK_S:.0} s apart, by different clocks: the times of the forces count from the first sample"
             );
         }
         for (place, run) in made.runs.iter_mut().enumerate() {
@@ -127,8 +139,10 @@ impl Convert {
         if let Some(forces) = &made.forces {
             target.add_recording(outputs, "-forces", forces, written)?;
         }
-        let Contents { header, cut, unknown, .. } = contents;
+        let Contents { header, cut, unknown, damage, .. } = contents;
         Ok(Report {
+            damaged: self.damaged(&damage),
+            left_out,
             cell: Some(header.cell),
             recorded_by: Some(header.version),
             rows: made.runs.iter().map(|run| run.cycles.len()).sum(),
@@ -138,6 +152,14 @@ impl Convert {
             unknown,
             ..Report::default()
         })
+    }
+
+    /// Warns of parts of the input that cannot be read, and returns them for the report.
+    fn damaged(&self, damage: &[Damage]) -> Vec<DamagedPart> {
+        for part in damage {
+            warn!("{}: {part}; what follows was read", self.input.display());
+        }
+        damage.iter().map(DamagedPart::from).collect()
     }
 
     fn table(&self) -> Result<Recording, Failure> {
@@ -158,10 +180,11 @@ impl Convert {
         let (bag, report) = if is_of_daemon {
             let contents = mcap_recording::read(&self.input).map_err(Failure::input)?;
             let bag = ros2::from_daemon_recording(&contents).map_err(Failure::system)?;
-            let Contents { header, cut, unknown, records, .. } = contents;
+            let Contents { header, cut, unknown, records, damage, .. } = contents;
+            let damaged = self.damaged(&damage);
             let rows = records.iter().filter(|record| matches!(record, Record::Cycle(_))).count();
             let (cell, recorded_by) = (Some(header.cell), Some(header.version));
-            (bag, Report { cell, recorded_by, rows, cut, unknown, ..Report::default() })
+            (bag, Report { cell, recorded_by, rows, cut, unknown, damaged, ..Report::default() })
         } else {
             let recording = self.table()?;
             let bag = ros2::from_table(&recording).map_err(Failure::system)?;
@@ -173,6 +196,12 @@ impl Convert {
                 self.input.display()
             );
             return Err(Failure::input(format!("{what}; write a table instead (--out NAME.csv)")));
+        }
+        if bag.shifted_s > 0.0 {
+            warn!(
+                "the table begins before 0 s, which ROS 2 times cannot: its first row is at 0, {} s were added",
+                bag.shifted_s
+            );
         }
         outputs.put(&self.out, bag.bytes);
         written.push(self.out.clone());
@@ -198,12 +227,24 @@ impl Convert {
     }
 }
 
+/// Topics of these records that no table holds.
+fn topics_without_table(records: &[Record]) -> Vec<String> {
+    let topic = |record: &Record| match record {
+        Record::Cycle(_) | Record::Force(_) => None,
+        Record::Verdict(_) => Some(Topic::verdict().name),
+        Record::Status(_) => Some(Topic::status().name),
+        Record::Log(_) => Some(Topic::log().name),
+    };
+    let topics: BTreeSet<&str> = records.iter().filter_map(topic).collect();
+    topics.into_iter().map(str::to_owned).collect()
+}
+
 /// Message for a file of the daemon that contains nothing to convert.
 fn empty_file_message(input: &Path, cut: Option<&str>) -> String {
     let what = format!("{}: contains no cycle and no force sample", input.display());
     match cut {
         Some(why) => {
-            format!("{what}; the file is truncated before its first chunk is complete: {why}")
+            format!("{what}; the file is truncated or damaged before its first data: {why}")
         }
         None => format!("{what}; check whether the daemon received any commands"),
     }
@@ -229,8 +270,10 @@ fn has_ending(path: &Path, ending: &str) -> bool {
 impl Target {
     fn of(out: &Path) -> Result<Self, Failure> {
         // `.`, `/`, a device: the files' names begin with NAME.
-        if out.file_name().is_none() || out.metadata().is_ok_and(|metadata| !metadata.is_file()) {
-            let what = format!("--out {}: not a valid file name", out.display());
+        let is_folder = out.is_dir();
+        if out.file_name().is_none() || (out.exists() && !out.is_file()) {
+            let found = if is_folder { "is a folder" } else { "not a valid file name" };
+            let what = format!("--out {}: {found}", out.display());
             return Err(Failure::input(format!("{what}; give one such as --out run.csv")));
         }
         let format = if has_ending(out, "parquet") { Format::Parquet } else { Format::Csv };
@@ -316,13 +359,16 @@ fn print_report(console: &mut Console, report: &Report) -> Outcome {
     for (topic, messages) in &report.topics {
         console.say(format!("{topic:<28}{messages:>10} messages"))?;
     }
-    if !report.left_out.is_empty() {
-        warn!("columns without a standard ROS 2 message, left out: {}", report.left_out.join(", "));
+    let left_out = report.left_out.join(", ");
+    match (report.topics.is_empty(), left_out.as_str()) {
+        (_, "") => {}
+        (true, topics) => console.say(format!("not in a table      {topics}"))?,
+        (false, columns) => warn!("columns without a standard ROS 2 message, left out: {columns}"),
     }
     for file in &report.files {
         console.say(format!("written             {file}"))?;
     }
-    Ok(Answer::Done)
+    Ok(if report.damaged.is_empty() { Answer::Done } else { Answer::No })
 }
 
 /// The schema of the result.

@@ -1,14 +1,15 @@
 //! `trued info`: content of a recording of the daemon, and its repair.
 //!
 //! The file is only read, unless `--repair` is given; then it is replaced by a complete one in one
-//! step, or remains unchanged.
+//! step, or remains unchanged. Where a part cannot be read, the original is kept and the exit code is 1.
 
 use std::path::PathBuf;
 
 use clap::Args;
-use recording::mcap_recording::{self, FileState, Info, ModelInfo, Repair, Utc};
+use recording::mcap_recording::{self, Damage, FileState, Info, Loss, ModelInfo, Repair, Utc};
 use report::{TextTable, pluralise};
 use serde::Serialize;
+use tracing::warn;
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
@@ -17,10 +18,12 @@ use crate::table::on_stdout;
 /// Show the contents of a recording of the daemon
 ///
 /// Shows times, channels with message counts, models, robot, and whether the file was closed. A file that was not closed (daemon killed, disk full)
-/// is read by trued up to its end; other programs need `--repair` first. The daemon repairs the files of its cell at its next start.
+/// is read by trued up to its end; other programs need `--repair` first. The daemon repairs the files of its cell at its next start. A chunk that is damaged (a bit that
+/// flipped, a bad block) is skipped and named, with the number of its messages; the exit code is 1 then.
 #[derive(Debug, Args)]
 pub(crate) struct InfoCommand {
-    /// Repair a file that was not closed or has an invalid index: replace it by a complete one with all readable messages
+    /// Repair a file that was not closed, has an invalid index or damaged chunks: replace it by a complete one with all readable messages. If a part cannot be read, the
+    /// original is kept beside it as NAME.damaged.mcap
     #[arg(long)]
     repair: bool,
     /// The recording (MCAP)
@@ -39,6 +42,10 @@ struct Report<'a> {
     end: &'static str,
     /// Why it is truncated; `None` if it is complete.
     cut: Option<&'a str>,
+    /// Parts that cannot be read; with `--repair`: that could not be read.
+    damaged: Vec<DamagedPart>,
+    /// The original, kept by this repair because a part of it cannot be read.
+    original: Option<String>,
     /// Fault before the repair; none if it was not repaired.
     repaired: Option<&'a str>,
     begin_utc: Option<String>,
@@ -47,6 +54,36 @@ struct Report<'a> {
     channels: Vec<Channel<'a>>,
     models: Vec<Model<'a>>,
     cycles_of_unknown_models: u64,
+}
+
+/// A part of a recording that cannot be read.
+#[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+pub(super) struct DamagedPart {
+    /// Where it begins in the file.
+    at_byte: u64,
+    bytes: u64,
+    /// What is wrong.
+    why: String,
+    /// Number of its messages; none if it is not known.
+    messages_lost: Option<u64>,
+    /// Log time of its first message, as the chunk states it.
+    begin_utc: Option<String>,
+    /// Log time of its last message.
+    end_utc: Option<String>,
+}
+
+impl From<&Damage> for DamagedPart {
+    fn from(damage: &Damage) -> Self {
+        Self {
+            at_byte: damage.at_byte,
+            bytes: damage.bytes,
+            why: damage.why.clone(),
+            messages_lost: damage.messages,
+            begin_utc: damage.between_ns.map(|(begin, _)| Utc(begin).to_string()),
+            end_utc: damage.between_ns.map(|(_, end)| Utc(end).to_string()),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -79,27 +116,54 @@ struct Model<'a> {
 
 impl InfoCommand {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        if self.repair {
-            self.repair(console)?;
-        }
+        let loss = if self.repair { self.repair(console)? } else { None };
         let info = mcap_recording::info(&self.input).map_err(Failure::input)?;
-        let report = report(&info);
+        let mut report = report(&info);
+        if let Some(loss) = &loss {
+            report.damaged = loss.damage.iter().map(DamagedPart::from).collect();
+            report.original = Some(loss.original.display().to_string());
+        }
         console.json_of([&self.input], "trued.info/1", &report)?;
-        self.print_info(console, &info, &report)
+        self.print_info(console, &info, &report)?;
+        for damage in &info.damage {
+            warn!("{}: {damage}", self.input.display());
+        }
+        let is_whole = loss.is_none() && info.damage.is_empty();
+        Ok(if is_whole { Answer::Done } else { Answer::No })
     }
 
-    fn repair(&self, console: &mut Console) -> Result<(), Failure> {
+    /// What was lost by the repair.
+    fn repair(&self, console: &mut Console) -> Result<Option<Loss>, Failure> {
         use mcap_recording::McapRecordingError::{InUse, NotOurs};
         let repaired = mcap_recording::repair(&self.input).map_err(|why| match why {
             InUse { .. } | NotOurs { .. } => Failure::input(why),
             why => Failure::system(why),
         })?;
         match repaired {
-            Repair::NotNeeded => console.say("the file is complete; nothing to repair"),
-            Repair::Done { messages, .. } => {
-                console.say(format!("repaired: {} recovered", count_u64(messages, "message")))
+            Repair::NotNeeded => {
+                console.say("the file is complete; nothing to repair")?;
+                Ok(None)
+            }
+            Repair::Done { messages, loss, .. } => {
+                let recovered = count_u64(messages, "message");
+                console.say(format!("repaired: {recovered} recovered"))?;
+                if let Some(loss) = &loss {
+                    self.print_loss(console, loss)?;
+                }
+                Ok(loss)
             }
         }
+    }
+
+    fn print_loss(&self, console: &mut Console, loss: &Loss) -> Result<(), Failure> {
+        for damage in &loss.damage {
+            warn!("{}: {damage}", self.input.display());
+        }
+        let lost = match loss.messages {
+            Some(count) => format!("{} lost", count_u64(count, "message")),
+            None => "an unknown number of messages lost".to_owned(),
+        };
+        console.say(format!("{lost}; the original is kept as {}", loss.original.display()))
     }
 
     fn print_info(&self, console: &mut Console, info: &Info, report: &Report<'_>) -> Outcome {
@@ -166,6 +230,8 @@ fn report(info: &Info) -> Report<'_> {
             FileState::WrongIndex => "wrong_index",
         },
         cut: if let FileState::Cut(why) = &info.end { Some(why) } else { None },
+        damaged: info.damage.iter().map(DamagedPart::from).collect(),
+        original: None,
         repaired: info.repaired.as_deref(),
         begin_utc: begin_ns.map(|ns| Utc(ns).to_string()),
         end_utc: end_ns.map(|ns| Utc(ns).to_string()),
@@ -191,8 +257,12 @@ fn model(model: &ModelInfo) -> Model<'_> {
 /// How the file ends, and a remedy.
 fn ending(info: &Info) -> String {
     match (&info.end, &info.repaired) {
+        (FileState::Closed, _) if !info.damage.is_empty() => {
+            "yes, with damage inside; `trued info --repair` makes a file that other programs read"
+                .to_owned()
+        }
         (FileState::Closed, None) => "yes".to_owned(),
-        (FileState::Closed, Some(_)) => "no; repaired up to the last complete chunk".to_owned(),
+        (FileState::Closed, Some(was)) => format!("by a repair ({was})"),
         (FileState::BeingWritten, _) => "no: a daemon is writing it".to_owned(),
         (FileState::Cut(_), _) => "no; repair it with `trued info --repair`".to_owned(),
         (FileState::WrongIndex, _) => {

@@ -53,7 +53,7 @@ impl Run {
         }
         logs::never_wait()?;
         let mut printed = Ok(());
-        let stop = interrupt::flag()?;
+        let stop = interrupt::flag_of_service()?;
         daemon::run(cells, &stop, || printed = console.say("ready")).map_err(failure)?;
         printed?;
         Ok(Answer::Done)

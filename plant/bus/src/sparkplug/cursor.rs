@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::spool::Spool;
 use recording::files::{FileError, write_atomic};
 
 /// Place of a reader in the spool.
@@ -17,15 +18,16 @@ pub(super) struct Cursor {
 }
 
 impl Cursor {
-    /// As written in `folder`; at the first message where there is none of this `stream`.
-    pub(super) fn read(folder: &Path, stream: u64) -> Self {
+    /// As written in `folder`; where another stream has begun since, at its first message, and where nothing of the written one is kept, at the oldest.
+    pub(super) fn read(folder: &Path, spool: &Spool) -> Self {
         let path = folder.join("sparkplug");
         let text = std::fs::read_to_string(&path).unwrap_or_default();
         let mut numbers = text.split_whitespace().map(str::parse::<u64>);
         let mut number = || numbers.next().and_then(Result::ok);
         let (written, next, bd_seq) = (number(), number(), number());
-        let next = next.filter(|_| written == Some(stream)).unwrap_or(1);
-        Self { path, stream, next, bd_seq: bd_seq.unwrap_or(255) as u8 }
+        let next = written.zip(next).map(|(stream, next)| spool.position(stream, next));
+        let next = next.unwrap_or_else(|| spool.first());
+        Self { path, stream: spool.stream(), next, bd_seq: bd_seq.unwrap_or(255) as u8 }
     }
 
     /// Begins another connection, and returns its number.

@@ -91,8 +91,7 @@ impl Sparkplug {
         let parts = parts.and_then(|(host, port)| Some((host, port.parse::<u16>().ok()?)));
         let parts = parts.filter(|(host, _)| !host.is_empty() && !host.contains('/'));
         let (host, port) = parts.ok_or_else(|| NoBroker(address.to_owned()))?;
-        let stream = kept.spool().stream();
-        let cursor = Cursor::read(folder, stream);
+        let cursor = Cursor::read(folder, &kept.spool());
         Ok(Self { host: host.to_owned(), port, credentials: None, keys, kept, settings, cursor })
     }
 

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use crate::written::{Folder, Recorded, backlash, write};
+use crate::written::{Folder, ONE_DAY, Recorded, backlash, write};
 
 fn trends(folder: &Folder, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_trued-trends"))
@@ -111,6 +111,78 @@ fn results_that_cannot_be_used_are_named_with_a_remedy() {
     let output = trends(&Folder::with(&timeless), &[]);
     assert_eq!(output.status.code(), Some(2));
     assert!(errors(&output).contains("none of 20 recordings has a time"), "{}", errors(&output));
+}
+
+#[test]
+fn the_page_overwrites_no_file_of_a_user_unless_it_is_permitted_and_never_a_result() {
+    let folder = Folder::with(&days(0.0));
+    let out = Folder::new();
+    let notes = out.0.join("notes.html");
+    std::fs::write(&notes, "my notes").unwrap();
+    let page = notes.to_str().unwrap();
+    let refused = trends(&folder, &["--page", page]);
+    assert_eq!(refused.status.code(), Some(2), "{refused:?}");
+    assert!(errors(&refused).contains("--overwrite"), "{}", errors(&refused));
+    assert_eq!(std::fs::read_to_string(&notes).unwrap(), "my notes");
+    assert_eq!(trends(&folder, &["--page", page, "--overwrite"]).status.code(), Some(0));
+    assert!(std::fs::read_to_string(&notes).unwrap().contains("made by trued"));
+    assert_eq!(trends(&folder, &["--page", page]).status.code(), Some(0), "an earlier page");
+    let result = std::fs::read_dir(&folder.0).unwrap().flatten().next().unwrap().path();
+    let before = std::fs::read(&result).unwrap();
+    let input = trends(&folder, &["--page", result.to_str().unwrap(), "--overwrite"]);
+    assert_eq!(input.status.code(), Some(2), "{input:?}");
+    assert_eq!(std::fs::read(&result).unwrap(), before);
+    assert_eq!(std::fs::read_dir(&out.0).unwrap().count(), 1, "nothing is left beside it");
+}
+
+#[test]
+fn of_recordings_with_one_time_nothing_is_said_to_grow_or_not_to() {
+    let one_day: Vec<Recorded> =
+        days(0.02).into_iter().map(|one| Recorded { day: Some(ONE_DAY), ..one }).collect();
+    let output = trends(&Folder::with(&one_day), &[]);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    assert!(errors(&output).contains("one and the same time"), "{}", errors(&output));
+    assert!(!String::from_utf8_lossy(&output.stdout).contains("growing"));
+    // Beside a robot with times it is said of this one.
+    let other = days(0.0).into_iter().map(|one| Recorded { robot: "B", ..one });
+    let output = trends(&Folder::with(&one_day.into_iter().chain(other).collect::<Vec<_>>()), &[]);
+    let text = String::from_utf8_lossy(&output.stdout).replace("\n", " ");
+    assert_eq!(output.status.code(), Some(0), "{output:?}");
+    assert_eq!(text.matches("one and the same time").count(), 1, "{text}");
+}
+
+#[test]
+fn a_damaged_file_and_a_name_without_a_file_are_named_with_a_remedy() {
+    let refused = |prepare: &dyn Fn(&std::path::Path), expected: &[&str]| {
+        let folder = Folder::with(&days(0.0));
+        prepare(&folder.0);
+        let output = trends(&folder, &[]);
+        assert_eq!(output.status.code(), Some(2), "{expected:?} {output:?}");
+        for text in expected {
+            assert!(errors(&output).contains(text), "{text}: {}", errors(&output));
+        }
+    };
+    let remedy = "--resume";
+    refused(
+        &|dir| std::fs::write(dir.join("empty.parquet"), "").unwrap(),
+        &["empty.parquet", remedy],
+    );
+    refused(&|dir| std::fs::write(dir.join("X.PARQUET"), "PAR1").unwrap(), &["X.PARQUET", remedy]);
+    refused(&|dir| std::fs::create_dir(dir.join("d.parquet")).unwrap(), &["d.parquet", "a folder"]);
+    refused(
+        &|dir| std::os::unix::fs::symlink("nowhere", dir.join("l.parquet")).unwrap(),
+        &["l.parquet", "a link"],
+    );
+    // Damage in the data: the footer is right.
+    refused(
+        &|dir| {
+            let path = dir.join(format!("{:064x}.parquet", 7));
+            let mut bytes = std::fs::read(&path).unwrap();
+            bytes[4..400].fill(0xff);
+            std::fs::write(path, bytes).unwrap();
+        },
+        &[&format!("{:064x}.parquet", 7), remedy],
+    );
 }
 
 #[test]

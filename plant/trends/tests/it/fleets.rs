@@ -81,6 +81,28 @@ fn play_that_grows_from_nothing_is_reported_with_robot_joint_rate_and_onset() {
     );
 }
 
+/// Median of the onsets over noise: weak wear, 0.1 of the scatter a day.
+#[test]
+fn the_onset_of_weak_wear_is_not_systematically_early() {
+    let onsets: Vec<i64> = (0..7)
+        .filter_map(|seed| {
+            let worn = robot("B", seed, |day, noise| {
+                found(0.2 + 0.0008 * (day - 24).max(0) as f64, noise)
+            });
+            let answer = reported(&worn, &Settings::default());
+            answer.alerts.first().map(|alert| {
+                let [low, high] = alert.since.recording_ci95;
+                assert!((low..=high).contains(&alert.since.recording), "{:?}", alert.since);
+                alert.since.recording as i64 - 26
+            })
+        })
+        .collect();
+    let mut sorted = onsets.clone();
+    sorted.sort_unstable();
+    assert!(onsets.len() >= 3, "{onsets:?}");
+    assert!(sorted[sorted.len() / 2].abs() <= 6, "{onsets:?}");
+}
+
 #[test]
 fn a_step_is_reported_as_a_step_and_a_repair_as_a_decrease() {
     let stepped =

@@ -13,6 +13,8 @@ use datafusion::parquet::arrow::ArrowWriter;
 
 /// 2026-01-01T06:00:00Z.
 const START_US: i64 = 1_767_247_200_000_000;
+/// A day of several recordings, each with a file of its own.
+pub(crate) const ONE_DAY: i64 = 400;
 const DAY_US: i64 = 86_400_000_000;
 
 /// A finding of one number.
@@ -109,8 +111,9 @@ fn batch(key: &str, recorded: &Recorded) -> RecordBatch {
     let time_us = recorded.day.map(|day| START_US + day * DAY_US);
     let times =
         TimestampMicrosecondArray::from_iter(rows.iter().map(|_| time_us)).with_timezone("UTC");
-    let file =
-        recorded.day.map_or_else(|| key.to_owned(), |day| format!("{}-{day}.csv", recorded.robot));
+    // On `ONE_DAY` there are several files.
+    let day = recorded.day.filter(|day| *day != ONE_DAY);
+    let file = day.map_or_else(|| key.to_owned(), |day| format!("{}-{day}.csv", recorded.robot));
     let columns: Vec<(&str, ArrayRef)> = vec![
         ("key", all(key)),
         ("robot", all(recorded.robot)),

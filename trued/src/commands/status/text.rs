@@ -1,6 +1,6 @@
 //! A status as lines for a terminal.
 
-use live::report::Report;
+use live::report::{Latency, Report};
 use report::labelled;
 use shm_schema::{FeedReason, FeedState, LeadState, TrimReason, TrimState};
 
@@ -47,14 +47,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
         ),
     );
     put("cycles", &format!("{}; late {}", counts.cycles, counts.missed_cycles));
-    let latency = &report.latency_us;
-    put(
-        "latency",
-        &format!(
-            "median {:.1} µs, 99 % {:.1} µs, 99.9 % {:.1} µs, largest {:.1} µs",
-            latency.p50, latency.p99, latency.p999, latency.max
-        ),
-    );
+    put("latency", &latency(&report.latency_us));
     let force = &report.force;
     put(
         "force",
@@ -188,6 +181,16 @@ fn duration(seconds: f64) -> String {
         (0, _, _) => format!("{hours} h {minutes} min"),
         _ => format!("{days} d {hours} h"),
     }
+}
+
+fn latency(latency: &Latency) -> String {
+    if latency.max <= 0.0 {
+        return "unknown: no command so far".to_owned();
+    }
+    format!(
+        "median {:.1} µs, 99 % {:.1} µs, 99.9 % {:.1} µs, largest {:.1} µs",
+        latency.p50, latency.p99, latency.p999, latency.max
+    )
 }
 
 #[cfg(test)]
