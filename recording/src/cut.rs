@@ -102,7 +102,12 @@ fn cut_file(root: &Table<'_, '_>) -> Option<CutFile> {
     let feed = direction(root, "feed", [1.0, 0.0, 0.0]);
     let up = direction(root, "up", [0.0, 0.0, 1.0]);
     if let Some((feed, up)) = feed.zip(up) {
-        let across = DVec3::from(feed).normalize().cross(DVec3::from(up).normalize());
+        // By the largest component first: the square of 1e200 is infinite.
+        let unit = |vector| {
+            let vector = DVec3::from(vector);
+            (vector / vector.abs().max_element()).normalize()
+        };
+        let across = unit(feed).cross(unit(up));
         if across.length() < ACROSS_LEAST {
             root.fault("feed", "is parallel to up", "a direction across `up` (0, 0, 1 by default)");
         }
@@ -287,6 +292,8 @@ direction = [0.0, 2.0, 0.0]
 
     #[test]
     fn a_feed_along_the_spindle_is_refused() {
+        let far = SHORT.replace("[cut]", "feed = [1e200, 0.0, 0.0]\n[cut]");
+        CutFile::parse("cut.toml", &far).unwrap();
         let text = SHORT.replace("[cut]", "feed = [0.0, 0.0, 2.0]\n[cut]");
         CutFile::parse("cut.toml", &text).unwrap_err().assert_say("is parallel to up");
     }

@@ -123,9 +123,10 @@ fn command_box(text: &str) -> String {
     html + &unbroken(&word) + "</pre>"
 }
 
-/// A word of a command that is not broken.
+/// A word of a command that is not broken; one of letters and digits has no place for a break.
 fn unbroken(word: &str) -> String {
-    if word.is_empty() { String::new() } else { format!("<span>{}</span>", escape(word)) }
+    let is_breakable = word.contains(|letter: char| !letter.is_alphanumeric());
+    if is_breakable { format!("<span>{}</span>", escape(word)) } else { escape(word) }
 }
 
 /// A page; elements appear in the order of addition. Elements before the first section form the
@@ -399,7 +400,7 @@ mod tests {
         let html = command_box("trued plan --target=-0.1,2.3 'my robot.toml'\n  <end>");
         assert_eq!(
             html,
-            "<pre><span>trued</span> <span>plan</span> <span>--target=-0.1,2.3</span> <span>&#39;my robot.toml&#39;</span>\n  <span>&lt;end&gt;</span></pre>"
+            "<pre>trued plan <span>--target=-0.1,2.3</span> <span>&#39;my robot.toml&#39;</span>\n  <span>&lt;end&gt;</span></pre>"
         );
     }
 }

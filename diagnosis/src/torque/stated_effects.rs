@@ -4,7 +4,7 @@
 //! a stated uncertainty is fitted with it as prior, so that a deviation within it is not a finding.
 
 use physics::dynamics::inverse_dynamics;
-use physics::spec::Range;
+use physics::spec::{Count, Range};
 use physics::{AnyEffect, Arm, Inputs, JOINTS_MAX, Memories, Model, ParameterValues};
 
 use super::motion::{Motion, Run};
@@ -76,11 +76,11 @@ impl StatedModel<'_> {
         sigma: f64,
     ) -> Option<RefittedParameter> {
         let effect = self.model.effects().nth(effect)?;
-        let spec = effect.spec();
-        if spec.parameters.len() != effect.values().len() {
+        let (spec, fitted) = (effect.spec(), effect.fitted());
+        if fitted.iter().any(|parameter| parameter.count != Count::One) {
             return None;
         }
-        let (stated, parameter) = (*effect.values().get(value)?, spec.parameters.get(value)?);
+        let (stated, parameter) = (*effect.values().get(value)?, fitted.get(value)?);
         let change = match parameter.range {
             Range::NotNegative => change.max(-stated),
             range if range.holds(stated + change) => change,

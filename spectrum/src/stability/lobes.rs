@@ -80,9 +80,15 @@ impl Lobes {
     fn extend_to(&self, sweep: &mut Vec<Sample>, omega_rad_s: f64, subdivisions: u32) {
         let Some(last) = sweep.last().copied() else { return };
         let next = self.following(&last, omega_rad_s);
-        let turns = last.eigenvalues.iter().zip(&next.eigenvalues).any(|(a, b)| {
-            (b * a.conj()).arg().abs() > ARGUMENT_STEP_RAD && (a.re > 0.0 || b.re > 0.0)
-        });
+        // An eigenvalue that is too small for a limit below the largest depth, as rounding is for a single mode, need not be followed.
+        let is_relevant = |a: &Complex<f64>, b: &Complex<f64>| {
+            (a.re > 0.0 || b.re > 0.0) && 2.2 * a.norm().max(b.norm()) * self.depth_max_m > 1.0
+        };
+        let turns = last
+            .eigenvalues
+            .iter()
+            .zip(&next.eigenvalues)
+            .any(|(a, b)| is_relevant(a, b) && (b * a.conj()).arg().abs() > ARGUMENT_STEP_RAD);
         if turns && subdivisions > 0 {
             self.extend_to(sweep, 0.5 * (last.omega_rad_s + omega_rad_s), subdivisions - 1);
             self.extend_to(sweep, omega_rad_s, subdivisions - 1);
@@ -149,7 +155,8 @@ impl Lobes {
             keep(value, 0.0);
         }
         for (low, high, branch) in self.intervals().filter(|(low, ..)| low.omega_rad_s > 0.0) {
-            if low.eigenvalues[branch].im * high.eigenvalues[branch].im < 0.0 {
+            let (a, b) = (low.eigenvalues[branch], high.eigenvalues[branch]);
+            if a.im * b.im < 0.0 && 2.2 * a.norm().max(b.norm()) * self.depth_max_m > 1.0 {
                 let (omega, value) = self.refine_crossing(low, high, branch, |_, value| value.im);
                 keep(value, omega);
             }

@@ -43,7 +43,8 @@ fn a_function_that_is_no_test_holds_nothing() {
 #[test]
 fn every_fault_in_the_table_names_a_test_that_holds_it() {
     let mut code = String::new();
-    for folder in ["tests", "corrector", "shm-schema", "client", "daemon", "envelope"] {
+    for folder in ["tests", "corrector", "shm-schema", "client", "daemon", "envelope", "recording"]
+    {
         sources(&root().join(folder), &mut code);
     }
     let page = fs::read_to_string(root().join("docs/faults.md")).unwrap();
