@@ -71,8 +71,6 @@ pub struct Info {
     pub end: FileState,
     /// Parts before the end that cannot be read.
     pub damage: Vec<Damage>,
-    /// Whether it ends in a part of a chunk, which cannot be read.
-    pub ends_in_chunk: bool,
     /// Why it was repaired, if it was.
     pub repaired: Option<String>,
 }
@@ -116,7 +114,7 @@ pub(super) fn info_of(path: &Path, mut file: &File) -> Result<Info, McapRecordin
         None => FileState::Closed,
     };
     let info = tally.into_info(bytes, end);
-    Ok(Info { damage: scanned.damage, ends_in_chunk: scanned.ends_in_chunk, ..info })
+    Ok(Info { damage: scanned.damage, ..info })
 }
 
 /// Whether the file ends with the magic bytes of a closed file.
@@ -213,7 +211,6 @@ impl Tally {
             bytes,
             end,
             damage: Vec::new(),
-            ends_in_chunk: false,
             repaired: self.repaired,
         }
     }

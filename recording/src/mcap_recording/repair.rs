@@ -2,8 +2,9 @@
 //! that is damaged inside.
 //!
 //! The file is replaced atomically by a complete one with every readable record, or stays
-//! unchanged; a file being written by a process is not touched. Where anything of the file is not in
-//! the new one, the original stays beside it under another name ([`original_path`]).
+//! unchanged; a file being written by a process is not touched. Where a chunk of the file is damaged,
+//! the original stays beside the new one under another name ([`original_path`]); the part of a chunk
+//! that a kill left at the end has no readable message.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
@@ -161,18 +162,16 @@ struct Copied {
     /// Messages whose topic is not known any more.
     orphans: u64,
     damage: Vec<Damage>,
-    ends_in_chunk: bool,
 }
 
 impl Copied {
     fn is_complete(&self) -> bool {
-        self.orphans == 0 && self.damage.is_empty() && !self.ends_in_chunk
+        self.orphans == 0 && self.damage.is_empty()
     }
 
     /// Number of messages that are lost, if it is known.
     fn lost(&self) -> Option<u64> {
-        let in_chunks = messages_lost(&self.damage).filter(|_| !self.ends_in_chunk);
-        in_chunks.map(|lost| lost + self.orphans)
+        messages_lost(&self.damage).map(|lost| lost + self.orphans)
     }
 }
 
@@ -213,8 +212,7 @@ fn copy(name: &Path, from: &File, to: &Path, was: &str) -> Result<Copied, McapRe
     let mut written = writer.into_inner();
     let synced = written.flush().and_then(|()| written.get_ref().sync_all());
     synced.map_err(refused("sync", to))?;
-    let (damage, ends_in_chunk) = (scanned.damage, scanned.ends_in_chunk);
-    Ok(Copied { messages, orphans, damage, ends_in_chunk })
+    Ok(Copied { messages, orphans, damage: scanned.damage })
 }
 
 fn put<W: Write + std::io::Seek>(

@@ -73,8 +73,6 @@ pub fn messages_lost(damage: &[Damage]) -> Option<u64> {
 pub(super) struct ScanResult {
     /// Why the scan ended early, if the file is truncated or nothing readable follows.
     pub(super) cut: Option<String>,
-    /// Whether a part of a chunk follows the last complete record.
-    pub(super) ends_in_chunk: bool,
     /// Whether a footer was found.
     pub(super) has_footer: bool,
     /// Parts that were skipped.
@@ -169,7 +167,6 @@ impl<S: Read + Seek> Scan<'_, S> {
         }
         let Some((opcode, length)) = record_head(&self.body) else { return Ok(None) };
         if length > left - RECORD_HEAD as u64 {
-            self.result.ends_in_chunk = opcode == op::CHUNK;
             let why = format!("a record of {length} bytes at byte {at} exceeds the file");
             return self.resync(at, self.trusted, why);
         }
@@ -333,7 +330,6 @@ impl<S: Read + Seek> Scan<'_, S> {
             self.result.cut = Some(why);
             return Ok(None);
         };
-        self.result.ends_in_chunk = false;
         self.before = Before::Chunk;
         self.trusted = next;
         // Where only what lies before the wrong length may be wrong, that part is named too.
