@@ -321,7 +321,9 @@ impl<'a> CandidateList<'a> {
         let sag = [0.0; 3 * JOINTS_MAX];
         let bodies = 3 * (self.arm.count() - joint);
         self.add_effect("gravity_sag", of_joint, &[("sag", &sag[..bodies])]);
-        self.add_near_sags(joint, &sag[..bodies]);
+        if !self.signals.masses {
+            self.add_near_sags(joint, &sag[..bodies]);
+        }
         if self.signals.wrench {
             self.add_effect("load_compliance", of_joint, &[("compliance", &[0.0])]);
         }
@@ -343,7 +345,8 @@ impl<'a> CandidateList<'a> {
         }
     }
 
-    /// Adds sags by the bodies next to the joint only: the light bodies farther out add parameters that few recordings determine.
+    /// Adds sags by the bodies next to the joint only: the light bodies farther out add parameters that few recordings determine. With known masses a
+    /// compliance of the joint describes the same by one parameter.
     fn add_near_sags(&mut self, joint: usize, sag: &[f64]) {
         let given: &[(&str, &[f64])] = &[("sag", sag)];
         let built = AnyEffect::build("gravity_sag", self.arm, Some(joint), ParameterValues(given));

@@ -300,18 +300,31 @@ fn diagnose_selected_rows(
         };
     // The selection is complete; its parameters and alternatives are now estimated on all rows outside the test set.
     let progress = begin(Stage::Alternatives);
-    let around = selection.fit.surroundings.clone();
-    let settings = FitSettings { used: &split.training, from: Some(&around), ..settings };
-    let selection =
-        EffectSelection { fit: fit(&campaign, &selection.fit.hypothesis, &settings), ..selection };
     let search = Search { campaign: &campaign, known, settings, dictionary, cache, progress };
-    let selection = substitution::with_alternatives(&search, selection);
+    let mut selection = estimated_on(&search, &split.training, selection);
+    let has_validation_set = validation.contains(&true);
+    // Without a validation set, the test set alone confirms what was selected, and can therefore not select.
+    if has_validation_set {
+        notes.extend(refutation::remove_refuted(&campaign, model, &split, &mut selection));
+    }
     let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
     let found = finish(campaign, model, selection, law, split, &covariates, listener);
     notes.extend(found.notes);
     let objection = found.objection.or_else(|| is_slow_noise.then(|| SLOW_NOISE.to_owned()));
-    let has_validation_set = validation.contains(&true);
     Diagnosis { not_tested, notes, has_validation_set, objection, ..found }
+}
+
+/// The selection with parameters and alternatives estimated on the poses `training`.
+fn estimated_on(
+    search: &Search<'_>,
+    training: &[bool],
+    selection: EffectSelection,
+) -> EffectSelection {
+    let around = selection.fit.surroundings.clone();
+    let settings = FitSettings { used: training, from: Some(&around), ..search.settings };
+    let fit = fit(search.campaign, &selection.fit.hypothesis, &settings);
+    let selection = EffectSelection { fit, ..selection };
+    substitution::with_alternatives(&Search { settings, ..*search }, selection)
 }
 
 /// The selected effects after validation, with the structure that they leave.
@@ -389,7 +402,6 @@ fn finish(
         from: None,
         effort: FitEffort::Full,
     };
-    let (selection, refuted) = refutation::without_refuted(&campaign, model, &split, selection);
     let EffectSelection { fit: last, selected } = selection;
     let held_out = split.held_out();
     let held = FitEvaluator::new(&campaign, (&split, &held_out), &last);
@@ -416,7 +428,7 @@ fn finish(
     let objection = joint_readback::detect_early_readback(&campaign, &last, &settings)
         .map(|suspected| suspected.message)
         .or_else(|| (is_replaced && unexplained.is_none()).then(|| NOT_CONFIRMED.to_owned()));
-    let notes = refuted.into_iter().chain(outlier_note(&last, &campaign));
+    let notes = outlier_note(&last, &campaign).into_iter();
     let notes = notes.chain(gross_error_note(&held, &last)).chain(noise_notes(&last, &campaign));
     let notes = notes.collect();
     Diagnosis {

@@ -27,13 +27,13 @@ impl Default for RefutationSettings {
     }
 }
 
-/// The selection without the effects that the test set refutes, worst first, and a note on each.
-pub(super) fn without_refuted(
+/// Removes the effects that the test set refutes, worst first; returns a note on each.
+pub(super) fn remove_refuted(
     campaign: &Campaign,
     model: &Model,
     split: &HoldOutSplit,
-    mut selection: EffectSelection,
-) -> (EffectSelection, Vec<String>) {
+    selection: &mut EffectSelection,
+) -> Vec<String> {
     let settings = RefutationSettings::default();
     let held_out = split.held_out();
     let mut notes = Vec::new();
@@ -56,11 +56,11 @@ pub(super) fn without_refuted(
         let hypothesis = hypothesis_without(last, model, &[&selection.selected[k]]);
         let fit = held.compared(&hypothesis, last);
         let removed = selection.selected.remove(k);
-        notes.push(note(&removed, &selection));
+        notes.push(note(&removed, selection));
         shift_indices_after(&mut selection.selected, &removed);
         selection.fit = fit;
     }
-    (selection, notes)
+    notes
 }
 
 /// Note on an effect that was removed from `selection`, whose fit still has it.
