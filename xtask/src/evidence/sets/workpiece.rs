@@ -51,8 +51,8 @@ fn tap(bench: &SetRunner) -> Result<Vec<Case>, String> {
     let page = folder.join("report.html");
     bench.offer_figure(
         &page,
-        "Size of the accelerance",
-        "Size of the accelerance, with the natural frequencies as found.",
+        "Magnitude of the accelerance",
+        "Magnitude of the accelerance, with the natural frequencies as found.",
     );
     let result = json(&folder.join("said.json"));
     let modes: Vec<(f64, f64, bool)> = result["modes"]
