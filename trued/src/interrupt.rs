@@ -34,7 +34,7 @@ pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
 ///
 /// # Errors
 ///
-/// As [`flag`].
+/// As [`flag()`].
 pub fn flag_of_service() -> Result<Arc<AtomicBool>, Failure> {
     flag_with(install_flag)
 }
