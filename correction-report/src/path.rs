@@ -155,7 +155,8 @@ impl CorrectedPath {
                 report::pluralise(left, "row")
             ));
         }
-        if self.few_joints && !self.is_exact() {
+        // A dynamic path names the limit of each row and the option that raises it.
+        if self.few_joints && self.dynamic.is_none() && !self.is_exact() {
             lines.push(FEWER_JOINTS_NOTE.to_owned());
         }
         lines
