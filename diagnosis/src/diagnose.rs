@@ -111,7 +111,7 @@ const SLOW_NOISE: &str = "there are errors above the noise, but they vary as slo
 /// predict there; 0 to 1. Default 1/3: findings that are in the data reduce it by all of that, overfitted ones by nothing.
 const PREDICTED_SHARE_MIN: f64 = 1.0 / 3.0;
 /// Why nothing is claimed if the findings do not reduce the error on the test set.
-const NOT_PREDICTED: &str = "there are errors above the noise, but the effects that explain the fitted poses do not reduce the error on those that were held out: slowly varying noise, such as a drift of the instrument or air turbulence, looks like this; measure the same poses again in another order";
+const NOT_PREDICTED: &str = "there are errors above the noise, but the effects that explain the fitted poses reduce the error on those that were held out too little or not at all: slowly varying noise, such as a drift of the instrument or air turbulence, looks like this; measure the same poses again in another order";
 
 /// An effect that the model lacks, or whose stated parameters are wrong.
 #[derive(Clone, Debug)]
@@ -256,7 +256,7 @@ fn diagnose_selected_rows(
     begin(Stage::GivenModel);
     preparation::exclude_path_starts(&mut campaign, model, &mut notes);
     let reserved = held_out.map(|held_out| HoldOutSplit::reserved(&held_out));
-    let split = reserved.unwrap_or_else(|| HoldOutSplit::in_blocks(&campaign, seed));
+    let mut split = reserved.unwrap_or_else(|| HoldOutSplit::in_blocks(&campaign, seed));
     let selection_split = split.with_validation_set(&campaign, seed);
     validation::remove_rows_at_boundaries(&mut campaign, [&split, &selection_split]);
     let covariates = covariates::all_covariates(&campaign, model);
@@ -305,7 +305,7 @@ fn diagnose_selected_rows(
     let has_validation_set = validation.contains(&true);
     // Without a validation set, the test set alone confirms what was selected, and can therefore not select.
     if has_validation_set {
-        notes.extend(refutation::remove_refuted(&campaign, model, &split, &mut selection));
+        notes.extend(refutation::remove_refuted(&campaign, model, &mut split, &mut selection));
     }
     let not_tested = untested::untested_effects(&model.arm, dictionary, &covariates);
     let found = finish(campaign, model, selection, law, split, &covariates, listener);
@@ -409,7 +409,7 @@ fn finish(
     let fitted = ScoreTest::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
     let is_replaced = law.as_ref().is_some_and(SmoothFunction::replaces_certain_effects);
-    let unexplained = law.and_then(|law| law.confirmed(&fitted, covariates, &held_out, after));
+    let unexplained = law.and_then(|law| law.confirmed(&fitted, covariates, &held, after));
     let carried = unexplained.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
         (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)

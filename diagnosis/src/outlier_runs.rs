@@ -6,11 +6,16 @@ use crate::campaign::Campaign;
 use crate::linearisation::ResidualNorm;
 use std::collections::BTreeMap;
 
-/// Least length of a run of large residuals in consecutive rows of a path.
-const ROWS_MIN: usize = 4;
-/// Least length of a run of large residuals at consecutive positions of a joint. If one residual in ten is large by chance, six in a row happen once in a
-/// million places.
-const POSITIONS_MIN: usize = 6;
+/// Least lengths of runs of large residuals.
+struct RunSettings {
+    /// In consecutive rows of a path; 2 or more. Default 4: single gross errors seldom follow one another, and a spike after a reversal lasts longer.
+    rows_min: usize,
+    /// At consecutive positions of a joint; 2 or more. Default 6: if one residual in ten is a gross error, a run of six has a probability of 1e-6 at each
+    /// position.
+    positions_min: usize,
+}
+
+const SETTINGS: RunSettings = RunSettings { rows_min: 4, positions_min: 6 };
 
 /// Where a measurement belongs.
 #[derive(Clone, Copy, Debug)]
@@ -40,19 +45,19 @@ pub(crate) fn in_runs(
     let mut found = vec![false; readings.len()];
     let joints = campaign.poses.first().map_or(0, |pose| pose.inputs.q.len());
     for places in streams.values() {
-        mark_runs(places, ROWS_MIN, is_far, &mut found, |last, place| {
+        mark_runs(places, SETTINGS.rows_min, is_far, &mut found, |last, place| {
             is_later_row(campaign, readings[last].pose, readings[place].pose)
                 && campaign.recordings[campaign.poses[readings[place].pose].recording].is_path
         });
-        if places.iter().filter(|place| is_far[**place]).count() < POSITIONS_MIN {
+        if places.iter().filter(|place| is_far[**place]).count() < SETTINGS.positions_min {
             continue;
         }
         for joint in 0..joints {
             let position = |place: usize| campaign.poses[readings[place].pose].inputs.q[joint];
             let mut by_position = places.clone();
             by_position.sort_by(|a, b| position(*a).total_cmp(&position(*b)));
-            // While the joint stands, the order says nothing.
-            mark_runs(&by_position, POSITIONS_MIN, is_far, &mut found, |last, place| {
+            // Rows of a joint at rest have one position and no order.
+            mark_runs(&by_position, SETTINGS.positions_min, is_far, &mut found, |last, place| {
                 position(last) < position(place)
             });
         }

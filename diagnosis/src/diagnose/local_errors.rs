@@ -112,7 +112,7 @@ pub(super) fn best(
     Some(best)
 }
 
-/// Lowest and highest position of each joint on the poses used, rad or m; `None` for joints that stand.
+/// Lowest and highest position of each joint on the poses used, rad or m; `None` for joints that do not move.
 fn joint_ranges(fitted: &ScoreTest<'_>) -> Vec<Option<[f64; 2]>> {
     let poses = fitted.campaign.poses.iter().zip(&fitted.weighing.used);
     let positions = |joint: usize| {

@@ -27,11 +27,11 @@ impl Default for RefutationSettings {
     }
 }
 
-/// Removes the effects that the test set refutes, worst first; returns a note on each.
+/// Removes the effects that the test set refutes, worst first; returns a note on each. The description of the test set then says so.
 pub(super) fn remove_refuted(
     campaign: &Campaign,
     model: &Model,
-    split: &HoldOutSplit,
+    split: &mut HoldOutSplit,
     selection: &mut EffectSelection,
 ) -> Vec<String> {
     let settings = RefutationSettings::default();
@@ -59,6 +59,9 @@ pub(super) fn remove_refuted(
         notes.push(note(&removed, selection));
         shift_indices_after(&mut selection.selected, &removed);
         selection.fit = fit;
+    }
+    if !notes.is_empty() {
+        split.description += ", but for the removal of what increases the error on them";
     }
     notes
 }

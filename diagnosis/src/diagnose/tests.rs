@@ -211,10 +211,13 @@ fn an_error_at_one_position_of_a_joint_is_unknown_structure_there_and_neither_ou
         let campaign = encoders(3000, seed as u64, 0.0, dent);
         let found = diagnose(campaign, &nominal_robot(), &[], None, 1, &ignore);
         assert_eq!((found.verdict, found.findings.len()), (Verdict::UnknownStructure, 0), "{case}");
-        let section = found.unexplained.and_then(|structure| structure.section).expect("a section");
+        let structure = found.unexplained.expect("structure");
+        let section = structure.section.expect("a section");
         let [low, high] = section.limits;
         assert!(low < 0.2 && high > 0.2 && high - low < 6.0 * width, "{case}: {section:?}");
         assert!((section.largest / height - 1.0).abs() < 0.25, "{case}: {section:?}");
+        // With its description the noise of 10 µrad is left.
+        assert!((0.9e-5..1.15e-5).contains(&structure.heldout[1]), "{case}: {structure:?}");
         // The dent is not left out of the error on the test set, however high it is.
         let dent_rms = height * (0.5 * width * TAU.sqrt() / 1.2).sqrt() / 2.0;
         assert!(found.test_errors.before > 0.4 * dent_rms, "{case}: {:?}", found.test_errors);
@@ -233,6 +236,7 @@ fn an_effect_that_increases_the_error_on_the_test_set_is_removed() {
     let notes = found.notes.join("; ");
     assert!(notes.contains("of joint 3 was selected but increases the error"), "{notes}");
     assert!(found.test_errors.after < 1.2e-5, "{:?}", found.test_errors);
+    assert!(found.test_errors.says.contains("removal"), "the test set did select");
     assert!(found.findings.iter().all(|finding| finding.effect.joint() != Some(2)));
 }
 

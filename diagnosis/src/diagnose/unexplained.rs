@@ -16,7 +16,7 @@ use super::modulated_motion::{DEGREE, ModulatedMotion};
 use super::residual_map::displacements;
 use super::selection::{EffectSelection, Search, SelectedEffect, hypothesis_without};
 use super::terms::{count, pairs, singles, terms};
-use super::validation::validation_margin;
+use super::validation::{FitEvaluator, RESIDUAL_SIGMAS_MAX, validation_margin};
 use super::{JointSection, StructureLocation, Unexplained};
 use crate::campaign::Campaign;
 use crate::fit::{FitEffort, FitSettings, refit_with_fixed_weights};
@@ -30,8 +30,6 @@ use physics::{AnyEffect, Arm, Inputs};
 
 /// Degrees of the polynomials of a motion over time: a steady drift, and any slow motion.
 const DEGREES_OVER_TIME: [usize; 2] = [1, DEGREE];
-/// Largest whitened residual that counts on rows outside the fit, in standard deviations.
-const RESIDUAL_SIGMAS_MAX: f64 = 12.0;
 /// Relative margin by which the improvement of a smooth function has to exceed that of the selected effects that it replaces: their equations are
 /// simplified, too.
 const REPLACEMENT_MARGIN: f64 = 0.02;
@@ -467,23 +465,72 @@ impl SmoothFunction {
         self.replaces_effects && self.is_far_above_noise()
     }
 
-    /// The function as structure that the test set `held_out` confirms: it must reduce the error there, by as much as is required of the validation set.
+    /// The function as structure that the test set of `held` confirms: it must reduce the error there, by as much as is required of the validation set.
     /// `error`: the RMS error on the test set without it, m or rad.
     pub(super) fn confirmed(
         &self,
         fitted: &ScoreTest<'_>,
         covariates: &[Covariate],
-        held_out: &[bool],
+        held: &FitEvaluator<'_>,
         error: f64,
     ) -> Option<Unexplained> {
-        let [without, with] = self.sums_of_squares(fitted, covariates, held_out);
+        let [without, with] = self.sums_of_squares(fitted, covariates, held.evaluated());
         let is_supported = self.is_supported(fitted.fit.design_effect, [without, with]);
         (is_supported && with < without).then(|| Unexplained {
             depends_on: self.covariate_names(covariates),
             location: self.location,
             section: self.section(&fitted.state.hypothesis.model.arm),
-            heldout: [error, error * (with / without).sqrt()],
+            heldout: [error, error * self.remaining_share(fitted, covariates, held)],
         })
+    }
+
+    /// Its tool displacement, pose by pose, for [`ScoreTest::rows`].
+    fn motions<'a>(
+        &'a self,
+        fitted: &'a ScoreTest<'_>,
+        covariates: &'a [Covariate],
+    ) -> impl Fn(usize, &mut Vec<ToolMotion>) + Copy + 'a {
+        let (arm, poses) = (&fitted.state.hypothesis.model.arm, &fitted.campaign.poses);
+        move |pose, into| *into = vec![self.motion(arm, &poses[pose].inputs, covariates, pose)]
+    }
+
+    /// Response of the fitted parameters to it, as on the training rows.
+    fn response(&self, fitted: &ScoreTest<'_>, covariates: &[Covariate]) -> Vec<f64> {
+        let mut pull = vec![0.0; fitted.fit.columns().len()];
+        fitted.rows(1, self.motions(fitted, covariates), |row, law, _| {
+            pull.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * law[0]);
+        });
+        let triangle = &fitted.fit.triangle;
+        triangle.back(triangle.forward(pull))
+    }
+
+    /// RMS error on the counted measurements of the test set with it, as a share of that without it, in units of the noise of each measurement.
+    fn remaining_share(
+        &self,
+        fitted: &ScoreTest<'_>,
+        covariates: &[Covariate],
+        held: &FitEvaluator<'_>,
+    ) -> f64 {
+        let response = self.response(fitted, covariates);
+        let on_held_poses = fitted.on_poses(held.evaluated());
+        let (columns, width) = (fitted.fit.columns(), fitted.state.width());
+        let (arm, poses) = (&fitted.state.hypothesis.model.arm, &fitted.campaign.poses);
+        let mut sums = [0.0; 2];
+        on_held_poses.linearisation.for_each_reading(|reading, slopes| {
+            if !held.counts(reading.reading) {
+                return;
+            }
+            let motion = self.motion(arm, &poses[reading.pose].inputs, covariates, reading.pose);
+            let along = reading.rows.derivative_along(&motion);
+            for part in 0..reading.rows.count {
+                let slopes = &slopes[part * width..];
+                let follows: f64 = columns.iter().zip(&response).map(|(k, x)| slopes[*k] * x).sum();
+                let left = reading.rows.residual[part];
+                sums[0] += left.powi(2);
+                sums[1] += (left - along[part] + follows).powi(2);
+            }
+        });
+        (sums[1] / sums[0].max(f64::MIN_POSITIVE)).sqrt()
     }
 
     /// Tool displacement by it at a pose.
@@ -507,29 +554,19 @@ impl SmoothFunction {
         motion
     }
 
-    /// Sums of squares of the whitened residuals on the poses `held`, limited to [`RESIDUAL_SIGMAS_MAX`], without and with the function. The fitted parameters respond to the function as
-    /// they do on the training rows.
+    /// Sums of squares of the whitened residuals on the poses `held`, each limited to [`RESIDUAL_SIGMAS_MAX`], without and with the function.
     pub(super) fn sums_of_squares(
         &self,
         fitted: &ScoreTest<'_>,
         covariates: &[Covariate],
         held: &[bool],
     ) -> [f64; 2] {
-        let arm = &fitted.state.hypothesis.model.arm;
-        let motion = |pose: usize, into: &mut Vec<ToolMotion>| {
-            let inputs = &fitted.campaign.poses[pose].inputs;
-            *into = vec![self.motion(arm, inputs, covariates, pose)];
-        };
-        let mut pull = vec![0.0; fitted.fit.columns().len()];
-        fitted.rows(1, motion, |row, law, _| {
-            pull.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * law[0]);
-        });
-        let triangle = &fitted.fit.triangle;
-        let follows = triangle.back(triangle.forward(pull));
+        let motion = self.motions(fitted, covariates);
+        let response = self.response(fitted, covariates);
         let on_held_poses = fitted.on_poses(held);
         let mut sums = [0.0; 2];
         on_held_poses.rows(1, motion, |row, law, left| {
-            let with = left - law[0] + dot(row, &follows);
+            let with = left - law[0] + dot(row, &response);
             for (sum, left) in sums.iter_mut().zip([left, with]) {
                 *sum += left.powi(2).min(RESIDUAL_SIGMAS_MAX.powi(2));
             }

@@ -3,7 +3,6 @@
 //! Frames and targets are estimated on training rows. Gross errors, by the final model, are excluded from the
 //! errors of all models that are compared.
 
-use super::OUTLIER_SHARE_MAX;
 use super::selection::{
     EffectSelection, SelectedEffect, hypothesis_without, is_needed, shift_indices_after,
 };
@@ -37,11 +36,21 @@ const TRAINING_MARGIN_ALONE: f64 = 50.0;
 const REVALIDATED_EFFECTS: usize = 6;
 /// Number of poses of a path before each boundary between sets whose measurements are removed.
 const BOUNDARY_POSES: usize = 5;
-/// A deviation larger than this many times the median may be a gross error.
-const OUTLIER_RATIO: f64 = 8.0;
+/// When measurements on the test set are gross errors, and how much a measurement counts.
+struct GrossErrorSettings {
+    /// A gross error deviates by more than this multiple of the median deviation; above 1. Default 8: 5.4 standard deviations of a normal distribution.
+    ratio_min: f64,
+    /// Larger shares of the measurements are not gross errors but errors of the model; 0 to 1. Default 0.2, as for the share of outliers at which findings
+    /// are claimed.
+    share_max: f64,
+}
 
-/// Largest whitened residual that counts in a likelihood, in standard deviations: eight medians, as for gross errors.
-const RESIDUAL_SIGMAS_MAX: f64 = 5.4;
+const GROSS_ERRORS: GrossErrorSettings =
+    GrossErrorSettings { ratio_min: 8.0, share_max: super::OUTLIER_SHARE_MAX };
+
+/// Largest whitened residual that counts in a likelihood on rows outside the fit, in standard deviations; above 3. Default 5.4: eight medians of a normal
+/// distribution, as for gross errors.
+pub(super) const RESIDUAL_SIGMAS_MAX: f64 = 5.4;
 
 /// RMS errors of scalar values on the test set.
 #[derive(Clone, Debug, PartialEq)]
@@ -203,7 +212,7 @@ pub(super) struct FitEvaluator<'a> {
 
 impl<'a> FitEvaluator<'a> {
     /// `split`: training poses; `is_evaluated`: poses to evaluate; `last`: the fit of the final model, which determines the gross errors: measurements that it
-    /// misses by far, unless they are in [runs](crate::outlier_runs) or many ([`OUTLIER_SHARE_MAX`]), which are errors of the model.
+    /// misses by far, unless they are in [runs](crate::outlier_runs) or many, which are errors of the model.
     pub(super) fn new(
         campaign: &'a Campaign,
         (split, is_evaluated): (&'a HoldOutSplit, &[bool]),
@@ -213,7 +222,7 @@ impl<'a> FitEvaluator<'a> {
         let is_length = residuals.iter().any(|residual| residual.is_length);
         let lengths =
             residuals.iter().filter(|o| o.is_length == is_length).map(|o| o.residual.length());
-        let distance_max = OUTLIER_RATIO * median(lengths);
+        let distance_max = GROSS_ERRORS.ratio_min * median(lengths);
         let counts = |o: &Residual| is_evaluated[o.pose] && o.is_length == is_length;
         let is_far = |o: &Residual| o.is_length == is_length && o.residual.length() > distance_max;
         let is_far: Vec<bool> = residuals.iter().map(is_far).collect();
@@ -232,11 +241,21 @@ impl<'a> FitEvaluator<'a> {
             residuals.iter().zip(is_single).map(|(o, is_single)| counts(o) && is_single).collect();
         let gross = is_gross.iter().filter(|is_gross| **is_gross).count();
         let all = residuals.iter().filter(|o| counts(o)).count();
-        let are_few = gross as f64 <= OUTLIER_SHARE_MAX * all as f64;
+        let are_few = gross as f64 <= GROSS_ERRORS.share_max * all as f64;
         let is_counted = residuals.iter().zip(is_gross);
         let is_counted =
             is_counted.map(|(o, is_gross)| counts(o) && !(is_gross && are_few)).collect();
         Self { campaign, split, is_evaluated: is_evaluated.to_vec(), is_counted, is_length }
+    }
+
+    /// Whether each pose is evaluated.
+    pub(super) fn evaluated(&self) -> &[bool] {
+        &self.is_evaluated
+    }
+
+    /// Whether a measurement counts.
+    pub(super) fn counts(&self, reading: usize) -> bool {
+        self.is_counted[reading]
     }
 
     /// Number of measurements that are gross errors, and number of all that could count.
