@@ -12,8 +12,8 @@ use diagnosis::plan::{
     Criterion, MeasurementKind, PlanSettings, Task, calibration_hypothesis, plan,
 };
 use diagnosis::{
-    Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis, Influence,
-    MeasuringFrame, ReadingNoise, campaign_import, campaign_simulation, fit,
+    Campaign, Extrinsics, Fit, FitParameter, FitSettings, Hypothesis, Influence, MeasuringFrame,
+    ReadingNoise, campaign_import, campaign_simulation, fit,
 };
 use glam::DVec3;
 use physics::{Frame, Joints, Model};
@@ -124,8 +124,7 @@ fn drawn(task: &Task, seed: u64) -> Model {
 }
 
 fn fitted(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
-    let settings =
-        FitSettings { used, influence: Influence::Huber, from: None, effort: FitEffort::Full };
+    let settings = FitSettings::full(used, Influence::Huber);
     fit(campaign, hypothesis, &settings)
 }
 

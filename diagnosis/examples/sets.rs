@@ -7,7 +7,7 @@
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
 use diagnosis::progress::ignore;
 use diagnosis::{AddedEffect, campaign_import};
-use diagnosis::{Campaign, Fit, FitEffort, FitSettings, Hypothesis, Influence, fit};
+use diagnosis::{Campaign, Fit, FitSettings, Hypothesis, Influence, fit};
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::model::presets::preset;
@@ -236,8 +236,7 @@ fn by_height(mapping: &str) -> String {
 
 /// Fit of the extrinsic parameters alone to the poses `used`.
 fn placed(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
-    let settings =
-        FitSettings { used, influence: Influence::Huber, from: None, effort: FitEffort::Full };
+    let settings = FitSettings::full(used, Influence::Huber);
     fit(campaign, &Hypothesis::fixed(*hypothesis.model), &settings)
 }
 

@@ -4,7 +4,7 @@
 #![expect(clippy::print_stdout, reason = "an example that prints")]
 
 use diagnosis::{
-    Arrival, Campaign, Extrinsics, FitEffort, FitParameter, FitSettings, Influence, Instrument,
+    Arrival, Campaign, Extrinsics, FitParameter, FitSettings, Influence, Instrument,
     MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo, ToolPoint,
     campaign_simulation, fit, geometry,
 };
@@ -32,12 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         hypothesis.add(effect, &[])?;
     }
     let used = vec![true; campaign.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Redescending,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Redescending);
     let start = Instant::now();
     let found = fit(&campaign, &hypothesis, &settings);
     let report = json!({

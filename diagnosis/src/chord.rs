@@ -168,7 +168,7 @@ impl<'a> RefitsWithout<'a> {
 mod tests {
     use super::RefitsWithout;
     use crate::campaign_simulation::simulate_readings;
-    use crate::fit::{FitEffort, FitSettings, fit, refit_with_fixed_weights};
+    use crate::fit::{FitSettings, fit, refit_with_fixed_weights};
     use crate::hypothesis::Hypothesis;
     use crate::robust_weights::Influence;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
@@ -192,8 +192,7 @@ mod tests {
         let around = &unmeasured.surroundings;
         let campaign = simulate_readings(&unmeasured, &with_all.model, around, 1.0, 5);
         let used: Vec<bool> = (0..80).map(|pose| pose % 5 != 0).collect();
-        let (influence, effort) = (Influence::Redescending, FitEffort::Full);
-        let settings = FitSettings { used: &used, influence, from: None, effort };
+        let settings = FitSettings::full(&used, Influence::Redescending);
         let last = fit(&campaign, &with_all, &settings);
         let refits = RefitsWithout::of(&campaign, &last, &used);
         for removed in 0..3 {

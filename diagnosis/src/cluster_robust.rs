@@ -54,7 +54,7 @@ impl ScoreTest<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fit::{FitEffort, FitSettings, fit};
+    use crate::fit::{FitSettings, fit};
     use crate::hypothesis::Hypothesis;
     use crate::robust_weights::Influence;
     use crate::{Campaign, Reading, campaign_simulation, test_campaigns};
@@ -64,7 +64,7 @@ mod tests {
     fn wider(campaign: &Campaign) -> f64 {
         let used = vec![true; campaign.poses.len()];
         let influence = Influence::Equal;
-        let settings = FitSettings { used: &used, influence, from: None, effort: FitEffort::Full };
+        let settings = FitSettings::full(&used, influence);
         let found = fit(campaign, &Hypothesis::fixed(test_campaigns::thesis_robot()), &settings);
         let sigmas = ScoreTest::new(campaign, &found, &settings).uncertainty();
         let ratios = found.columns().iter().zip(&sigmas);

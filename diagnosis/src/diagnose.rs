@@ -49,7 +49,7 @@ use crate::autocorrelation::{ArModel, series_index};
 use crate::campaign::{Campaign, Reading};
 use crate::effect_size::EffectSize;
 use crate::engine::verdict::{VerdictSettings, claimed};
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::hold_out::HoldOutSplit;
 use crate::hypothesis::Hypothesis;
@@ -262,7 +262,7 @@ fn diagnose_selected_rows(
     let covariates = covariates::all_covariates(&campaign, model);
     let influence = Influence::Redescending;
     let used = selection_split.training.as_slice();
-    let settings = FitSettings { used, influence, from: None, effort: FitEffort::Full };
+    let settings = FitSettings::full(used, influence);
     let known = preparation::stated_hypothesis(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let dictionary = dictionary::candidate_dictionary(model, &campaign);
@@ -396,12 +396,7 @@ fn finish(
     listener: Listener<'_>,
 ) -> Diagnosis {
     let progress = StageProgress::begin(listener, Stage::TestErrors);
-    let settings = FitSettings {
-        used: &split.training,
-        influence: Influence::Redescending,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&split.training, Influence::Redescending);
     let EffectSelection { fit: last, selected } = selection;
     let held_out = split.held_out();
     let held = FitEvaluator::new(&campaign, (&split, &held_out), &last);

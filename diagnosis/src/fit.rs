@@ -51,6 +51,14 @@ pub struct FitSettings<'a> {
     pub effort: FitEffort,
 }
 
+impl<'a> FitSettings<'a> {
+    /// A fit until convergence, from extrinsic parameters that are estimated from the nominal geometry.
+    #[must_use]
+    pub const fn full(used: &'a [bool], influence: Influence) -> Self {
+        Self { used, influence, from: None, effort: FitEffort::Full }
+    }
+}
+
 /// How far a minimisation is carried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FitEffort {

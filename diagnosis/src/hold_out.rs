@@ -4,7 +4,7 @@
 
 use crate::campaign::Campaign;
 use crate::diagnose::{ExtendedModel, select_effects};
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::geometry::{Tolerances, geometry_with_tolerances};
 use crate::hypothesis::Hypothesis;
@@ -301,7 +301,7 @@ pub fn calibrate(
     listener: Listener<'_>,
 ) -> Calibration {
     let influence = Influence::Redescending;
-    let settings = FitSettings { used: training, influence, from: None, effort: FitEffort::Full };
+    let settings = FitSettings::full(training, influence);
     StageProgress::begin(listener, Stage::CalibrationGivenModel);
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     StageProgress::begin(listener, Stage::CalibrationGeometry);

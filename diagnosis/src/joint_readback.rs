@@ -8,7 +8,7 @@
 use crate::campaign::Campaign;
 use crate::campaign_import;
 use crate::candidates::candidates;
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::geometry::{Tolerances, geometry_with_tolerances};
 use crate::gross_errors::SuspectedError;
@@ -46,7 +46,7 @@ pub fn detect_readback_mismatch(recording: &Recording, model: &Model) -> Option<
         let campaign = campaign_import::campaign(&model.arm, &[other]).ok()?;
         let used = vec![true; campaign.poses.len()];
         let influence = Influence::Huber;
-        let settings = FitSettings { used: &used, influence, from: None, effort: FitEffort::Full };
+        let settings = FitSettings::full(&used, influence);
         let within = geometry_with_tolerances(model, &[], &Tolerances::default(), &campaign);
         let found = fit(&campaign, &within, &settings);
         Some(PositionErrors::of(&found, &campaign, &used).quantile(0.5))

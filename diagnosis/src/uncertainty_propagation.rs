@@ -52,7 +52,7 @@ mod tests {
     use super::*;
     use crate::extrinsics::FitParameter;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
-    use crate::{FitEffort, FitSettings, Influence, campaign_simulation, fit, geometry};
+    use crate::{FitSettings, Influence, campaign_simulation, fit, geometry};
     use physics::Memories;
 
     #[test]
@@ -65,12 +65,7 @@ mod tests {
             FitParameter::known(campaign.surroundings.targets[0].value);
         let truth = nominal_robot();
         let used = vec![true; 50];
-        let settings = FitSettings {
-            used: &used,
-            influence: Influence::Equal,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&used, Influence::Equal);
         let poses: Vec<Inputs> =
             unmeasured_campaign(1, 70).poses[50..].iter().map(|pose| pose.inputs).collect();
         let (mut expected, mut erred) = (0.0, 0.0);

@@ -8,9 +8,9 @@
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
 use diagnosis::progress::ignore;
 use diagnosis::{
-    Arrival, Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis,
-    Influence, Instrument, MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo,
-    ToolPoint, fit,
+    Arrival, Campaign, Extrinsics, Fit, FitParameter, FitSettings, Hypothesis, Influence,
+    Instrument, MeasuringFrame, Observation, Pose, Reading, ReadingNoise, RecordingInfo, ToolPoint,
+    fit,
 };
 use glam::{DQuat, DVec3};
 use physics::{AnyEffect, Frame, Inputs, JOINTS_MAX, Model};
@@ -194,12 +194,7 @@ fn calibrated(model: &Model, campaign: &Campaign, seed: u64) -> Calibration {
 /// RMS error at poses that were not measured, with frame and targets fitted, m.
 fn rms_error_m(found: &Fit, unseen: &Campaign) -> f64 {
     let used = vec![true; unseen.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Equal,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Equal);
     let registered = fit(unseen, &Hypothesis::fixed(*found.hypothesis.model), &settings);
     let errors = PositionErrors::of(&registered, unseen, &used).sorted_m;
     (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()

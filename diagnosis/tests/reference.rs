@@ -5,9 +5,9 @@
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use diagnosis::{
-    Anchor, Arrival, Campaign, Extrinsics, Fit, FitEffort, FitParameter, FitSettings, Hypothesis,
-    Influence, Instrument, MeasuringFrame, Observation, Plane, Pose, Reading, ReadingNoise,
-    RecordingInfo, ToolPoint, fit,
+    Anchor, Arrival, Campaign, Extrinsics, Fit, FitParameter, FitSettings, Hypothesis, Influence,
+    Instrument, MeasuringFrame, Observation, Plane, Pose, Reading, ReadingNoise, RecordingInfo,
+    ToolPoint, fit,
 };
 use glam::DVec3;
 use physics::frame::rotation_from_vector;
@@ -65,12 +65,7 @@ impl Problem {
 
     fn fit(&self, campaign: &Campaign, hypothesis: &Hypothesis) -> Fit {
         let used = vec![true; campaign.poses.len()];
-        let settings = FitSettings {
-            used: &used,
-            influence: Influence::Equal,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&used, Influence::Equal);
         let found = fit(campaign, hypothesis, &settings);
         assert!(found.converged && found.undetermined.is_empty(), "{:?}", found.undetermined);
         assert!(found.factors.iter().all(|f| (f - 1.0).abs() < 1e-12), "{:?}", found.factors);

@@ -2,7 +2,7 @@
 
 use diagnosis::hold_out::{Calibration, PositionErrors};
 use diagnosis::{
-    Campaign, Fit, FitEffort, FitSettings, FreeParameter, Influence, gross_errors, joint_readback,
+    Campaign, Fit, FitSettings, FreeParameter, Influence, gross_errors, joint_readback,
 };
 use recording::model::RobotModel;
 use recording::series::{DirectionSource, Recording, RecordingKind};
@@ -51,12 +51,7 @@ pub(super) fn readback_warnings(
         Some(format!("{}: {}", recording.file.display(), found.message))
     });
     let mut warnings: Vec<String> = contradictions.collect();
-    let settings = FitSettings {
-        used: training,
-        influence: Influence::Huber,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(training, Influence::Huber);
     let ahead = joint_readback::detect_early_readback(campaign, &calibration.calibrated, &settings);
     warnings.extend(ahead.map(|found| found.message));
     warnings

@@ -30,7 +30,7 @@ pub(super) fn registered_sizes(campaign: &Campaign, fit: &Fit, used: &[bool]) ->
 
 #[cfg(test)]
 mod tests {
-    use diagnosis::{FitEffort, FitSettings, Influence, campaign_import, fit};
+    use diagnosis::{FitSettings, Influence, campaign_import, fit};
     use glam::DVec3;
     use physics::{AnyEffect, Arm, Chain, ParameterValues};
     use recording::model::presets::preset;
@@ -69,12 +69,7 @@ mod tests {
             hypothesis.add(effect.expect("an effect"), &["offset"]).expect("room");
         }
         let used = vec![true; campaign.poses.len()];
-        let settings = FitSettings {
-            used: &used,
-            influence: Influence::Equal,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&used, Influence::Equal);
         let fitted = fit(&campaign, &hypothesis, &settings);
         let [first, elbow] = registered_sizes(&campaign, &fitted, &used)[..] else {
             panic!("two effects")

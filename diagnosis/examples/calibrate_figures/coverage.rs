@@ -10,8 +10,8 @@ use diagnosis::hypothesis::{Hypothesis, describe, parameter_key};
 use diagnosis::progress::ignore;
 use diagnosis::uncertainty_propagation::tool_uncertainty;
 use diagnosis::{
-    Campaign, Extrinsics, Fit, FitEffort, FitSettings, Influence, Reading, ReadingNoise,
-    campaign_simulation, fit, geometry,
+    Campaign, Extrinsics, Fit, FitSettings, Influence, Reading, ReadingNoise, campaign_simulation,
+    fit, geometry,
 };
 use glam::DVec3;
 use physics::frame::vector_from_rotation;
@@ -200,7 +200,7 @@ pub(crate) fn fixed(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     ] {
         let mut empty = empty.clone();
         empty.instruments[0].noise_is_known = known;
-        let settings = FitSettings { used: &used, influence, from: None, effort: FitEffort::Full };
+        let settings = FitSettings::full(&used, influence);
         let pilot = pilot(&empty, &open, &settings);
         let fixed = left_open(&pilot);
         let runs = rig::for_seeds(campaigns, |seed| {
@@ -285,12 +285,7 @@ pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     empty.surroundings.frames[0].free = false;
     empty.surroundings.targets.iter_mut().for_each(|target| target.free = false);
     let used = vec![true; POSES];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Huber,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Huber);
     let fixed = left_open(&pilot(&empty, &open, &settings));
     let poses: Vec<Inputs> = {
         let mut chance = ChaCha8Rng::seed_from_u64(78);

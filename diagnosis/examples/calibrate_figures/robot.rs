@@ -8,8 +8,7 @@ use diagnosis::hold_out::{PositionErrors, calibrate};
 use diagnosis::hypothesis::Hypothesis;
 use diagnosis::progress::ignore;
 use diagnosis::{
-    Campaign, Fit, FitEffort, FitSettings, Influence, ReadingNoise, campaign_simulation, fit,
-    geometry,
+    Campaign, Fit, FitSettings, Influence, ReadingNoise, campaign_simulation, fit, geometry,
 };
 use glam::DVec3;
 use physics::{Inputs, Model};
@@ -74,12 +73,7 @@ fn run(truth: &Model, nominal: &Model, ranges_deg: &[[f64; 2]; 6], seed: u64) ->
     let training: Vec<bool> = (0..inputs.len()).map(|pose| pose < 2 * TRAINING).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
     let found = calibrate(&campaign, nominal, &[], &training, &ignore);
-    let settings = FitSettings {
-        used: &training,
-        influence: Influence::Equal,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&training, Influence::Equal);
     let oracle = fit(&campaign, &geometry(truth, &[]), &settings);
     let whole = fit(&campaign, &Hypothesis::fixed(*truth), &settings);
     let advanced = &found.advanced.fit;

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::test_campaigns::{nominal_robot, thesis_robot};
-use crate::{FitEffort, FitSettings, Hypothesis, Influence, campaign_simulation, fit};
+use crate::{FitSettings, Hypothesis, Influence, campaign_simulation, fit};
 use recording::series::Recording;
 
 const ROWS: usize = 90;
@@ -41,12 +41,7 @@ fn imported() -> Campaign {
 
 fn left_m(campaign: &Campaign) -> f64 {
     let used = vec![true; campaign.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Huber,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Huber);
     let found = fit(campaign, &Hypothesis::fixed(thesis_robot()), &settings);
     found.residuals(campaign).iter().map(|residual| residual.residual.length()).fold(0.0, f64::max)
 }

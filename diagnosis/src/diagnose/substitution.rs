@@ -158,7 +158,7 @@ mod tests {
     use crate::diagnose::jacobian_cache::JacobianCache;
     use crate::diagnose::selection::{key, preselect};
     use crate::diagnose::verdict::confidence;
-    use crate::fit::{FitEffort, FitSettings, fit};
+    use crate::fit::{FitSettings, fit};
     use crate::progress::{Stage, StageProgress, ignore};
     use crate::robust_weights::Influence;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
@@ -181,8 +181,7 @@ mod tests {
         );
         let known = Hypothesis::fixed(model);
         let used = vec![true; 60];
-        let (influence, effort) = (Influence::Equal, FitEffort::Full);
-        let settings = FitSettings { used: &used, influence, from: None, effort };
+        let settings = FitSettings::full(&used, Influence::Equal);
         let base = fit(&campaign, &known, &settings);
         let (library, cache) = (candidate_dictionary(&model, &campaign), JacobianCache::default());
         let search = Search {

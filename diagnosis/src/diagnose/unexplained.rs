@@ -19,7 +19,7 @@ use super::terms::{count, pairs, singles, terms};
 use super::validation::{FitEvaluator, RESIDUAL_SIGMAS_MAX, validation_margin};
 use super::{JointSection, StructureLocation, Unexplained};
 use crate::campaign::Campaign;
-use crate::fit::{FitEffort, FitSettings, refit_with_fixed_weights};
+use crate::fit::{FitSettings, refit_with_fixed_weights};
 use crate::fit_result::Fit;
 use crate::robust_weights::Influence;
 use crate::score_test::{ColumnGroups, ScoreTest};
@@ -247,8 +247,7 @@ pub fn motion_over_time(
     fit: &Fit,
     used: &[bool],
 ) -> Option<StructureLocation> {
-    let (influence, effort) = (Influence::Redescending, FitEffort::Full);
-    let settings = FitSettings { used, influence, from: None, effort };
+    let settings = FitSettings::full(used, Influence::Redescending);
     let covariates = all_covariates(campaign, &fit.hypothesis.model);
     let fitted = ScoreTest::new(campaign, fit, &settings);
     let law = best_function(&fitted, &covariates)?;

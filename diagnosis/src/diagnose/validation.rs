@@ -405,7 +405,7 @@ mod tests {
     use super::{FitEvaluator, HoldOutSplit};
     use crate::campaign::{Observation, Reading, ReadingNoise};
     use crate::campaign_simulation::simulate_readings;
-    use crate::fit::{FitEffort, FitSettings, fit};
+    use crate::fit::{FitSettings, fit};
     use crate::hypothesis::Hypothesis;
     use crate::robust_weights::Influence;
     use crate::test_campaigns::{nominal_robot, unmeasured_campaign};
@@ -426,8 +426,7 @@ mod tests {
             pose.seen = observations.collect();
         }
         let used = vec![true; 120];
-        let (influence, effort) = (Influence::Equal, FitEffort::Full);
-        let settings = FitSettings { used: &used, influence, from: None, effort };
+        let settings = FitSettings::full(&used, Influence::Equal);
         let found = fit(&campaign, &Hypothesis::fixed(nominal_robot()), &settings);
         let split = HoldOutSplit { description: String::new(), training: used.clone() };
         let held = FitEvaluator::new(&campaign, (&split, &used), &found);
@@ -448,8 +447,7 @@ mod tests {
         for (k, pose) in louder.poses.into_iter().enumerate().filter(|(k, _)| held_out[*k]) {
             campaign.poses[k] = pose;
         }
-        let (influence, effort) = (Influence::Redescending, FitEffort::Full);
-        let settings = FitSettings { used: &split.training, influence, from: None, effort };
+        let settings = FitSettings::full(&split.training, Influence::Redescending);
         let found = fit(&campaign, &Hypothesis::fixed(nominal_robot()), &settings);
         let held = FitEvaluator::new(&campaign, (&split, &held_out), &found);
         held.excess(&found, &ExcessSettings::default())

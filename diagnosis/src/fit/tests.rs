@@ -10,7 +10,7 @@ use glam::DVec3;
 use physics::{AnyEffect, Model, ParameterValues};
 
 fn settings(used: &[bool], influence: Influence) -> FitSettings<'_> {
-    FitSettings { used, influence, from: None, effort: FitEffort::Full }
+    FitSettings::full(used, influence)
 }
 
 /// The nominal robot with a few geometric errors and a compliance.

@@ -17,7 +17,7 @@ use super::candidate_jacobians::whitened_jacobians;
 use super::pose_selection::{exchange, select_greedily};
 use super::{PlanError, PlanSettings, Task, pose_order};
 use crate::campaign::Campaign;
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::hypothesis::{FreeParameter, Hypothesis, PriorSource};
 use crate::least_squares::FitState;
 use crate::robust_weights::Influence;
@@ -281,12 +281,7 @@ pub fn check_model(
 ) -> CheckResult {
     let watch = DamageModel::of(model, sigma);
     let used = vec![true; campaign.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Equal,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Equal);
     let around = fit(campaign, &Hypothesis::fixed(*model), &settings).surroundings;
     let state = watch.state(&around);
     let nuisance = state.surroundings.parameters().len() + watch.stated;

@@ -7,7 +7,7 @@ use super::setup::{LENGTH_SIGMA_M, MeasuringSetup};
 use super::{ExistingMeasurements, Task};
 use crate::campaign::Campaign;
 use crate::campaign_import::{self, CampaignError};
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::fit_result::Fit;
 use crate::gross_errors;
 use crate::robust_weights::Influence;
@@ -66,12 +66,7 @@ impl StartingPoint {
             return Err(NoStartingPoint::GrossFault(fault.message.clone()));
         }
         let used = vec![true; campaign.poses.len()];
-        let settings = FitSettings {
-            used: &used,
-            influence: Influence::Huber,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&used, Influence::Huber);
         let found = fit(&campaign, &task.hypothesis, &settings);
         task.hypothesis.model = found.hypothesis.model.clone();
         task.surroundings = found.surroundings.clone();

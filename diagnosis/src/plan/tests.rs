@@ -63,12 +63,7 @@ fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
     let made =
         campaign_simulation::simulate_readings(&campaign, &truth, &task.surroundings, 1.0, seed);
     let used = vec![true; made.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Equal,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Equal);
     let found = fit(&made, &task.hypothesis, &settings);
     let tool_at = |model: &Model, q: &Joints| {
         model.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool.origin
@@ -136,12 +131,7 @@ fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
         9,
     );
     let used = vec![true; made.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Equal,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Equal);
     let found = fit(&made, &task.hypothesis, &settings);
     let mut compared = 0;
     for (k, free) in task.hypothesis.free.iter().enumerate() {

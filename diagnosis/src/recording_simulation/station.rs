@@ -6,7 +6,7 @@
 use super::SimulationError;
 use crate::campaign::{Campaign, Pose};
 use crate::campaign_import;
-use crate::fit::{FitEffort, FitSettings, fit};
+use crate::fit::{FitSettings, fit};
 use crate::frame_drift::FrameDrift;
 use crate::hypothesis::Hypothesis;
 use crate::robust_weights::Influence;
@@ -78,12 +78,7 @@ impl Station {
         let one = std::slice::from_ref(recording);
         let campaign = campaign_import::campaign(&model.physics.arm, one)?;
         let used = evenly_spread(&campaign);
-        let settings = FitSettings {
-            used: &used,
-            influence: Influence::Redescending,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&used, Influence::Redescending);
         let found = fit(&campaign, &Hypothesis::fixed(model.physics), &settings).surroundings;
         let measuring_from_base = found.frames.first().map(|frame| frame.value.measuring_from_base);
         Ok(Self {

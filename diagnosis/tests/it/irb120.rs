@@ -4,8 +4,7 @@ use super::data;
 use diagnosis::hold_out::{HoldOutSplit, PositionErrors, calibrate};
 use diagnosis::progress::ignore;
 use diagnosis::{
-    Campaign, FitEffort, FitSettings, Influence, campaign_import, fit, geometry, gross_errors,
-    joint_readback,
+    Campaign, FitSettings, Influence, campaign_import, fit, geometry, gross_errors, joint_readback,
 };
 use physics::Model;
 use recording::model::presets::preset;
@@ -66,12 +65,7 @@ fn the_read_back_joints_are_noticed_as_bad_beside_the_commanded_and_alone() {
     recording.metadata.input = Some(InputKind::Motor);
     let alone = campaign(&recording, &model);
     let used = vec![true; alone.poses.len()];
-    let settings = FitSettings {
-        used: &used,
-        influence: Influence::Huber,
-        from: None,
-        effort: FitEffort::Full,
-    };
+    let settings = FitSettings::full(&used, Influence::Huber);
     let found = fit(&alone, &geometry(&model, &[]), &settings);
     let message =
         joint_readback::detect_early_readback(&alone, &found, &settings).expect("noticed").message;

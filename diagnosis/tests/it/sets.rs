@@ -3,7 +3,7 @@
 use super::data;
 use diagnosis::hold_out::{Calibration, HoldOutSplit, PositionErrors, calibrate};
 use diagnosis::progress::ignore;
-use diagnosis::{Campaign, Fit, FitEffort, FitSettings, Hypothesis, Influence};
+use diagnosis::{Campaign, Fit, FitSettings, Hypothesis, Influence};
 use diagnosis::{campaign_import, fit, gross_errors};
 use physics::Model;
 use recording::model::presets::preset;
@@ -88,12 +88,7 @@ fn a_mast_calibrated_on_level_ground_is_three_times_as_good_where_it_stands_tilt
     let stationing: Vec<bool> = recording.segment.iter().map(|segment| segment % 2 == 0).collect();
     let scored: Vec<bool> = flat.iter().zip(&stationing).map(|(f, s)| !f && !s).collect();
     let mean = |model: &Model| {
-        let settings = FitSettings {
-            used: &stationing,
-            influence: Influence::Huber,
-            from: None,
-            effort: FitEffort::Full,
-        };
+        let settings = FitSettings::full(&stationing, Influence::Huber);
         let placed: Fit = fit(&campaign, &Hypothesis::fixed(*model), &settings);
         PositionErrors::of(&placed, &campaign, &scored).mean() * 1e3
     };
