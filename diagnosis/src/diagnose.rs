@@ -2,12 +2,14 @@
 //!
 //! Steps and modules, in the order in which to read them: `screening` (of recordings), `preparation` (rows to use), `dictionary` (candidate effects),
 //! `noise_models` (AR noise models), `selection` with `stepwise`, `multistart` and `outer_iteration` (which effects, and their alternatives),
-//! `validation` (validation and test), `robust_selection` (effects that slow noise may explain), `unexplained` (structure that no effect explains),
-//! `verdict` (verdict, posterior probabilities), `findings` (the result). The method with its mathematics: `docs/diagnosis.md`.
+//! `validation` (validation and test), `robust_selection` (effects that slow noise may explain), `unexplained` with `modulated_motion` and `local_errors`
+//! (structure that no effect explains), `refutation` (effects that the test set refutes), `verdict` (verdict, posterior probabilities), `findings` (the
+//! result). The method with its mathematics: `docs/diagnosis.md`.
 //!
 //! Input: a campaign (poses with measurements, SI units) and a model. Output: a [`Diagnosis`]. The module opens no file.
 //!
-//! Invariants: the same input and seed give the same result, bit for bit; rows of the test set take no part in selection or fit.
+//! Invariants: the same input and seed give the same result, bit for bit; rows of the test set take no part in the fit and select no effect; they may
+//! remove one.
 
 mod additive_regression;
 mod calibration;

@@ -14,12 +14,12 @@ pub enum TextLayout {
     Columns,
     /// In columns, the last of which is a sentence that may be wrapped.
     Sentences,
-    /// Its title says the result: the rows are details of page and JSON.
+    /// At a terminal its title alone, which says the result; the rows are on the page and in the JSON.
     TitleOnly,
 }
 
 /// Columns of quantiles that a narrow terminal does not show; they are on the page and in the JSON.
-pub const OMITTED_IF_NARROW: [&str; 4] = ["p90", "p99.9", "p99.99", "p99.999"];
+pub const OMITTED_IF_NARROW: [&str; 3] = ["p90", "p99.99", "p99.999"];
 
 /// A table: title, column heads, rows.
 #[derive(Debug, Clone, Default)]

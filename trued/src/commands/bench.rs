@@ -119,12 +119,12 @@ fn text(table: &BenchTable) -> String {
         rows.fold(TextTable::new(table.heads.iter().cloned()), TextTable::row)
     };
     match table.layout {
-        TextLayout::TitleOnly => String::new(),
+        TextLayout::TitleOnly if columns_of_stdout().is_some() => String::new(),
         TextLayout::Sentences => aligned(table).render(None),
         TextLayout::Columns if is_too_wide(&aligned(table)) => {
             on_stdout(&aligned(&table.without(&OMITTED_IF_NARROW)))
         }
-        TextLayout::Columns => on_stdout(&aligned(table)),
+        TextLayout::Columns | TextLayout::TitleOnly => on_stdout(&aligned(table)),
     }
 }
 
