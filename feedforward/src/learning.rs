@@ -245,7 +245,7 @@ impl<'a> Learning<'a> {
         let sigma_ms = 1e3 * Timing::of(self.plants).uncertainty_s(settings);
         let late = self.runs.iter().enumerate().filter_map(|(index, run)| {
             let late_ms = 1e3 * run.late_s;
-            (late_ms.abs() > sigma_ms.max(0.5)).then(|| {
+            (late_ms.abs() > sigma_ms.max(1e3 * settings.late_floor_s)).then(|| {
                 format!(
                     "run {}: the measurement is {:.1} ms {} than the model predicts, beyond the {sigma_ms:.1} ms of its sigma; it is learned as an error of the robot. \
                      If its clock is not that of the commands, use --clock-offset-ms unknown",

@@ -32,9 +32,10 @@ const UNIT_TOLERANCE: f64 = 0.2;
 const OFFSET_MOST_S: f64 = 1.0;
 const OFFSET_STEP_S: f64 = 1e-3;
 
-/// A delay is compared with the model's where it explains at least this share of what the model does not.
+/// A delay is compared with the model's where it explains at least this share, 0 to 1, of the squares that the model does not explain. Origin: a
+/// choice.
 const MIN_EXPLAINED_POWER: f64 = 0.75;
-/// Largest lateness that is searched, s, and the steps of the search, s.
+/// Largest lateness that is searched, s, and the steps of the search, s. Origin: a choice.
 const LATE_MOST_S: f64 = 0.12;
 const LATE_STEPS_S: [f64; 3] = [6e-3, 6e-4, 6e-5];
 

@@ -35,6 +35,9 @@ pub struct Settings {
     /// Deviation of the model's parameters, in standard uncertainties, within which a run counts as predicted,
     /// 0 to 10. Default 2: 95 %.
     pub sigmas: f64,
+    /// A measurement that is late or early by less than this is not reported, s, 0 to 0.01. Default 5e-4: half
+    /// the period of a controller of 1 kHz, by which stamps of two computers differ.
+    pub late_floor_s: f64,
     /// Distances from the path below this count as zero where two are compared, m, 0 to 1e-3. Default
     /// 2e-6: below the resolution of trackers and of joint encoders at the tool.
     pub path_floor_m: f64,
@@ -70,6 +73,7 @@ impl Settings {
             worse_share: 0.1,
             unexplained_max: 3.0,
             sigmas: 2.0,
+            late_floor_s: 5e-4,
             path_floor_m: 2e-6,
             path_floor_share: 0.02,
         })
@@ -89,6 +93,7 @@ impl Settings {
             ("worse share", self.worse_share, 0.0..=1.0, "0 to 1"),
             ("unexplained-max", self.unexplained_max, 1.0..=100.0, "1 to 100"),
             ("sigmas", self.sigmas, 0.0..=10.0, "0 to 10"),
+            ("late floor", self.late_floor_s, 0.0..=0.01, "0 to 0.01 s"),
             ("path floor", self.path_floor_m, 0.0..=1e-3, "0 to 1e-3 m"),
             ("path floor share", self.path_floor_share, 0.0..=0.2, "0 to 0.2"),
         ];
